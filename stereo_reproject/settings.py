@@ -1,0 +1,95 @@
+"""What a run is asked to do, checked once: frozen, so that nothing changes under way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from .errors import BadInputError
+
+ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
+FILL_METHODS = ("auto", "packed", "card", "full")
+EYES = ("left", "right")
+CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
+INTERPOLATIONS = ("linear", "cubic")
+
+MAX_SIZE = 65536
+MAX_SAMPLES = 1 << 24
+MAX_SEED = (1 << 31) - 1
+
+
+def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
+    if value is not None and value not in choices:
+        raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+
+
+def _check_int(name: str, value: int | None, low: int, high: int) -> None:
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise BadInputError(f"{name} must be a whole number, not {value!r}")
+    if not low <= value <= high:
+        raise BadInputError(f"{name} must be from {low} to {high}, not {value}")
+
+
+def _check_float(name: str, value: float | None, low: float, *, above: bool = False) -> None:
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise BadInputError(f"{name} must be a finite number, not {value!r}")
+    if value < low or (above and value == low):
+        raise BadInputError(f"{name} must be {'above' if above else 'at least'} {low:g}, not {value:g}")
+
+
+@dataclass(frozen=True)
+class SceneOverrides:
+    """What replaces the .blend's own values for this run; None keeps the scene's value.
+
+    size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
+    convergence_distance are in scene units. Raises BadInputError.
+    """
+
+    frame: int | None = None
+    size: tuple[int, int] | None = None
+    samples: int | None = None
+    seed: int | None = None
+    interocular_distance: float | None = None
+    convergence_distance: float | None = None
+    convergence_mode: str | None = None
+
+    def __post_init__(self) -> None:
+        _check_int("frame", self.frame, -1048574, 1048574)
+        if self.size is not None:
+            width, height = self.size
+            _check_int("the width", width, 4, MAX_SIZE)
+            _check_int("the height", height, 4, MAX_SIZE)
+        _check_int("samples", self.samples, 1, MAX_SAMPLES)
+        _check_int("the seed", self.seed, 0, MAX_SEED)
+        _check_float("the interocular distance", self.interocular_distance, 0.0)
+        _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
+        _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
+
+
+@dataclass(frozen=True)
+class StereoSettings:
+    """How the pair is made. grid_threshold is in arc minutes of binocular parallax. Raises BadInputError."""
+
+    source: str = "left"
+    accuracy: str = "balanced"
+    fill: str = "auto"
+    grid_threshold: float = 1.0
+    interpolation: str = "linear"
+    compare: bool = False
+    scene: SceneOverrides = field(default_factory=SceneOverrides)
+
+    def __post_init__(self) -> None:
+        _check_choice("the source eye", self.source, EYES)
+        _check_choice("accuracy", self.accuracy, ACCURACIES)
+        _check_choice("fill", self.fill, FILL_METHODS)
+        _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
+        _check_float("the grid threshold", self.grid_threshold, 0.0)
+
+    @property
+    def target(self) -> str:
+        """The eye that is made from the source."""
+        return "right" if self.source == "left" else "left"
