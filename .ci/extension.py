@@ -1,0 +1,61 @@
+"""Builds the extension: downloads the wheels that blender_manifest.toml names, has Blender's own `extension` command
+build one zip per platform into dist/, and has it validate each. Run by a Python that has bpy."""
+
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import bpy
+
+ROOT = Path(__file__).resolve().parents[1]
+DIST = ROOT / "dist"
+SCRIPTS = Path(bpy.utils.system_resource("SCRIPTS"))
+# bpy has no `blender --command extension`; this file is what that calls.
+EXTENSION_COMMAND = SCRIPTS / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+VALID_TAGS = SCRIPTS / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+SHIPPED = {"__init__.py", "LICENSE", "blender_manifest.toml", "operators", "stereo_reproject", "wheels"}
+
+
+def run(*command: str | Path) -> None:
+    subprocess.run([sys.executable, *command], check=True)
+
+
+def download(wheel: Path) -> None:
+    distribution, version, python, abi, platform = wheel.stem.split("-")
+    run("-m", "pip", "download", "--quiet", "--no-deps", "--only-binary=:all:", "--dest", wheel.parent,
+        "--implementation", "cp", "--python-version", python.removeprefix("cp"), "--abi", abi, "--platform", platform,
+        f"{distribution}=={version}")  # fmt: skip
+    if not wheel.exists():
+        sys.exit(f"blender_manifest.toml names {wheel.name}, and pip downloaded another file into {wheel.parent}")
+
+
+def check_content(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as content:
+        strays = sorted({name.partition("/")[0] for name in content.namelist()} - SHIPPED)
+    if strays:
+        sys.exit(f"{archive.name} holds {', '.join(strays)}: add to paths_exclude_pattern in blender_manifest.toml")
+
+
+def main() -> None:
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    for wheel in (ROOT / name for name in manifest["wheels"]):
+        if not wheel.exists():
+            download(wheel)
+
+    DIST.mkdir(exist_ok=True)
+    for old in DIST.glob(f"{manifest['id']}-*.zip"):
+        old.unlink()
+    tags = ("--valid-tags", VALID_TAGS)
+    run(EXTENSION_COMMAND, "build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms", *tags)
+    for archive in sorted(DIST.glob(f"{manifest['id']}-*.zip")):
+        run(EXTENSION_COMMAND, "validate", *tags, archive)
+        check_content(archive)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except subprocess.CalledProcessError as error:
+        sys.exit(error.returncode)  # the command has said why

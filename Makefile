@@ -1,0 +1,71 @@
+# make demo       render a scene that comes along, and compare it with Blender's multiview
+# make test       run the tests (PYTEST_ARGS="-m blender" for some of them)
+# make lint       ruff and pyright
+# make extension  the zips to install in Blender, into dist/
+# make bench      time the warp
+# make clean      remove everything that the others made, environments included
+#
+# Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
+
+PYTHON ?=
+VENV ?= .venv
+LINT_VENV ?= .venv-lint
+PYTEST_ARGS ?=
+
+DEMO_SCENE ?= demo/cornell-box/cornell-box.blend
+DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x270 --samples 32 --compare
+DEMO_OUTPUT ?= demo-output
+
+INSTALLED := $(VENV)/.installed
+TEST_INSTALLED := $(VENV)/.test-installed
+LINT_INSTALLED := $(LINT_VENV)/.installed
+INSTALL_FROM := pyproject.toml setup.py
+# setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
+PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
+
+.PHONY: demo test lint lint-tools extension bench clean
+
+demo: $(INSTALLED)
+	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
+	@echo "The pictures are in $(CURDIR)/$(DEMO_OUTPUT): stereo.png is the pair, holes.png what was traced again"
+
+test: $(TEST_INSTALLED)
+	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS) tests
+
+lint: $(LINT_INSTALLED)
+	$(LINT_VENV)/bin/python -m ruff check .
+	$(LINT_VENV)/bin/python -m ruff format --check .
+	$(LINT_VENV)/bin/python -m pyright --pythonpath $(LINT_VENV)/bin/python
+
+lint-tools: $(LINT_INSTALLED)
+
+extension: $(INSTALLED)
+	@$(VENV)/bin/python .ci/extension.py
+
+bench: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/warp.py
+
+clean:
+	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Order-only: they look at the environment each time, and that alone installs nothing anew.
+.PHONY: environment lint-environment
+environment:
+	@.ci/venv "$(VENV)" "$(PYTHON)"
+lint-environment:
+	@.ci/venv "$(LINT_VENV)"
+
+$(INSTALLED): $(INSTALL_FROM) | environment
+	@echo "Installing into $(VENV); Blender as a Python module is a large download"
+	@$(PIP) --editable .
+	@$(VENV)/bin/python .ci/check_bpy.py
+	@touch $@
+
+$(TEST_INSTALLED): $(INSTALLED)
+	@$(PIP) --editable ".[test]"
+	@touch $@
+
+$(LINT_INSTALLED): pyproject.toml | lint-environment
+	@$(LINT_VENV)/bin/python -m pip install --quiet --group lint
+	@touch $@

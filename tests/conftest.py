@@ -1,0 +1,66 @@
+"""What every test relies on: markers that follow from the folder, the scenes beside the checkout, and in CI no test
+that quietly did not run."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+SHARED_SCENES = TESTS.parents[1] / "shared" / "scenes"
+SHARED_SCENES_ABSENT = "shared scenes absent"
+
+MARKERS_OF_FOLDER = {"blender": ("blender",), "render": ("blender", "render"), "gui": ("gui",)}
+# In CI a skipped test with one of these markers is a failure: there Blender is installed, or the run is worth nothing.
+MUST_RUN_IN_CI = "blender"
+
+
+@pytest.fixture(scope="session")
+def shared_scenes() -> Path:
+    """The folder of test scenes beside the checkout; a test that asks for it skips where that is absent."""
+    if not SHARED_SCENES.is_dir():
+        pytest.skip(f"{SHARED_SCENES_ABSENT}: no {SHARED_SCENES}")
+    return SHARED_SCENES
+
+
+def markers_of(path: Path) -> tuple[str, ...]:
+    for folder, markers in MARKERS_OF_FOLDER.items():
+        if path.is_relative_to(TESTS / folder):
+            return markers
+    return ()
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    for marker in markers_of(item.path):
+        item.add_marker(marker)
+
+
+def in_ci() -> bool:
+    return os.environ.get("CI", "").lower() not in ("", "0", "false")
+
+
+def fail_if_skipped(report: pytest.TestReport | pytest.CollectReport) -> None:
+    if not in_ci() or not report.skipped or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    reason = reason.removeprefix("Skipped: ")
+    if not reason.startswith(SHARED_SCENES_ABSENT):
+        report.outcome = "failed"
+        report.longrepr = f"skipped, and in CI a test that needs Blender must run: {reason}"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item):
+    report = yield
+    if item.get_closest_marker(MUST_RUN_IN_CI):
+        fail_if_skipped(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector):
+    """A module may skip as a whole, before it has any test to mark."""
+    report = yield
+    if MUST_RUN_IN_CI in markers_of(collector.path):
+        fail_if_skipped(report)
+    return report
