@@ -1,0 +1,26 @@
+"""`python -m stereo_reproject`: hands over to the command line."""
+
+import os
+import signal
+import sys
+from types import FrameType
+
+
+def _leave(signum: int, _frame: FrameType | None) -> None:
+    os._exit(128 + signum)
+
+
+def run() -> int:
+    """Run the command line and return its exit status."""
+    # Imports take a moment too; until a run has begun there is nothing that would have to be cleaned up.
+    signal.signal(signal.SIGINT, _leave)
+    from .cli import main
+
+    status = main()
+    # The outcome is settled: a late Ctrl-C must not replace it while the interpreter winds down.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(run())

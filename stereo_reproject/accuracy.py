@@ -1,0 +1,28 @@
+"""What an accuracy setting means for the pixels that are known, before any is traced, to need it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How wide a silhouette is traced, and how alike its two sides may be to be left alone.
+
+    silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: how many pixels
+    on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
+    colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
+    """
+
+    silhouette_step: float
+    silhouette_radius: int
+    colour_tolerance: float
+
+
+SETTINGS: dict[str, Accuracy] = {
+    "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=1.0),
+    "preview": Accuracy(silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75),
+    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5),
+    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35),
+    "exact": Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0),
+}

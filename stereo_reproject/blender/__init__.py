@@ -1,0 +1,1 @@
+"""The package's only Blender code: scenes become numbers here, and numbers become pictures."""

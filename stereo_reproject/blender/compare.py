@@ -1,0 +1,73 @@
+"""The peer, in the same run: Blender's own multiview, and the target eye once more with another seed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..exr import COLOUR_PASS
+from ..metrics import noise_ratio, rmse, worst_tiles
+from ..pipeline import StereoFrame, colour
+from ..settings import StereoSettings
+from .delivery import deliver_side_by_side
+from .pictures import read_png
+from .render import render_views
+from .renderer import shifted_seed
+from .scene import working_scene
+
+AGAIN_SEED = 2_000_003
+
+
+def compare_with_multiview(
+    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, stereo_png: Path, folder: Path
+) -> dict[str, float | None]:
+    """The `compare` part of the report. `stereo_png` is the delivered pair, for FLIP on what people see.
+
+    The peer renders a scene copy of its own, so that it finds nothing synced by ours.
+    """
+    target = settings.target
+    with working_scene(scene, settings.scene) as peer:
+        seed = peer.cycles.seed
+        both = render_views(peer, ("left", "right"), folder, seed=seed)
+        again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
+    reference, repeated = both.views[target][COLOUR_PASS], again.views[target][COLOUR_PASS]
+    ours = colour(frame.eyes[target])
+    flip, noise_flip = _flips(scene, settings, reference, repeated, stereo_png, folder)
+    return {
+        "multiview_seconds": both.seconds,
+        "speedup": both.seconds / frame.seconds["total"],
+        "rmse": rmse(ours, reference),
+        "noise_rmse": rmse(repeated, reference),
+        "noise_ratio": noise_ratio(ours, reference, repeated),
+        "worst_tiles": worst_tiles(ours, reference, repeated),
+        "flip": flip,
+        "noise_flip": noise_flip,
+    }
+
+
+def _flips(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    reference: np.ndarray,
+    repeated: np.ndarray,
+    stereo_png: Path,
+    folder: Path,
+) -> tuple[float | None, float | None]:
+    """Mean FLIP of ours and of the repeated render, each against the reference; None where FLIP is not installed."""
+    try:
+        import flip_evaluator
+    except ImportError:
+        return None, None
+    pair = folder / "reference.png"
+    deliver_side_by_side(scene, {"left": reference, "right": repeated}, pair)
+    reference_seen, repeated_seen = np.split(read_png(pair), 2, axis=1)
+    ours_seen = np.split(read_png(stereo_png), 2, axis=1)[settings.target == "right"]
+
+    def flip(test: np.ndarray) -> float:
+        return float(
+            flip_evaluator.evaluate(np.ascontiguousarray(reference_seen), np.ascontiguousarray(test), "LDR")[1]
+        )
+
+    return flip(ours_seen), flip(repeated_seen)

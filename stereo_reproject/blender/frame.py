@@ -1,0 +1,132 @@
+"""One frame of a .blend, from the file to the finished files: what the command line and scripts call."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..exr import write_eye, write_stereo
+from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..report import REPORT_SCHEMA, check_report, write_json
+from ..settings import StereoSettings
+from .compare import compare_with_multiview
+from .delivery import deliver_side_by_side
+from .pictures import write_grid, write_holes
+from .renderer import BlenderRenderer
+from .scene import open_blend, scene_warnings, working_scene
+
+FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png")
+
+
+def load(blend: Path) -> bpy.types.Scene:
+    """Open the .blend; its scene. Raises BadInputError."""
+    return open_blend(blend)
+
+
+def render_files(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    load_seconds: float = 0.0,
+    on_stage: Callable[[str], None] = lambda stage: None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Render the pair of one frame and write its files into work/out; the report, and the files' names.
+
+    work is a private folder that also takes what passes between the stages. on_stage is told each stage's name as it
+    begins. Raises BadInputError and StereoReprojectError.
+    """
+    out = work / "out"
+    out.mkdir(exist_ok=True)
+    with working_scene(scene, settings.scene) as working:
+        facts = _facts(scene, working, settings)
+        frame = render_stereo_frame(BlenderRenderer(working, work), settings, on_stage=on_stage)
+    memory = _peak_mb()
+    on_stage("write")
+    start = time.perf_counter()
+    _write_pictures(scene, settings, frame, out)
+    frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
+    report = {**facts, **_measurements(frame), "memory": {"peak_mb": memory}}
+    if settings.compare:
+        on_stage("compare")
+        report["compare"] = compare_with_multiview(scene, settings, frame, out / "stereo.png", work)
+    report["warnings"] = scene_warnings(scene) + _invalid_warnings(frame)
+    check_report(report)
+    write_json(out / "report.json", report)
+    return report, [*FILES, "report.json"]
+
+
+def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
+    render = working.render
+    percentage = render.resolution_percentage
+    cycles = render.engine == "CYCLES"
+    stereo = working.camera.data.stereo
+    return {
+        "schema": REPORT_SCHEMA,
+        "scene": scene.name,
+        "file": Path(bpy.data.filepath).name,
+        "frame": working.frame_current,
+        "size": [render.resolution_x * percentage // 100, render.resolution_y * percentage // 100],
+        "samples": working.cycles.samples if cycles else working.eevee.taa_render_samples,
+        "engine": render.engine,
+        "device": working.cycles.device if cycles else "GPU",
+        "blender": bpy.app.version_string,
+        "accuracy": settings.accuracy,
+        "stereo": {
+            "source": settings.source,
+            "interocular_distance": stereo.interocular_distance,
+            "convergence_distance": stereo.convergence_distance,
+            "convergence_mode": stereo.convergence_mode,
+            "pivot": stereo.pivot,
+        },
+    }
+
+
+def _measurements(frame: StereoFrame) -> dict[str, Any]:
+    source = frame.source_cost
+    return {
+        "fill": {
+            "method": frame.fill.method,
+            "reason": frame.fill.reason,
+            "predicted_seconds": frame.fill.predicted_seconds,
+        },
+        "grid": {
+            "cells": frame.grid.cells,
+            "subdivided": int(frame.grid.subdivided.sum()),
+            "triangles": frame.grid.triangles,
+        },
+        "fractions": traced_fractions(frame),
+        "seconds": frame.seconds,
+        "predicted_speedup": (source.seconds + source.fixed + source.per_frame) / frame.seconds["total"],
+    }
+
+
+def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, out: Path) -> None:
+    eyes = {view: frame.eyes[view] for view in ("left", "right")}
+    for view, passes in eyes.items():
+        write_eye(out / f"{view}.exr", passes, view=view)
+    write_stereo(out / "stereo.exr", eyes)
+    deliver_side_by_side(scene, {view: colour(passes) for view, passes in eyes.items()}, out / "stereo.png")
+    write_holes(out / "holes.png", colour(frame.eyes[settings.target]), frame.reasons)
+    write_grid(out / "grid.png", colour(frame.eyes[settings.source]), frame.grid)
+
+
+def _invalid_warnings(frame: StereoFrame) -> list[str]:
+    return [
+        f"{count} pixels of the {view} eye were no numbers and are black" for view, count in frame.invalid_pixels.items() if count
+    ]
+
+
+def _peak_mb() -> float | None:
+    """The process's greatest resident size so far, or None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)

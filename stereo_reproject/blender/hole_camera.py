@@ -1,0 +1,184 @@
+"""The packed fill: one small render whose pixels are the target's holes, side by side (see hole_camera.osl)."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera, PerspectiveCamera
+from ..errors import StereoReprojectError
+from ..exr import Passes, write_table
+from ..pixel_filter import TABLE_SIZE, sample_offsets
+from .render import Rendered, render_views
+
+SHADER = Path(__file__).with_name("hole_camera.osl")
+
+
+def packed_blocker(scene: bpy.types.Scene, deepest: float) -> str | None:
+    """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth seen by the source."""
+    camera = scene.camera.data
+    checks = {
+        "the scene renders with EEVEE": scene.render.engine != "CYCLES",
+        "this Blender is built without OSL": not _has_osl(),
+        "the device has no OSL cameras (only CPU and OptiX do)": not _device_has_osl(scene),
+        "the camera is orthographic": camera.type != "PERSP",
+        "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
+        and scene.cycles.rolling_shutter_type != "NONE",
+        "the lens is animated and motion blur is on": scene.render.use_motion_blur and _animated(camera),
+        "adaptive subdivision follows the camera": _uses_adaptive_subdivision(scene),
+        "camera culling follows the camera": scene.render.use_simplify
+        and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
+        "a material uses Window coordinates": _uses_window_coordinates(),
+        "surfaces reach the camera's clip end": deepest > 0.7 * camera.clip_end,
+    }
+    return next((reason for reason, blocks in checks.items() if blocks), None)
+
+
+def _has_osl() -> bool:
+    import _cycles  # pyright: ignore[reportMissingImports]
+
+    return bool(_cycles.with_osl)
+
+
+def _device_has_osl(scene: bpy.types.Scene) -> bool:
+    if scene.cycles.device == "CPU":
+        return True
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    return preferences.compute_device_type in ("NONE", "OPTIX")
+
+
+def _animated(camera: bpy.types.Camera) -> bool:
+    animation = camera.animation_data
+    return animation is not None and (animation.action is not None or len(animation.drivers) > 0)
+
+
+def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
+    for item in scene.objects:
+        settings = getattr(item, "cycles", None)
+        if getattr(settings, "use_adaptive_subdivision", False):
+            return True
+        if any(getattr(modifier, "use_adaptive_subdivision", False) for modifier in item.modifiers):
+            return True
+    return False
+
+
+def _uses_window_coordinates() -> bool:
+    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
+    return any(
+        node.bl_idname == "ShaderNodeTexCoord" and node.outputs["Window"].is_linked
+        for tree in trees
+        for node in tree.nodes
+    )
+
+
+def trace_packed(
+    scene: bpy.types.Scene, target: Camera, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
+) -> tuple[Rendered, Passes]:
+    """Trace the target pixels where `pixels` (H, W) is set; their passes as (N, C), in the mask's order."""
+    rows, columns = np.nonzero(pixels)
+    width = max(4, math.ceil(math.sqrt(rows.size)))
+    height = max(4, math.ceil(rows.size / width))
+    with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, width, height, Path(tables)) as path:
+        write_table(path, _table(rows, columns, width, height))
+        rendered = render_views(scene, (view,), folder, seed=seed)
+    flat = {name: image.reshape(-1, image.shape[2])[: rows.size] for name, image in rendered.views[view].items()}
+    return rendered, flat
+
+
+def _table(rows: NDArray, columns: NDArray, width: int, height: int) -> NDArray[np.float32]:
+    """(height, width, 4): target column and row of each packed pixel, -1 past the last; then the table's own row."""
+    table = np.full((height * width, 4), -1.0, np.float32)
+    table[: rows.size, 0] = columns
+    table[: rows.size, 1] = rows
+    table = table.reshape(height, width, 4)
+    table[..., 2] = np.arange(height)[:, None]
+    return table
+
+
+@contextmanager
+def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, folder: Path) -> Iterator[Path]:
+    """The scene as the packed render needs it; yields the path on which it expects its table."""
+    assert isinstance(target, PerspectiveCamera)
+    render, eye = scene.render, scene.camera
+    plain = eye.data
+    # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
+    table, filter_table = folder / "table.exr", folder / "filter.exr"
+    offsets = sample_offsets(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
+    write_table(filter_table, np.broadcast_to(offsets[None, :, None], (1, TABLE_SIZE, 4)))
+    kept = {
+        name: getattr(render, name)
+        for name in ("resolution_x", "resolution_y", "resolution_percentage", "use_border", "pixel_aspect_x")
+    }
+    aspect_y, pixel_filter = render.pixel_aspect_y, scene.cycles.pixel_filter_type
+    packed = plain.copy()
+    try:
+        _set_camera(packed, plain, target, (width, height), table, filter_table)
+        eye.data = packed
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+        render.use_border = False
+        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+        scene.cycles.pixel_filter_type = "BOX"
+        yield table
+    finally:
+        eye.data = plain
+        bpy.data.cameras.remove(packed)
+        scene.cycles.pixel_filter_type = pixel_filter
+        for name, value in kept.items():
+            setattr(render, name, value)
+        render.pixel_aspect_y = aspect_y
+
+
+def _set_camera(
+    packed: bpy.types.Camera,
+    plain: bpy.types.Camera,
+    target: PerspectiveCamera,
+    size: tuple[int, int],
+    table: Path,
+    filter_table: Path,
+) -> None:
+    packed.type = "CUSTOM"
+    packed.custom_mode = "INTERNAL"
+    packed.custom_bytecode = _bytecode()
+    packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
+    # Blender would shift a custom camera's raster positions; the view plane below holds the shifts already.
+    packed.shift_x = packed.shift_y = 0.0
+    if packed.stereo.convergence_mode == "OFFAXIS":
+        packed.stereo.convergence_mode = "PARALLEL"
+    plane = target.plane
+    aperture = 0.0
+    if plain.dof.use_dof:
+        aperture = plain.lens * 1e-3 / (2.0 * max(plain.dof.aperture_fstop, 1e-5))
+    parameters = packed.cycles_custom
+    parameters["table"] = str(table)
+    parameters["filter_table"] = str(filter_table)
+    parameters["size"] = (float(size[0]), float(size[1]), 0.0)
+    parameters["plane_corner"] = (float(plane.left), float(plane.top), 0.0)
+    parameters["plane_step"] = (
+        float((plane.right - plane.left) / target.width),
+        float((plane.top - plane.bottom) / target.height),
+        0.0,
+    )
+    parameters["near_clip"] = float(plain.clip_start)
+    parameters["aperture_size"] = float(aperture)
+
+
+@cache
+def _bytecode() -> str:
+    """The camera's shader, compiled by the Blender that runs it. Raises StereoReprojectError."""
+    import _cycles  # pyright: ignore[reportMissingImports]
+
+    with tempfile.TemporaryDirectory() as folder:
+        compiled = Path(folder) / "hole_camera.oso"
+        if not _cycles.osl_compile(str(SHADER), str(compiled)):
+            raise StereoReprojectError(f"Blender's OSL compiler does not take {SHADER.name}: use --fill card")
+        return compiled.read_text()

@@ -1,0 +1,150 @@
+"""Pictures that explain a frame: holes by reason with a legend, and the grid over the source eye."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import blf
+import bpy
+import imbuf
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import StereoReprojectError
+from ..grid import CELL, Grid
+from ..holes import Reason
+from ..metrics import tone
+
+COLOURS: dict[Reason, tuple[int, int, int]] = {
+    Reason.DISOCCLUDED: (230, 60, 50),
+    Reason.OUTSIDE: (60, 120, 235),
+    Reason.SILHOUETTE: (245, 200, 40),
+    Reason.TRANSPARENT: (80, 200, 220),
+    Reason.VIEW_DEPENDENT: (200, 90, 220),
+    Reason.VOLUME: (150, 150, 255),
+    Reason.DEFOCUS: (120, 220, 110),
+    Reason.MOTION: (240, 130, 40),
+    Reason.REFINED: (255, 255, 255),
+    Reason.PROBE: (255, 150, 190),
+    Reason.INVALID: (255, 0, 255),
+}
+"""A pixel with several reasons shows the first of these."""
+
+GRID_COLOUR = (60, 230, 120)
+FONT = 0
+
+
+def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Scene-linear (H, W, 4) as (H, W, 3) bytes, tone-mapped plainly: a backdrop, not the scene's view transform."""
+    return (255.0 * np.sqrt(tone(colour))).astype(np.uint8)
+
+
+def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
+    """The target eye, dimmed, with every traced pixel in the colour of its reason and a legend below."""
+    picture = (display(target) * 0.35 + 20).astype(np.uint8)
+    shown = np.zeros(reasons.shape, bool)
+    legend: list[tuple[str, tuple[int, int, int]]] = []
+    for reason, colour in COLOURS.items():
+        has_reason = (reasons & reason.bit) > 0
+        if not has_reason.any() and reason not in (Reason.DISOCCLUDED, Reason.OUTSIDE, Reason.SILHOUETTE):
+            continue
+        picture[has_reason & ~shown] = colour
+        shown |= has_reason
+        legend.append((f"{reason.label} {100.0 * np.mean(has_reason):.1f} %", colour))
+    _write_with_legend(path, picture, legend)
+
+
+def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
+    """The subdivided grid as a wireframe over the source eye (paper, figure 4), at three times its size."""
+    scale = 3
+    picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
+    dimmed = (picture * 0.6).astype(np.uint8)
+    for row, column in np.ndindex(grid.subdivided.shape):
+        top, left = row * CELL - 1, column * CELL - 1
+        bottom, right = min(top + CELL, grid.height), min(left + CELL, grid.width)
+        step = 1 if grid.subdivided[row, column] else CELL
+        _wireframe(dimmed, (top, bottom, left, right), step, scale)
+    _write_png(path, dimmed)
+
+
+def _wireframe(picture: NDArray[np.uint8], cell: tuple[int, int, int, int], step: int, scale: int) -> None:
+    """Both triangles' sides along rows and columns; diagonals only where a quad is wide enough to show one."""
+    height, width = picture.shape[:2]
+    top, bottom, left, right = (int((edge + 0.5) * scale) for edge in cell)
+    rows = slice(max(top, 0), min(bottom, height))
+    columns = slice(max(left, 0), min(right, width))
+    strength = 0.8 if step > 1 else 0.25
+    for y in range(top, bottom, step * scale):
+        if 0 <= y < height:
+            _blend(picture, (slice(y, y + 1), columns), strength)
+    for x in range(left, right, step * scale):
+        if 0 <= x < width:
+            _blend(picture, (rows, slice(x, x + 1)), strength)
+    if step > 1:
+        along = np.arange(min(bottom - top, right - left))
+        y, x = top + along, right - 1 - along
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        _blend(picture, (y[inside], x[inside]), strength)
+
+
+def _blend(picture: NDArray[np.uint8], where: tuple, strength: float) -> None:
+    picture[where] = (picture[where] * (1.0 - strength) + np.array(GRID_COLOUR) * strength).astype(np.uint8)
+
+
+def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tuple[str, tuple[int, int, int]]]) -> None:
+    size = 16.0
+    blf.size(FONT, size)
+    entries = [(text, colour, blf.dimensions(FONT, text)[0]) for text, colour in legend]
+    height, width = picture.shape[:2]
+    line, margin, square = 26, 10, 14
+    places = []
+    x, y = margin, 0
+    for text, colour, length in entries:
+        needed = square + 8 + int(length) + 2 * margin
+        if x + needed > width and x > margin:
+            x, y = margin, y + line
+        places.append((text, colour, x, y))
+        x += needed
+    canvas = np.full((height + y + line + 6, width, 3), 24, np.uint8)
+    canvas[:height] = picture
+    for _, colour, x, y in places:
+        canvas[height + y + 9 : height + y + 9 + square, x : x + square] = colour
+    _write_png(path, canvas)
+    image = imbuf.load(str(path))
+    blf.color(FONT, 0.92, 0.92, 0.92, 1.0)
+    with blf.bind_imbuf(FONT, image):
+        for text, _, x, y in places:
+            blf.position(FONT, x + square + 8, canvas.shape[0] - (height + y + 9 + square) + 2, 0)
+            blf.draw_buffer(FONT, text)
+    imbuf.write(image, filepath=str(path))
+    image.free()
+
+
+def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
+    """(H, W, 3) bytes as they are. Raises StereoReprojectError when Blender cannot write."""
+    height, width = picture.shape[:2]
+    image = bpy.data.images.new(path.stem, width, height, alpha=False)
+    try:
+        rgba = np.ones((height, width, 4), np.float32)
+        rgba[..., :3] = picture[::-1] / 255.0
+        image.pixels.foreach_set(rgba.ravel())
+        image.file_format = "PNG"
+        image.filepath_raw = str(path)
+        image.save()
+    except RuntimeError as error:
+        raise StereoReprojectError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
+    finally:
+        bpy.data.images.remove(image)
+
+
+def read_png(path: Path) -> NDArray[np.float32]:
+    """A PNG's display values, (H, W, 3) from 0 to 1."""
+    image = bpy.data.images.load(str(path))
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        values = np.empty(width * height * image.channels, np.float32)
+        image.pixels.foreach_get(values)
+        return values.reshape(height, width, -1)[::-1, :, :3]
+    finally:
+        bpy.data.images.remove(image)

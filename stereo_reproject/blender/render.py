@@ -1,0 +1,83 @@
+"""One render call: a view, or both, of a working scene, into arrays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from ..errors import StereoReprojectError
+from ..exr import DEPTH_PASS, Passes, read_render
+
+SKY_DEPTH = 1e9
+"""Blender writes 1e10 where there is no surface; anything from here on is sky."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """Passes by view name; seconds of the whole call, and those of it that Cycles spent on syncing the scene."""
+
+    views: dict[str, Passes]
+    seconds: float
+    sync_seconds: float
+
+
+def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *, seed: int | None = None) -> Rendered:
+    """Render these views of a scene that `working_scene` set up. Raises StereoReprojectError when Blender cannot."""
+    for view in scene.render.views:
+        view.use = view.name in views
+    if seed is not None and scene.render.engine == "CYCLES":
+        scene.cycles.seed = seed
+    path = folder / "render.exr"
+    _write_exr(scene.render, path)
+    start = time.perf_counter()
+    try:
+        result = bpy.ops.render.render(scene=scene.name, write_still=True)
+    except RuntimeError as error:
+        raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
+    if "FINISHED" not in result or not path.exists():
+        raise StereoReprojectError("the render was cancelled, or its result could not be written: is the disk full?")
+    layer = next(layer.name for layer in scene.view_layers if layer.use)
+    passes: dict[str, Passes] = {}
+    attributes: dict[str, str] = {}
+    for view in views:
+        passes[view], attributes = read_render(path, layer=layer, view=view)
+        _mark_sky(passes[view])
+    path.unlink()
+    seconds = time.perf_counter() - start
+    sync = _seconds(attributes.get(f"cycles.{layer}.synchronization_time", ""))
+    # For several views, Cycles counts the other views' render time as synchronization.
+    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0)
+
+
+def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
+    settings = render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth = "32"
+    settings.exr_codec = "NONE"
+    settings.views_format = "MULTIVIEW"
+    settings.color_management = "FOLLOW_SCENE"
+    render.filepath = str(path)
+    render.use_overwrite = True
+    render.use_placeholder = False
+
+
+def _mark_sky(passes: Passes) -> None:
+    depth = passes.get(DEPTH_PASS)
+    if depth is not None:
+        depth[depth >= SKY_DEPTH] = float("inf")
+
+
+def _seconds(text: str) -> float:
+    """'01:02.50', as Cycles writes a duration, in seconds; 0 for anything else."""
+    total = 0.0
+    for part in text.split(":"):
+        try:
+            total = 60.0 * total + float(part)
+        except ValueError:
+            return 0.0
+    return total

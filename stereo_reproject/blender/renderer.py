@@ -1,0 +1,56 @@
+"""The renderer that the pipeline asks for pictures: a working scene, rendered by Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..exr import Passes
+from ..fill import SourceCost
+from .hole_camera import packed_blocker, trace_packed
+from .mask_card import card_blocker, trace_card
+from .render import render_views
+from .rig import stereo_cameras
+
+FILL_SEED = 1_000_003
+"""Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
+
+
+class BlenderRenderer:
+    """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages."""
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path) -> None:
+        self.scene = scene
+        self.folder = folder
+        depsgraph = next(layer for layer in scene.view_layers if layer.use).depsgraph
+        self.cameras = stereo_cameras(scene.camera.evaluated_get(depsgraph), scene.render)
+        self.seed = scene.cycles.seed
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        return rendered.views[view], SourceCost(rendered.seconds, rendered.sync_seconds)
+
+    def fill_blockers(self, deepest: float) -> dict[str, str | None]:
+        return {"packed": packed_blocker(self.scene, deepest), "card": card_blocker(self.scene)}
+
+    def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
+        seed = shifted_seed(self.seed, FILL_SEED)
+        if method == "packed":
+            return trace_packed(self.scene, self.cameras[view], view, pixels, self.folder, seed=seed)[1]
+        if method == "card":
+            return trace_card(self.scene, view, pixels, self.folder, seed=seed)[1]
+        return render_target(self, view, pixels, seed=seed)
+
+
+def render_target(renderer: BlenderRenderer, view: str, pixels: NDArray[np.bool_], *, seed: int) -> Passes:
+    """A plain render of the view, as (N, C) of the given pixels."""
+    rendered = render_views(renderer.scene, (view,), renderer.folder, seed=seed)
+    return {name: image[pixels] for name, image in rendered.views[view].items()}
+
+
+def shifted_seed(seed: int, by: int) -> int:
+    """Another seed that Blender's property takes."""
+    return (seed + by) % (1 << 31)

@@ -1,0 +1,150 @@
+"""A copy of the user's scene to work in: the user's own is never touched, and nothing of the copy is left behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from ..errors import BadInputError
+from ..settings import SceneOverrides
+from .rig import MODES, check_camera
+
+CYCLES = "CYCLES"
+EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+
+
+def open_blend(path: Path) -> bpy.types.Scene:
+    """Load a .blend without its user interface and without running its scripts; its scene. Raises BadInputError."""
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise BadInputError(f"Blender cannot open {path}: {reason}") from error
+    return bpy.context.scene
+
+
+def check_engine(scene: bpy.types.Scene) -> None:
+    """Raises BadInputError unless the scene renders with Cycles or EEVEE."""
+    if scene.render.engine != CYCLES and scene.render.engine not in EEVEE:
+        raise BadInputError(
+            f"scene {scene.name!r} renders with {scene.render.engine}: set Cycles or EEVEE in Render properties"
+        )
+
+
+def scene_warnings(scene: bpy.types.Scene) -> list[str]:
+    """What the scene asks for that a stereo pair does not have yet: a line each."""
+    warnings = []
+    if scene.render.engine == CYCLES and scene.cycles.use_denoising:
+        warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
+    if scene.render.use_compositing and _has_compositor(scene):
+        warnings.append("the scene's compositor is not applied to the pair")
+    layers = [layer.name for layer in scene.view_layers if layer.use]
+    if len(layers) > 1:
+        warnings.append(f"only the first of {len(layers)} view layers is rendered: {layers[0]}")
+    return warnings
+
+
+def _has_compositor(scene: bpy.types.Scene) -> bool:
+    """Whether the compositing nodes do more than hand the render through."""
+    tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
+    if tree is None or not getattr(scene, "use_nodes", True):
+        return False
+    passive = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
+    return any(node.bl_idname not in passive for node in tree.nodes)
+
+
+@contextmanager
+def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator[bpy.types.Scene]:
+    """A copy of `scene` with a camera of its own, set up to render single stereo views without post-processing.
+
+    Raises BadInputError when the scene cannot be rendered as a pair.
+    """
+    check_engine(scene)
+    frame = scene.frame_current if overrides.frame is None else overrides.frame
+    marked = _camera_by_marker(scene, frame)
+    camera = check_camera(marked or scene.camera)
+    layer = next((layer.name for layer in scene.view_layers if layer.use), None)
+    if layer is None:
+        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+    copy = scene.copy()
+    eye = camera.copy()
+    eye.data = camera.data.copy()
+    names = (copy.name, eye.name, eye.data.name)
+    try:
+        # A marker would switch the camera back at the next render.
+        copy.timeline_markers.clear()
+        copy.collection.objects.link(eye)
+        copy.camera = eye
+        _set_up(copy, layer)
+        _apply(copy, eye.data, overrides)
+        copy.frame_set(frame)
+        yield copy
+    finally:
+        _remove(*names)
+
+
+def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
+    """The camera that the last marker up to `frame` binds, as Blender switches cameras when it renders."""
+    bound = [marker for marker in scene.timeline_markers if marker.camera is not None and marker.frame <= frame]
+    return max(bound, key=lambda marker: marker.frame).camera if bound else None
+
+
+def _set_up(scene: bpy.types.Scene, layer: str) -> None:
+    render = scene.render
+    render.use_persistent_data = True
+    render.use_compositing = False
+    render.use_sequencer = False
+    render.use_stamp = False
+    render.use_crop_to_border = render.use_border
+    render.use_multiview = True
+    render.views_format = "STEREO_3D"
+    for view in render.views:
+        view.use = view.name in ("left", "right")
+    for view_layer in scene.view_layers:
+        view_layer.use = view_layer.name == layer
+        if hasattr(view_layer, "cycles"):
+            view_layer.cycles.use_denoising = False
+            view_layer.cycles.denoising_store_passes = False
+    scene.view_layers[layer].use_pass_combined = True
+    scene.view_layers[layer].use_pass_z = True
+    if scene.render.engine == CYCLES:
+        scene.cycles.use_denoising = False
+        scene.cycles.time_limit = 0.0
+
+
+def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOverrides) -> None:
+    if overrides.size is not None:
+        scene.render.resolution_x, scene.render.resolution_y = overrides.size
+        scene.render.resolution_percentage = 100
+    if overrides.samples is not None:
+        if scene.render.engine == CYCLES:
+            scene.cycles.samples = overrides.samples
+        else:
+            scene.eevee.taa_render_samples = overrides.samples
+    if overrides.seed is not None and scene.render.engine == CYCLES:
+        scene.cycles.seed = overrides.seed
+    stereo = camera.stereo
+    if overrides.interocular_distance is not None:
+        stereo.interocular_distance = overrides.interocular_distance
+    if overrides.convergence_distance is not None:
+        stereo.convergence_distance = overrides.convergence_distance
+    if overrides.convergence_mode is not None:
+        stereo.convergence_mode = MODES[overrides.convergence_mode]
+
+
+def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
+    """Take the copies out again; by name, because a reference does not survive everything that a render may do."""
+    scene = bpy.data.scenes.get(scene_name)
+    if scene is not None:
+        # Frees what Cycles keeps between renders.
+        scene.render.use_persistent_data = False
+        bpy.data.scenes.remove(scene)
+    eye = bpy.data.objects.get(object_name)
+    if eye is not None:
+        bpy.data.objects.remove(eye)
+    camera = bpy.data.cameras.get(camera_name)
+    if camera is not None:
+        bpy.data.cameras.remove(camera)

@@ -1,0 +1,171 @@
+"""Camera models: the two maps that a warp needs, pixel to ray and point to pixel.
+
+Every model answers both in its own camera space, so that nothing in the warp depends on a 4 x 4 projection matrix. A
+ray is (origin, direction) with the direction scaled to advance one unit of depth: the point at depth z is
+`origin + z * direction`. Points are homogeneous, (x, y, z) and a weight, so that the sky is a point like any other:
+its weight is 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Vector = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class ViewPlane:
+    """The rectangle of a view: at unit depth for a perspective camera, in scene units for an orthographic one."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
+class Camera(Protocol):
+    """What the warp asks of a camera; `width` and `height` are in pixels, `world_from_camera` is rigid, (4, 4)."""
+
+    width: int
+    height: int
+    world_from_camera: Array
+
+    def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        """Origin and direction, in camera space, of the rays through pixel positions (x, y)."""
+        ...
+
+    def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        """Pixel position (x, y) and depth of the homogeneous camera-space points; NaN where there is none."""
+        ...
+
+    def nearness_from_depth(self, depth: Array) -> Array:
+        """A function of depth that grows towards the camera and is linear over the picture on any plane."""
+        ...
+
+    def depth_from_nearness(self, nearness: Array) -> Array:
+        """The inverse of `nearness_from_depth`."""
+        ...
+
+
+@dataclass(frozen=True)
+class _PlanarCamera:
+    width: int
+    height: int
+    world_from_camera: Array
+    plane: ViewPlane
+
+    def _plane_from_px(self, x: Array, y: Array) -> tuple[Array, Array]:
+        plane = self.plane
+        plane_x = plane.left + (plane.right - plane.left) / self.width * x
+        plane_y = plane.top - (plane.top - plane.bottom) / self.height * y
+        return plane_x, plane_y
+
+    def _px_from_plane(self, plane_x: Array, plane_y: Array) -> tuple[Array, Array]:
+        plane = self.plane
+        x = (plane_x - plane.left) * (self.width / (plane.right - plane.left))
+        y = (plane.top - plane_y) * (self.height / (plane.top - plane.bottom))
+        return x, y
+
+
+@dataclass(frozen=True)
+class PerspectiveCamera(_PlanarCamera):
+    """A pinhole; an off-axis view is nothing but a view plane that is not centred."""
+
+    def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        zero = np.float64(0.0)
+        plane_x, plane_y = self._plane_from_px(x, y)
+        return (zero, zero, zero), (plane_x, plane_y, np.float64(-1.0))
+
+    def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        px, py, pz = point
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = np.where(pz < 0, -pz, np.nan)
+            x, y = self._px_from_plane(px / ahead, py / ahead)
+            return x, y, ahead / weight
+
+    def nearness_from_depth(self, depth: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            return 1.0 / depth
+
+    def depth_from_nearness(self, nearness: Array) -> Array:
+        with np.errstate(divide="ignore"):
+            return 1.0 / nearness
+
+
+@dataclass(frozen=True)
+class OrthographicCamera(_PlanarCamera):
+    """Parallel rays; the view plane is in scene units. Its sky is put at a depth that float32 still tells apart."""
+
+    SKY_DEPTH = 1e9
+
+    def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        zero = np.float64(0.0)
+        plane_x, plane_y = self._plane_from_px(x, y)
+        return (plane_x, plane_y, zero), (zero, zero, np.float64(-1.0))
+
+    def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        px, py, pz = point
+        weight = np.maximum(weight, 1.0 / self.SKY_DEPTH)
+        x, y = self._px_from_plane(px / weight, py / weight)
+        return x, y, -pz / weight
+
+    def nearness_from_depth(self, depth: Array) -> Array:
+        return -np.minimum(depth, self.SKY_DEPTH)
+
+    def depth_from_nearness(self, nearness: Array) -> Array:
+        return np.where(nearness > -0.5 * self.SKY_DEPTH, -nearness, np.inf)
+
+
+def target_from_source(source: Camera, target: Camera) -> Array:
+    """The rigid transform (4, 4) from source camera space to target camera space, free of the world's own offset."""
+    rotation = target.world_from_camera[:3, :3].T
+    result = np.eye(4)
+    result[:3, :3] = rotation @ source.world_from_camera[:3, :3]
+    result[:3, 3] = rotation @ (source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3])
+    return result
+
+
+def target_px_from_source_px(
+    source: Camera, target: Camera, x: Array, y: Array, depth: Array
+) -> tuple[Array, Array, Array]:
+    """Where the surface points seen at source pixel positions (x, y) and `depth` appear in the target.
+
+    x, y and depth broadcast; depth may be +inf. Returns target x, y in pixels and target depth, NaN where a point
+    lies behind the target camera.
+    """
+    transform = target_from_source(source, target)
+    origin, direction = source.ray_from_px(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    weight = 1.0 / np.asarray(depth, np.float64)
+    if isinstance(source, OrthographicCamera):
+        weight = np.maximum(weight, 1.0 / OrthographicCamera.SKY_DEPTH)
+    local = [o * weight + d for o, d in zip(origin, direction, strict=True)]
+    point = tuple(
+        sum((row[k] * local[k] for k in range(3) if row[k] != 0.0), start=row[3] * weight) for row in transform[:3]
+    )
+    return target.px_from_point(point, weight)
+
+
+def disparity_per_nearness(source: Camera, target: Camera) -> float:
+    """Pixels that a point moves in the target for one unit of source nearness, taken at the middle of the picture.
+
+    Exact for rigs whose image planes coincide, a first-order estimate for toe-in: good enough to judge how large a
+    step in depth is, which is all that it is used for.
+    """
+    baseline = float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
+    x, y = np.float64(source.width / 2), np.float64(source.height / 2)
+    scale = _scene_scale(source, baseline)
+    depth = np.array([scale, 2.0 * scale])
+    target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
+    moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
+    nearness = source.nearness_from_depth(depth)
+    return moved / float(abs(nearness[0] - nearness[1]))
+
+
+def _scene_scale(source: Camera, baseline: float) -> float:
+    """A depth at which neither camera's finite differences lose digits: some tens of baselines away."""
+    return 50.0 * baseline if baseline > 0 else 1.0

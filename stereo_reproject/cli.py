@@ -1,0 +1,423 @@
+"""The command line: reads and checks the arguments, has the work done by `supervisor`, and says how it went.
+
+Nothing here imports bpy; what cannot be checked without Blender is checked by the worker process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.metadata
+import io
+import os
+import re
+import shutil
+import stat
+import sys
+import time
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TextIO
+
+from .errors import BadInputError, StereoReprojectError
+from .report import format_report_table
+from .settings import (
+    ACCURACIES,
+    CONVERGENCE_MODES,
+    EYES,
+    FILL_METHODS,
+    INTERPOLATIONS,
+    SceneOverrides,
+    StereoSettings,
+)
+from .supervisor import FILES, Event, Interrupts, Job, RunInterruptedError, run_worker
+
+PROGRAM = "stereo_reproject"
+INTERRUPTED_STATUS = 130
+# As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
+BLEND_MAGICS = (b"BLENDER", b"\x1f\x8b", b"\x28\xb5\x2f\xfd")
+BAR_LENGTH = 24
+REDRAW_SECONDS = 0.1
+
+
+def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | None = None) -> int:
+    """Run the command line with `argv` and return its exit status; `worker_command` starts another worker."""
+    console = Console()
+    try:
+        arguments = _parser().parse_args(argv)
+        status = arguments.run(arguments, console, worker_command)
+    except SystemExit as finished:
+        # That is how argparse ends after --help and --version.
+        status = finished.code if isinstance(finished.code, int) else 0
+    except StereoReprojectError as error:
+        console.complain(str(error), kind=None if isinstance(error, RunInterruptedError) else "error")
+        status = error.exit_status
+    except KeyboardInterrupt:
+        console.complain("interrupted", kind=None)
+        status = INTERRUPTED_STATUS
+    return console.finish(status)
+
+
+def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+    console.quiet = arguments.quiet
+    job = _job(arguments)
+    with Interrupts() as interrupts:
+        report = run_worker(
+            job, console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command
+        )
+    console.end_stage()
+    console.show(format_report_table(report))
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(FILES)}")
+    return 0
+
+
+def _job(arguments: argparse.Namespace) -> Job:
+    overrides = SceneOverrides(
+        frame=arguments.frame,
+        size=arguments.size,
+        samples=arguments.samples,
+        seed=arguments.seed,
+        interocular_distance=arguments.interocular,
+        convergence_distance=arguments.convergence,
+        convergence_mode=arguments.mode,
+    )
+    settings = StereoSettings(
+        source=arguments.source,
+        accuracy=arguments.accuracy,
+        fill=arguments.fill,
+        grid_threshold=arguments.grid_threshold,
+        interpolation=arguments.interpolation,
+        compare=arguments.compare,
+        scene=overrides,
+    )
+    if not arguments.output:
+        raise BadInputError("--output is empty; name a folder for the result")
+    return Job(_blend_file(arguments.scene), _absolute(arguments.output), settings)
+
+
+def _absolute(name: str) -> Path:
+    # Links stay as they are: paths in a .blend are relative to where it was opened.
+    return Path(os.path.abspath(name))  # noqa: PTH100
+
+
+def _blend_file(name: str) -> Path:
+    """The absolute path of the .blend called `name`. Raises BadInputError if it is none or cannot be read."""
+    path = _absolute(name)
+    try:
+        if stat.S_ISDIR(path.stat().st_mode):
+            raise BadInputError(f"{path} is a folder; name a .blend file")
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise BadInputError(f"{path} is not a regular file; name a .blend file")
+        with path.open("rb") as file:
+            start = file.read(max(map(len, BLEND_MAGICS)))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise BadInputError(f"{path} does not exist; check the path of the .blend file") from error
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error
+    if not start.startswith(BLEND_MAGICS):
+        raise BadInputError(f"{path} is not a .blend file; name one that Blender saved")
+    return path
+
+
+class Console:
+    """What a run says: progress and summary on standard output, warnings and errors on standard error."""
+
+    def __init__(self) -> None:
+        self.quiet = False
+        self._line: _StageLine | None = None
+        self._output_error: OSError | None = None
+
+    def show(self, text: str) -> None:
+        """Print on standard output, unless quiet."""
+        if self.quiet or sys.stdout is None:
+            return
+        try:
+            for line in text.splitlines():
+                sys.stdout.write(_encodable(_escape(line), sys.stdout) + "\n")
+        except OSError as error:
+            self._output_error = error
+
+    def complain(self, message: str, *, kind: str | None) -> None:
+        """Print one line on standard error."""
+        if self._line is not None:
+            self._line.erase()
+        if sys.stderr is None:
+            return
+        with contextlib.suppress(OSError):
+            text = ": ".join(filter(None, (PROGRAM, kind, one_line(message))))
+            sys.stderr.write(_encodable(text, sys.stderr) + "\n")
+            sys.stderr.flush()
+
+    def on_event(self, event: Event) -> None:
+        """Show a "stage" or "warning" event of the worker."""
+        if event["event"] == "warning":
+            self.complain(str(event.get("message")), kind="warning")
+            return
+        if self.quiet or not _is_terminal(sys.stdout):
+            return
+        stage = str(event.get("stage"))
+        if self._line is None or self._line.stage != stage:
+            self.end_stage()
+            self._line = _StageLine(stage, sys.stdout)
+        self._line.update(event.get("fraction"), str(event.get("detail") or ""))
+
+    def on_tick(self) -> None:
+        """Let the seconds of the running stage count on."""
+        if self._line is not None:
+            self._line.draw()
+
+    def end_stage(self) -> None:
+        """Leave the line of the stage that is over, and go to the next."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def finish(self, status: int) -> int:
+        """Write out what is held back and return the exit status: `status`, or 1 in place of 0 where that fails."""
+        try:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        except OSError as error:
+            self._output_error = error
+        if self._output_error is None:
+            return status
+        _discard_output()
+        if isinstance(self._output_error, BrokenPipeError):
+            # Whoever reads has seen enough.
+            return status
+        reason = self._output_error.strerror
+        self.complain(f"standard output cannot be written ({reason}); redirect it elsewhere", kind="error")
+        return status or StereoReprojectError.exit_status
+
+
+class _StageLine:
+    """The progress line of one stage, rewritten in place."""
+
+    def __init__(self, stage: str, stream: TextIO) -> None:
+        self.stage = stage
+        self._stream = stream
+        self._started = time.monotonic()
+        self._drawn = self._started - REDRAW_SECONDS
+        self._fraction: float | None = None
+        self._detail = ""
+        self._length = 0
+
+    def update(self, fraction: Any, detail: str) -> None:
+        self._fraction = min(max(fraction, 0.0), 1.0) if isinstance(fraction, (int, float)) else None
+        self._detail = detail
+        self.draw()
+
+    def draw(self) -> None:
+        now = time.monotonic()
+        if now - self._drawn >= REDRAW_SECONDS:
+            self._drawn = now
+            self._write(self._text())
+
+    def erase(self) -> None:
+        self._write("")
+        self._write("")
+        self._drawn -= REDRAW_SECONDS
+
+    def close(self) -> None:
+        self._fraction = None if self._fraction is None else 1.0
+        self._detail = ""
+        self._write(self._text(), end="\n")
+
+    def _text(self) -> str:
+        bar = ""
+        if self._fraction is not None:
+            filled = round(BAR_LENGTH * self._fraction)
+            bar = f"[{'#' * filled}{'-' * (BAR_LENGTH - filled)}] {100 * self._fraction:3.0f} %"
+        seconds = time.monotonic() - self._started
+        return f"{self.stage:<10} {bar:<{BAR_LENGTH + 8}} {seconds:7.1f} s  {self._detail}".rstrip()
+
+    def _write(self, text: str, end: str = "") -> None:
+        # A line that wraps cannot be rewritten.
+        text = _encodable(_escape(text)[: shutil.get_terminal_size().columns - 1], self._stream)
+        # A terminal that has gone away is no reason to stop.
+        with contextlib.suppress(OSError):
+            self._stream.write("\r" + text.ljust(self._length) + end)
+            self._stream.flush()
+        self._length = len(text)
+
+
+def one_line(text: str) -> str:
+    """`text` on one line, with nothing in it that a terminal would take as a command."""
+    return _escape(" ".join(text.split()))
+
+
+def _escape(text: str) -> str:
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+
+
+def _encodable(text: str, stream: TextIO) -> str:
+    encoding = stream.encoding or "ascii"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
+
+
+def _is_terminal(stream: TextIO | None) -> bool:
+    return stream is not None and not stream.closed and stream.isatty()
+
+
+def _discard_output() -> None:
+    """Python flushes standard output once more at exit; let that succeed."""
+    with contextlib.suppress(OSError, io.UnsupportedOperation):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def version() -> str:
+    """The version of this package, from the manifest where that lies beside it, else from the installed metadata."""
+    manifest = Path(__file__).resolve().parent.parent / "blender_manifest.toml"
+    with contextlib.suppress(OSError, ValueError):
+        fields = tomllib.loads(manifest.read_text(encoding="utf-8"))
+        if fields.get("id") == PROGRAM:
+            return str(fields["version"])
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.version(PROGRAM)
+    return "of unknown version"
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
+
+
+class _ShowVersion(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        print(f"{PROGRAM} {version()}")
+        parser.exit()
+
+
+@dataclass(frozen=True)
+class Command:
+    """One sub-command: what it is called, what it takes, and what it does."""
+
+    name: str
+    summary: str
+    examples: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, Console, Sequence[str] | None], int]
+
+
+def _whole_number(text: str) -> int:
+    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
+        raise ValueError("a whole number")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError("a number") from None
+
+
+def _size(text: str) -> tuple[int, int]:
+    if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
+        raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
+    width, height = re.split("[xX]", text)
+    return int(width), int(height)
+
+
+def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
+
+    def convert(text: str) -> Any:
+        try:
+            value = read(text)
+            settings(**{field: value})
+        except ValueError as wanted:
+            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}") from None
+        except BadInputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return value
+
+    return convert
+
+
+def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
+
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene to render")
+    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
+    override("--frame", "N", "frame", _whole_number, "frame to render")
+    override("--size", "WxH", "size", _size, "size of one eye in pixels, such as 1920x1080")
+    override("--samples", "N", "samples", _whole_number, "samples per pixel")
+    override("--seed", "N", "seed", _whole_number, "seed of the noise")
+    override("--interocular", "D", "interocular_distance", _number, "distance between the eyes, in scene units")
+    override("--convergence", "D", "convergence_distance", _number, "distance of zero parallax, in scene units")
+    parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
+    parser.add_argument(
+        "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
+    )
+    parser.add_argument(
+        "--accuracy",
+        choices=ACCURACIES,
+        default=StereoSettings.accuracy,
+        help="how much of the other eye is traced anew where it cannot be taken over (%(default)s)",
+    )
+    parser.add_argument(
+        "--fill",
+        choices=FILL_METHODS,
+        default=StereoSettings.fill,
+        help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
+        "whole eye; auto takes the cheapest (%(default)s)",
+    )
+    parser.add_argument(
+        "--grid-threshold",
+        metavar="ARCMIN",
+        type=_value_of(StereoSettings, "grid_threshold", _number),
+        default=StereoSettings.grid_threshold,
+        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
+    )
+    parser.add_argument(
+        "--interpolation",
+        choices=INTERPOLATIONS,
+        default=StereoSettings.interpolation,
+        help="how colours are looked up between pixels; cubic is sharper (%(default)s)",
+    )
+    parser.add_argument(
+        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+
+
+COMMANDS = (
+    Command(
+        "render",
+        "Render the stereo pair of one frame. What is left out comes from the .blend.",
+        "  %(prog)s room.blend --output out\n"
+        "  %(prog)s room.blend --output out --size 1920x1080 --samples 128 --compare\n"
+        "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
+        _add_render_arguments,
+        _render,
+    ),
+)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog=f"python -m {PROGRAM}",
+        description="A stereo pair from a Blender scene, for little more than the price of one eye.",
+        epilog="exit status: 0 done, 1 failed, 2 bad input, 130 interrupted",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", nargs=0, action=_ShowVersion, help="show the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    for command in COMMANDS:
+        subparser = commands.add_parser(
+            command.name,
+            help=command.summary,
+            description=command.summary,
+            epilog=f"examples:\n{command.examples}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
+    return parser

@@ -1,0 +1,113 @@
+"""OpenEXR in and out: what Blender writes after a render, and the files that a stereo pair is delivered in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import BadInputError, StereoReprojectError
+
+Passes = dict[str, NDArray[np.float32]]
+"""Passes by name, each (H, W, C); channel order as in CHANNELS."""
+
+CHANNEL_ORDER = "RGBAXYZWVUv"
+"""The order in which the letters of Blender's channels stand in an array."""
+
+DEPTH_PASS = "Depth"
+COLOUR_PASS = "Combined"
+
+
+def _openexr() -> Any:
+    """OpenEXR is imported when a file is touched: `import stereo_reproject` needs numpy only."""
+    import OpenEXR
+
+    return OpenEXR
+
+
+def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str, str]]:
+    """The passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's text attributes.
+
+    Blender 4.5 writes one part with channels Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C.
+    Raises StereoReprojectError when the file cannot be read.
+    """
+    try:
+        file = _openexr().File(str(path), separate_channels=True)
+    except Exception as error:
+        raise StereoReprojectError(f"cannot read the render result {path}: {error}; is the disk full?") from error
+    attributes: dict[str, str] = {}
+    found: dict[str, dict[str, NDArray]] = {}
+    for part in file.parts:
+        attributes.update({k: v for k, v in part.header.items() if isinstance(v, str)})
+        if part.header.get("view", view) != view:
+            continue
+        for name, channel in part.channels.items():
+            pass_name, letter = _split_channel(name, layer, view)
+            if pass_name is not None:
+                found.setdefault(pass_name, {})[letter] = channel.pixels
+    return {name: _stack(channels) for name, channels in found.items()}, attributes
+
+
+def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
+    if not name.startswith(layer + "."):
+        return None, ""
+    pass_name, _, letter = name[len(layer) + 1 :].rpartition(".")
+    return pass_name.removesuffix("." + view), letter
+
+
+def _stack(channels: Mapping[str, NDArray]) -> NDArray[np.float32]:
+    letters = sorted(channels, key=lambda c: CHANNEL_ORDER.find(c) % 100)
+    return np.stack([np.asarray(channels[c], np.float32) for c in letters], axis=-1)
+
+
+def write_table(path: Path, values: NDArray[np.float32]) -> None:
+    """(H, W, 4) float32 as plain uncompressed RGBA, for a shader to look numbers up in."""
+    channels = {letter: np.ascontiguousarray(values[..., k]) for k, letter in enumerate("RGBA")}
+    _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
+
+
+def write_eye(path: Path, passes: Passes, *, view: str) -> None:
+    """One eye, every pass: colour as R, G, B, A and the others as Pass.C, 32 bit float, scene-linear."""
+    _write(path, _channels(passes), {"compression": _openexr().ZIP_COMPRESSION, "view": view})
+
+
+def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
+    """Both eyes in one multi-view EXR: the first is the default view, whose channels carry no view name.
+
+    Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name.
+    """
+    views = list(eyes)
+    channels = _channels(eyes[views[0]])
+    for view in views[1:]:
+        channels.update(_channels(eyes[view], view))
+    _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views})
+
+
+def _channels(passes: Passes, view: str = "") -> dict[str, NDArray]:
+    result = {}
+    for name, image in passes.items():
+        for k, letter in enumerate(_letters(name, image.shape[2])):
+            parts = [] if name == COLOUR_PASS else [name]
+            parts += [view] if view else []
+            result[".".join([*parts, letter])] = np.ascontiguousarray(image[..., k], np.float32)
+    return result
+
+
+def _letters(name: str, channels: int) -> str:
+    if channels == 1:
+        return "Z" if name == DEPTH_PASS else "V"
+    if channels == 3 and name in ("Normal", "Position"):
+        return "XYZ"
+    return "RGBA"[:channels] if name != "Vector" else "XYZW"
+
+
+def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any]) -> None:
+    openexr = _openexr()
+    try:
+        with openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)) as file:
+            file.write(str(path))
+    except (OSError, RuntimeError) as error:
+        raise BadInputError(f"cannot write {path.name}: {error}; is the disk full?") from error

@@ -1,0 +1,70 @@
+"""Which way the holes are traced: chosen per frame from what the source cost, and always with a reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .errors import BadInputError
+
+PACKED_PER_PIXEL = 1.15
+"""Cost of a packed pixel over one of the source: holes lie along edges and in corners, where paths are long."""
+
+CARD_PER_PIXEL = 0.1
+"""Cost of a masked pixel behind a card over one of the source."""
+
+CLEARLY_LOWER = 0.9
+"""Tracing holes is taken when it is predicted to cost less than this share of a full render."""
+
+
+@dataclass(frozen=True)
+class SourceCost:
+    """Measured on the source render: the whole call, and what Cycles spent in it on syncing the scene, in seconds."""
+
+    seconds: float
+    sync_seconds: float
+
+    @property
+    def per_frame(self) -> float:
+        return max(self.seconds - self.sync_seconds, 0.0)
+
+    @property
+    def fixed(self) -> float:
+        """Predicted cost of one more render call: Cycles keeps the synced scene, of which a part is synced again."""
+        return 0.3 + 0.25 * self.sync_seconds
+
+
+@dataclass(frozen=True)
+class FillChoice:
+    """method 'packed', 'card' or 'full'; reason in words; predicted seconds of the fill."""
+
+    method: str
+    reason: str
+    predicted_seconds: float
+
+
+def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping[str, str | None]) -> FillChoice:
+    """The fill for a frame of which `fraction` is to be traced.
+
+    blockers names the methods with why they cannot be used here, or None. Raises BadInputError when a method that was
+    asked for cannot be used.
+    """
+    predicted = {
+        "packed": cost.fixed + PACKED_PER_PIXEL * fraction * cost.per_frame,
+        "card": cost.fixed + min(CARD_PER_PIXEL + PACKED_PER_PIXEL * fraction, 1.1) * cost.per_frame,
+        "full": cost.fixed + cost.per_frame,
+    }
+    if asked != "auto":
+        if blockers.get(asked):
+            raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
+        return FillChoice(asked, "asked for", predicted[asked])
+    if fraction == 0.0:
+        return FillChoice("packed", "no hole to fill", 0.0)
+    possible = [method for method in ("packed", "card") if not blockers.get(method)]
+    notes = [f"no {method}: {blockers[method]}" for method in ("packed", "card") if blockers.get(method)]
+    best = min(possible, key=lambda method: predicted[method], default="full")
+    if best != "full" and predicted[best] > CLEARLY_LOWER * predicted["full"]:
+        notes.append(f"{best} is predicted to take {predicted[best]:.1f} s")
+        best = "full"
+    judged = f"predicted {predicted[best]:.1f} s" + (f" against {predicted['full']:.1f} s full" if best != "full" else "")
+    return FillChoice(best, "; ".join([judged, *notes]), predicted[best])

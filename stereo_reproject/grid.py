@@ -1,0 +1,96 @@
+"""The adaptive 3D grid of the paper (section 3.2): where a coarse cell will do, and where every pixel counts.
+
+The grid's vertices are the source's pixel centres, with one more ring outside the frame so that the outermost half
+pixels are covered too. A cell spans 16 x 16 quads between vertices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera, PerspectiveCamera, disparity_per_nearness
+from .parallax import ARC_MINUTE, parallax_difference
+
+CELL = 16
+"""Quads along the side of a cell (paper, section 3.2)."""
+
+ORTHOGRAPHIC_VIEW_ANGLE = np.radians(40.0)
+"""An orthographic picture has no visual angle; it is judged as if its width were seen under this one."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """subdivided (R, C): which cells are split to native resolution. width, height: the source's size in pixels."""
+
+    subdivided: NDArray[np.bool_]
+    width: int
+    height: int
+
+    @property
+    def cells(self) -> int:
+        return self.subdivided.size
+
+    @property
+    def triangles(self) -> int:
+        """Two for each coarse cell, two for each quad of a subdivided one."""
+        rows = np.minimum(CELL, self.height + 1 - CELL * np.arange(self.subdivided.shape[0]))
+        columns = np.minimum(CELL, self.width + 1 - CELL * np.arange(self.subdivided.shape[1]))
+        quads = np.where(self.subdivided, rows[:, None] * columns[None, :], 1)
+        return 2 * int(quads.sum())
+
+
+def lattice_depth(depth: NDArray) -> NDArray:
+    """depth (H, W) with its border repeated: (16 R + 1, 16 C + 1), vertex (i, j) at pixel position (j - .5, i - .5)."""
+    height, width = depth.shape
+    rows, columns = -(-(height + 1) // CELL), -(-(width + 1) // CELL)
+    return np.pad(depth, ((1, rows * CELL - height), (1, columns * CELL - width)), mode="edge")
+
+
+def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float) -> Grid:
+    """Subdivide the cells whose depths differ by more than `threshold` arc minutes of binocular parallax.
+
+    depth is (H, W), +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are
+    subdivided too, so that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
+    """
+    height, width = depth.shape
+    near, far = _cell_extremes(lattice_depth(depth))
+    difference = _parallax_range(near, far, source, target)
+    with np.errstate(invalid="ignore"):
+        steep = ~(difference <= threshold * ARC_MINUTE)
+    guarded = steep.copy()
+    guarded[1:] |= steep[:-1]
+    guarded[:-1] |= steep[1:]
+    guarded[:, 1:] |= steep[:, :-1]
+    guarded[:, :-1] |= steep[:, 1:]
+    return Grid(guarded, width, height)
+
+
+def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
+    if isinstance(source, PerspectiveCamera):
+        baseline = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
+        return parallax_difference(near, far, float(np.linalg.norm(baseline)))
+    per_nearness = disparity_per_nearness(source, target) * ORTHOGRAPHIC_VIEW_ANGLE / source.width
+    nearness_near, nearness_far = source.nearness_from_depth(near), source.nearness_from_depth(far)
+    return (nearness_near - nearness_far) * per_nearness
+
+
+def _cell_extremes(vertices: NDArray) -> tuple[NDArray, NDArray]:
+    """Least and greatest depth of each cell's 17 x 17 vertices."""
+    result = []
+    for extreme in (np.minimum, np.maximum):
+        along_rows = _shared_reduce(vertices, extreme, axis=1)
+        result.append(_shared_reduce(along_rows, extreme, axis=0))
+    return result[0], result[1]
+
+
+def _shared_reduce(values: NDArray, extreme: np.ufunc, *, axis: int) -> NDArray:
+    """Reduce runs of 17 that share their ends along `axis`."""
+    values = np.moveaxis(values, axis, 0)
+    cells = (values.shape[0] - 1) // CELL
+    result = values[0 : cells * CELL : CELL].copy()
+    for offset in range(1, CELL + 1):
+        extreme(result, values[offset : offset + (cells - 1) * CELL + 1 : CELL], out=result)
+    return np.moveaxis(result, 0, axis)

@@ -1,0 +1,138 @@
+"""The way of a frame: render one eye, warp it, find the holes, trace them, put the other eye together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .accuracy import SETTINGS
+from .camera import Camera
+from .composite import composite, contain, warp_passes
+from .exr import COLOUR_PASS, DEPTH_PASS, Passes
+from .fill import FillChoice, SourceCost, choose_fill
+from .grid import Grid
+from .holes import Reason
+from .reprojection import reproject
+from .settings import StereoSettings
+
+
+class Renderer(Protocol):
+    """What the pipeline asks of whoever renders; `stereo_reproject.blender.renderer` is the one that ships."""
+
+    cameras: Mapping[str, Camera]
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """The source eye, whole."""
+        ...
+
+    def fill_blockers(self, deepest: float) -> Mapping[str, str | None]:
+        """Why a fill method cannot be used for this scene, by method; deepest is the source's greatest depth."""
+        ...
+
+    def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
+        """The passes (N, C) of the target pixels that are set in `pixels` (H, W)."""
+        ...
+
+
+@dataclass(frozen=True)
+class StereoFrame:
+    """A finished pair, and how it came about. eyes by view name; reasons (H, W) are `holes.Reason` flags."""
+
+    eyes: dict[str, Passes]
+    reasons: NDArray[np.uint16]
+    grid: Grid
+    fill: FillChoice
+    seconds: dict[str, float]
+    source_cost: SourceCost
+    invalid_pixels: dict[str, int]
+
+
+class Stopwatch:
+    """Seconds by stage; each `lap` ends the stage that runs and tells whoever listens what begins."""
+
+    def __init__(self, on_stage: Callable[[str], None]) -> None:
+        self.seconds: dict[str, float] = {}
+        self._on_stage = on_stage
+        self._stage = ""
+        self._start = time.perf_counter()
+
+    def lap(self, stage: str = "") -> None:
+        now = time.perf_counter()
+        if self._stage:
+            self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._start
+        self._stage, self._start = stage, now
+        if stage:
+            self._on_stage(stage)
+
+
+def render_stereo_frame(
+    renderer: Renderer, settings: StereoSettings, *, on_stage: Callable[[str], None] = lambda stage: None
+) -> StereoFrame:
+    """Render the pair of the renderer's scene and frame.
+
+    on_stage is told the name of each stage as it begins: source, warp, fill, composite. Raises BadInputError when the
+    settings cannot be met for this scene, StereoReprojectError when a render fails.
+    """
+    watch = Stopwatch(on_stage)
+    source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
+
+    watch.lap("source")
+    rendered, cost = renderer.render_source(settings.source)
+    source, invalid = contain(rendered)
+
+    watch.lap("warp")
+    reprojection = reproject(
+        source,
+        source_camera,
+        target_camera,
+        accuracy=SETTINGS[settings.accuracy],
+        invalid=invalid,
+        grid_threshold=settings.grid_threshold,
+    )
+    warped = warp_passes(source, reprojection.warp, target_camera, interpolation=settings.interpolation)
+    reasons = reprojection.reasons
+
+    watch.lap("fill")
+    blockers = renderer.fill_blockers(_deepest(source))
+    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
+    holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
+    traced = renderer.trace(fill.method, settings.target, holes) if holes.any() else {}
+
+    watch.lap("composite")
+    target, lost = contain(composite(warped, traced, holes))
+    watch.lap()
+
+    return StereoFrame(
+        eyes={settings.source: source, settings.target: target},
+        reasons=np.where(holes, reasons, 0).astype(np.uint16),
+        grid=reprojection.grid,
+        fill=fill,
+        seconds={**watch.seconds, "total": sum(watch.seconds.values())},
+        source_cost=cost,
+        invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
+    )
+
+
+def traced_fractions(frame: StereoFrame) -> dict[str, float]:
+    """Share of the target's pixels that was traced: by reason, of which a pixel may have several, and in all."""
+    fractions = {reason.label: float(np.mean((frame.reasons & reason.bit) > 0)) for reason in Reason}
+    named = ("disoccluded", "outside", "silhouette")
+    result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
+    result["rerendered"] = 1.0 if frame.fill.method == "full" else float(np.mean(frame.reasons > 0))
+    return result
+
+
+def _deepest(source: Passes) -> float:
+    depth = source[DEPTH_PASS]
+    finite = depth[np.isfinite(depth)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def colour(passes: Passes) -> NDArray[np.float32]:
+    """The (H, W, 4) picture among an eye's passes."""
+    return passes[COLOUR_PASS]

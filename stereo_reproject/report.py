@@ -1,0 +1,217 @@
+"""report.json: what it must hold, how it reaches the disk whole, and the short table that a person reads."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from .errors import StereoReprojectError
+from .settings import ACCURACIES, FILL_METHODS
+
+REPORT_SCHEMA = 1
+
+STAGES = ("load", "source", "warp", "fill", "composite", "write")
+OUTSIDE_TOTAL = ("load", "write", "compare")
+REASONS = ("disoccluded", "outside", "silhouette")
+COMPARISONS = (
+    "multiview_seconds",
+    "speedup",
+    "rmse",
+    "noise_rmse",
+    "noise_ratio",
+    "worst_tiles",
+    "flip",
+    "noise_flip",
+)
+
+# A sum of a few float32 fractions may pass 1 by rounding.
+FRACTION_SLACK = 1e-6
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _is_count(value: Any) -> bool:
+    return _is_whole(value) and value >= 0
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _is_amount(value: Any) -> bool:
+    return _is_number(value) and math.isfinite(value) and value >= 0
+
+
+def _is_fraction(value: Any) -> bool:
+    return _is_amount(value) and value <= 1 + FRACTION_SLACK
+
+
+def _is_size(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 2 and all(_is_count(side) and side for side in value)
+
+
+_Rule = tuple[Callable[[Any], bool], str]
+_TEXT: _Rule = (_is_text, "a text")
+_COUNT: _Rule = (_is_count, "a whole number from 0")
+_AMOUNT: _Rule = (_is_amount, "a finite number from 0")
+_FRACTION: _Rule = (_is_fraction, "a fraction from 0 to 1")
+# Without noise a ratio to it has no value: such a figure is kept as null, not left out.
+_MEASURE: _Rule = (lambda value: value is None or _is_number(value), "a number or null")
+
+_REQUIRED: dict[str, _Rule] = {
+    "schema": (lambda value: _is_whole(value) and value == REPORT_SCHEMA, str(REPORT_SCHEMA)),
+    "scene": _TEXT,
+    "frame": (_is_whole, "a whole number"),
+    "size": (_is_size, "[width, height] in pixels"),
+    "samples": _COUNT,
+    "blender": _TEXT,
+    "accuracy": (lambda value: value in ACCURACIES, f"one of {', '.join(ACCURACIES)}"),
+    "fill.method": (lambda value: value in FILL_METHODS[1:], f"one of {', '.join(FILL_METHODS[1:])}"),
+    "fill.reason": _TEXT,
+    "grid.cells": _COUNT,
+    "grid.subdivided": _COUNT,
+    "grid.triangles": _COUNT,
+    **{f"fractions.{name}": _FRACTION for name in (*REASONS, "rerendered")},
+    **{f"seconds.{name}": _AMOUNT for name in (*STAGES, "total")},
+    "memory.peak_mb": _MEASURE,
+}
+
+
+def _look_up(report: Mapping[str, Any], key: str) -> Any:
+    value: Any = report
+    for name in key.split("."):
+        if not isinstance(value, Mapping) or name not in value:
+            raise StereoReprojectError(f"the report has no {key}; this is a defect of stereo_reproject")
+        value = value[name]
+    return value
+
+
+def _check(key: str, value: Any, rule: _Rule) -> None:
+    accepts, wanted = rule
+    if not accepts(value):
+        raise StereoReprojectError(
+            f"{key} in the report must be {wanted}, not {value!r}; this is a defect of stereo_reproject"
+        )
+
+
+def check_report(report: Mapping[str, Any]) -> None:
+    """Raise StereoReprojectError naming the first key of `report` that is missing or has the wrong kind of value."""
+    for key, rule in _REQUIRED.items():
+        _check(key, _look_up(report, key), rule)
+    for name, value in report["fractions"].items():
+        _check(f"fractions.{name}", value, _FRACTION)
+    for name, value in report["seconds"].items():
+        _check(f"seconds.{name}", value, _AMOUNT)
+    if report.get("compare") is not None:
+        for name in COMPARISONS:
+            _check(f"compare.{name}", _look_up(report, f"compare.{name}"), _MEASURE)
+    _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
+    warnings = report.get("warnings", [])
+    _check("warnings", warnings, (lambda value: isinstance(value, (list, tuple)), "a list of texts"))
+    for warning in warnings:
+        _check("warnings", warning, _TEXT)
+
+
+def _strict(value: Any) -> Any:
+    """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
+    if isinstance(value, Mapping):
+        return {str(name): _strict(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_strict(item) for item in value]
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value) if math.isfinite(value) else None
+    if hasattr(value, "item"):
+        return _strict(value.item())
+    raise TypeError(f"{type(value).__name__} has no place in JSON")
+
+
+def write_json(path: Path | str, data: Mapping[str, Any]) -> None:
+    """Write `data` as strict JSON under `path`, whole or not at all. Raises OSError."""
+    path = Path(path)
+    text = json.dumps(_strict(data), indent=2, allow_nan=False) + "\n"
+    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with beside.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        raise
+
+
+def _number(value: Any, pattern: str) -> str:
+    return format(float(value), pattern) if _is_number(value) and math.isfinite(value) else "n/a"
+
+
+def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
+    seconds = report["seconds"]
+    lines = ["took          seconds"]
+    stages = [name for name in (*STAGES, *seconds) if name != "total"]
+    for name in dict.fromkeys(stages):
+        note = "   not in the total" if name in OUTSIDE_TOTAL else ""
+        lines.append(f"  {name:<12}{seconds[name]:8.2f}{note}")
+    lines.append(f"  {'total':<12}{seconds['total']:8.2f}   first render call to composited pair")
+    return lines
+
+
+def _traced_lines(report: Mapping[str, Any]) -> list[str]:
+    fractions = report["fractions"]
+    lines = ["traced        of the target eye's pixels (one pixel may have several reasons)"]
+    for name, fraction in fractions.items():
+        if name != "rerendered" and fraction > 0:
+            lines.append(f"  {name:<16}{100 * fraction:6.2f} %")
+    lines.append(f"  {'rerendered':<16}{100 * fractions['rerendered']:6.2f} %")
+    return lines
+
+
+def _gain_lines(report: Mapping[str, Any]) -> list[str]:
+    peer = "x over Blender's multiview"
+    compare = report.get("compare")
+    if compare:
+        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARISONS}
+        speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
+        return [
+            f"gained        {speedup} {peer} ({multiview_seconds} s), measured",
+            f"  noise ratio {figures['noise_ratio']}   1 = as good as rendering it again",
+            f"  worst tiles {figures['worst_tiles']}",
+            f"  FLIP        {figures['flip']}   of noise alone {figures['noise_flip']}",
+        ]
+    if report.get("predicted_speedup") is not None:
+        speedup = _number(report["predicted_speedup"], ".2f")
+        return [f"gained        about {speedup} {peer}, predicted (--compare measures it)"]
+    return []
+
+
+def format_report_table(report: Mapping[str, Any]) -> str:
+    """The short summary of a checked report, in lines of plain ASCII save for what the report itself quotes."""
+    size = "x".join(map(str, report["size"]))
+    samples, peak = report["samples"], report["memory"]["peak_mb"]
+    lines = [
+        f"{report['scene']}, frame {report['frame']}, {size}, {samples} samples, {report['accuracy']}",
+        *_seconds_lines(report),
+        *_traced_lines(report),
+        f"fill          {report['fill']['method']}: {report['fill']['reason']}",
+        *_gain_lines(report),
+    ]
+    if peak is not None:
+        lines.append(f"memory        {_number(peak, '.0f')} MB at its peak")
+    return "\n".join(lines)

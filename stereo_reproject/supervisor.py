@@ -1,0 +1,465 @@
+"""The process that Blender runs in: started, listened to, and cleaned up after, in whatever way it ends.
+
+Blender does not run in the process that the user talks to. So neither Ctrl-C nor a crash inside a render nor a hang at
+exit can leave anything half-made: this process, which never imports bpy, kills the worker's whole process group,
+removes the run's private folder, and only a complete result is moved into the output folder.
+
+The worker (`python -m stereo_reproject.worker`)
+------------------------------------------------
+stdin    one line of JSON: {"blend", "output", "work": absolute paths, "settings": StereoSettings as nested dicts}.
+         It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
+stdout   one JSON object per line:
+           {"event": "stage", "stage": "fill", "fraction": 0..1 or null, "detail": "optional text"}
+           {"event": "warning", "message": "..."}
+           {"event": "done", "report": {...}, "files": ["left.exr", ...]}
+           {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
+         Lines that are no such object are passed over.
+stderr   work/blender.log, whose last line is what a crash is reported with.
+work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
+         which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
+
+After "done" the worker has EXIT_SECONDS to end; how it ends then changes nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import platform
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from .errors import BadInputError, StereoReprojectError
+from .report import check_report
+from .settings import StereoSettings
+
+# The report comes last: where it stands, the files beside it belong to it.
+FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
+
+WORK_PREFIX = ".stereo_reproject-"
+POLL_SECONDS = 0.1
+EXIT_SECONDS = 10.0
+# A work folder without a pid may belong to a run that is just starting.
+NAMELESS_SECONDS = 60.0
+LOG_TAIL_BYTES = 65536
+LAST_WORDS_LENGTH = 240
+
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+_SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+Event = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: the absolute paths of the .blend and of the output folder, and how the pair is made."""
+
+    blend: Path
+    output: Path
+    settings: StereoSettings
+
+
+class RunInterruptedError(StereoReprojectError):
+    """A signal ended the run."""
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; no result was written")
+        self.exit_status = 128 + signum
+
+
+class Interrupts:
+    """Holds back the signals that end a run until `check` is called, at a moment when nothing is half done."""
+
+    def __init__(self) -> None:
+        self._received: int | None = None
+        self._previous: dict[int, Any] = {}
+
+    def __enter__(self) -> Interrupts:
+        if threading.current_thread() is not threading.main_thread():
+            return self
+        for signum in _SIGNALS:
+            previous = signal.getsignal(signum)
+            # Under nohup a run is meant to outlive its terminal.
+            if previous == signal.SIG_IGN and signum != signal.SIGINT:
+                continue
+            self._previous[signum] = signal.SIG_DFL if previous is None else previous
+            signal.signal(signum, self._receive)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for signum, previous in self._previous.items():
+            signal.signal(signum, previous)
+
+    def _receive(self, signum: int, _frame: FrameType | None) -> None:
+        self._received = self._received or signum
+
+    def check(self) -> None:
+        """Raise RunInterruptedError if a signal has come."""
+        if self._received is not None:
+            raise RunInterruptedError(self._received)
+
+
+def run_worker(
+    job: Job,
+    on_event: Callable[[Event], None],
+    *,
+    on_tick: Callable[[], None] = lambda: None,
+    interrupts: Interrupts | None = None,
+    command: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """Have `job` done by a worker process, move its files into the output folder, and return its report.
+
+    on_event gets each "stage" and "warning" event; on_tick is called several times a second. `command` starts another
+    worker than `python -m stereo_reproject.worker`. Raises BadInputError, RunInterruptedError or StereoReprojectError;
+    then nothing of the run is left behind.
+    """
+    interrupts = interrupts or Interrupts()
+    with _work_folder(job.output) as work:
+        interrupts.check()
+        with _start(command or _worker_command(), work) as worker:
+            worker.send(job)
+            done = _listen(worker, on_event, on_tick, interrupts)
+        report = done.get("report")
+        if not isinstance(report, dict):
+            raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
+        check_report(report)
+        _check_complete(work / "out", done.get("files"))
+        _publish(work, job.output, interrupts)
+    return report
+
+
+def _worker_command() -> list[str]:
+    return [sys.executable, "-m", f"{__package__}.worker"]
+
+
+def _start(command: Sequence[str], work: Path) -> _Worker:
+    try:
+        return _Worker(command, work)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise StereoReprojectError(f"{command[0]} could not be started ({reason}); free some resources") from error
+
+
+class _Worker:
+    """The worker process, with its whole process group."""
+
+    def __init__(self, command: Sequence[str], work: Path) -> None:
+        self.log = work / "blender.log"
+        self._work = work
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        with self.log.open("ab") as log:
+            # A group of its own: Ctrl-C on the terminal must reach this process alone.
+            self.process = subprocess.Popen(
+                list(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                env=_environment(work),
+                start_new_session=os.name == "posix",
+                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+            )
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def __enter__(self) -> _Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+    def send(self, job: Job) -> None:
+        """Hand the job over. A worker that is dead already is found out by whoever listens."""
+        message = {
+            "blend": str(job.blend),
+            "output": str(job.output),
+            "work": str(self._work),
+            "settings": asdict(job.settings),
+        }
+        assert self.process.stdin is not None
+        with contextlib.suppress(OSError):
+            self.process.stdin.write(json.dumps(message).encode() + b"\n")
+            self.process.stdin.flush()
+
+    def _read(self) -> None:
+        # This thread alone closes the pipe: closing it elsewhere would wait for a read that is under way.
+        assert self.process.stdout is not None
+        with self.process.stdout as stdout:
+            for line in stdout:
+                self._lines.put(line)
+        self._lines.put(b"")
+
+    def next_line(self) -> bytes | None:
+        """The next line of output; None if none comes within POLL_SECONDS, b"" if none can come any more."""
+        ended = self.process.poll() is not None
+        try:
+            return self._lines.get(timeout=POLL_SECONDS)
+        except queue.Empty:
+            # A descendant of a dead worker may keep the pipe open.
+            return b"" if ended else None
+
+    def wait(self, seconds: float) -> int | None:
+        """The exit status, or None if the worker still runs after `seconds`."""
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def kill(self) -> None:
+        """End the worker and all that it started."""
+        _kill_group(self.process)
+        self.wait(EXIT_SECONDS)
+        assert self.process.stdin is not None
+        with contextlib.suppress(OSError):
+            self.process.stdin.close()
+
+    def last_words(self) -> str:
+        """The last line in the log that is not empty."""
+        with contextlib.suppress(OSError), self.log.open("rb") as log:
+            log.seek(max(0, os.fstat(log.fileno()).st_size - LOG_TAIL_BYTES))
+            lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines()]
+            return next((line for line in reversed(lines) if line), "")[:LAST_WORDS_LENGTH]
+        return ""
+
+
+def _environment(work: Path) -> dict[str, str]:
+    environment = dict(os.environ)
+    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
+    # From a checkout the worker must find this very package, wherever the caller stands and however it came here.
+    home = str(Path(__file__).resolve().parent.parent)
+    installed = {str(Path(sysconfig.get_path(name)).resolve()) for name in ("purelib", "platlib")}
+    if home not in installed:
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (home, environment.get("PYTHONPATH"))))
+    return environment
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    if sys.platform == "win32":
+        if process.poll() is None:
+            taskkill = ["taskkill", "/T", "/F", "/PID", str(process.pid)]
+            with contextlib.suppress(OSError):
+                subprocess.run(taskkill, capture_output=True, check=False)
+            process.kill()
+    else:
+        # A group outlives its leader: what the worker started is ended even when the worker itself is dead.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _listen(
+    worker: _Worker, on_event: Callable[[Event], None], on_tick: Callable[[], None], interrupts: Interrupts
+) -> Event:
+    """Pass the worker's events on until it is done and has ended; return its "done" event."""
+    stage = "start"
+    while True:
+        interrupts.check()
+        on_tick()
+        line = worker.next_line()
+        if line is None:
+            continue
+        if not line:
+            raise StereoReprojectError(_crash_message(worker, stage))
+        event = _parse(line)
+        match event.get("event"):
+            case "stage":
+                stage = str(event.get("stage"))
+                on_event(event)
+            case "warning":
+                on_event(event)
+            case "error":
+                kind = BadInputError if event.get("status") == BadInputError.exit_status else StereoReprojectError
+                raise kind(str(event.get("message")))
+            case "done":
+                _await_exit(worker, on_tick, interrupts)
+                return event
+
+
+def _parse(line: bytes) -> Event:
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return {}
+    return event if isinstance(event, dict) else {}
+
+
+def _await_exit(worker: _Worker, on_tick: Callable[[], None], interrupts: Interrupts) -> None:
+    deadline = time.monotonic() + EXIT_SECONDS
+    while worker.wait(POLL_SECONDS) is None and time.monotonic() < deadline:
+        interrupts.check()
+        on_tick()
+
+
+def _crash_message(worker: _Worker, stage: str) -> str:
+    status = worker.wait(EXIT_SECONDS)
+    if status is None:
+        how = "its output ended"
+    elif status < 0:
+        how = f"signal {-status}"
+    else:
+        how = f"exit status {status:#x}" if status > 255 else f"exit status {status}"
+    message = f"Blender stopped unexpectedly ({how}) during {stage}"
+    if os.name == "posix" and status == -signal.SIGKILL:
+        message += ", perhaps for want of memory: try a smaller --size or free some"
+    words = worker.last_words()
+    return f"{message}; last words: {words}" if words else message
+
+
+@contextlib.contextmanager
+def _work_folder(output: Path) -> Iterator[Path]:
+    """A private folder inside `output`, which is made if need be. Afterwards the folder is gone, and `output` too if
+    it was made here and is empty."""
+    created: list[Path] = []
+    work: Path | None = None
+    try:
+        try:
+            _make_folders(output, created)
+            _check_names_free(output)
+            _remove_abandoned(output)
+            work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
+            (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
+            for name in ("out", "tmp", "old"):
+                (work / name).mkdir()
+        except OSError as error:
+            raise _failed_write(output, error) from error
+        yield work
+    finally:
+        if work is not None:
+            _remove_tree(work)
+        for folder in reversed(created):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _make_folders(folder: Path, created: list[Path]) -> None:
+    """Make `folder` and its missing parents; what was made is added to `created`, also when it fails half-way."""
+    if folder.is_dir():
+        return
+    if os.path.lexists(folder):
+        raise BadInputError(f"{folder} is not a folder; choose another --output")
+    if folder.parent != folder:
+        _make_folders(folder.parent, created)
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        # Somebody else made it in the meantime; then it is theirs.
+        if not folder.is_dir():
+            raise
+    else:
+        created.append(folder)
+
+
+def _check_names_free(output: Path) -> None:
+    for name in FILES:
+        if (output / name).is_dir():
+            raise BadInputError(
+                f"{output / name} is a folder where a file is to be written; move it or choose another --output"
+            )
+
+
+def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
+    if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
+        return BadInputError(f"{output}: the disk is full; free some space or choose another --output")
+    reason = error.strerror or str(error)
+    return BadInputError(f"{output} cannot be written ({reason}); choose another --output")
+
+
+def _remove_tree(folder: Path) -> None:
+    deadline = time.monotonic() + EXIT_SECONDS / 5
+    # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
+    while True:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists() or time.monotonic() > deadline:
+            return
+        time.sleep(POLL_SECONDS / 2)
+
+
+def _remove_abandoned(output: Path) -> None:
+    """Remove the work folders of runs that were killed before they could do it themselves."""
+    for folder in output.glob(f"{WORK_PREFIX}*"):
+        if folder.is_dir() and not folder.is_symlink() and _is_abandoned(folder):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_abandoned(folder: Path) -> bool:
+    try:
+        pid, _, host = (folder / "pid").read_text(encoding="utf-8").partition("\n")
+        # A shared drive: whether a process of another machine lives cannot be known here.
+        if host.strip() not in ("", platform.node()):
+            return False
+        return not _is_running(int(pid))
+    except (OSError, ValueError):
+        with contextlib.suppress(OSError):
+            return time.time() - folder.stat().st_mtime > NAMELESS_SECONDS
+        return False
+
+
+def _is_running(pid: int) -> bool:
+    # In a container the number of a dead run is soon one's own.
+    if pid <= 0 or pid == os.getpid():
+        return False
+    if sys.platform == "win32":
+        import ctypes
+
+        access_synchronize, access_denied, wait_timeout = 0x00100000, 5, 0x102
+        kernel = ctypes.windll.kernel32
+        handle = kernel.OpenProcess(access_synchronize, False, pid)
+        if not handle:
+            return kernel.GetLastError() == access_denied
+        running = kernel.WaitForSingleObject(handle, 0) == wait_timeout
+        kernel.CloseHandle(handle)
+        return running
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _check_complete(made: Path, names: Any) -> None:
+    for name in FILES:
+        if not isinstance(names, list) or name not in names or not (made / name).is_file():
+            raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
+
+
+def _publish(work: Path, output: Path, interrupts: Interrupts) -> None:
+    """Move the finished files into `output`, all of them or none."""
+    made, old = work / "out", work / "old"
+    moved: list[tuple[Path, Path]] = []
+    try:
+        for name in FILES:
+            _flush(made / name)
+        _check_names_free(output)
+        # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
+        # files that are not its own.
+        steps = [(output / name, old / name) for name in reversed(FILES) if os.path.lexists(output / name)]
+        steps += [(made / name, output / name) for name in FILES]
+        for source, destination in steps:
+            source.replace(destination)
+            moved.append((source, destination))
+            interrupts.check()
+    except BaseException as error:
+        for source, destination in reversed(moved):
+            with contextlib.suppress(OSError):
+                destination.replace(source)
+        if isinstance(error, OSError):
+            raise _failed_write(output, error) from error
+        raise
+
+
+def _flush(path: Path) -> None:
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())

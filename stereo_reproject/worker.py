@@ -1,0 +1,124 @@
+"""The process that runs Blender: takes one job on standard input, and answers with events, one JSON line each.
+
+It stands apart from the command line so that an interrupt, a crash or Blender's own output never reaches the user as
+anything but one line. See `supervisor` for the other side.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from .errors import StereoReprojectError
+from .settings import SceneOverrides, StereoSettings
+
+Emit = Callable[..., None]
+
+
+def main() -> None:
+    emit = _open_events()
+    job = json.loads(sys.stdin.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    status = 0
+    try:
+        run_job(job, emit)
+    except StereoReprojectError as error:
+        status = error.exit_status
+        emit("error", status=status, message=str(error))
+    except MemoryError:
+        status = 1
+        emit("error", status=status, message="out of memory: render at a smaller --size")
+    except OSError as error:
+        status = 2
+        emit("error", status=status, message=f"{error.strerror or error}: {error.filename or 'while writing'}")
+    # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
+    os._exit(status)
+
+
+def _open_events() -> Emit:
+    """Events go where standard output went; what Blender prints goes to standard error, which is its log."""
+    stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    lock = threading.Lock()
+
+    def emit(event: str, **fields: Any) -> None:
+        with lock:
+            stream.write(json.dumps({"event": event, **fields}) + "\n")
+            stream.flush()
+
+    return emit
+
+
+def _end_with_parent() -> None:
+    """The parent keeps our standard input open while it lives."""
+    while sys.stdin.read(1):
+        pass
+    os._exit(1)
+
+
+def run_job(job: dict[str, Any], emit: Emit) -> None:
+    """Render the pair of one frame into work/out and say so."""
+    from .blender import frame as blender_frame
+
+    settings = _settings(job["settings"])
+    work = Path(job["work"])
+    start = time.perf_counter()
+    emit("stage", stage="load", fraction=None)
+    scene = blender_frame.load(Path(job["blend"]))
+    loaded = time.perf_counter() - start
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        report, files = blender_frame.render_files(scene, settings, work, load_seconds=loaded, on_stage=on_stage)
+    for warning in report["warnings"]:
+        emit("warning", message=warning)
+    emit("done", report=report, files=files)
+
+
+def _settings(fields: dict[str, Any]) -> StereoSettings:
+    scene = dict(fields["scene"])
+    if scene.get("size") is not None:
+        scene["size"] = tuple(scene["size"])
+    return StereoSettings(**{**fields, "scene": SceneOverrides(**scene)})
+
+
+@contextlib.contextmanager
+def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[[str], None]]:
+    """Tells the stages, and within one how many samples are rendered, as far as Blender's log says it.
+
+    Read from the log, because a Python handler for Blender's render statistics stops 5.2 for good.
+    """
+    import re
+
+    stage = {"name": "load", "from": 0}
+    ended = threading.Event()
+
+    def on_stage(name: str) -> None:
+        stage.update(name=name, **{"from": log.stat().st_size if log.exists() else 0})
+        emit("stage", stage=name, fraction=None)
+
+    def follow() -> None:
+        while not ended.wait(0.25):
+            with contextlib.suppress(OSError), log.open("rb") as file:
+                file.seek(max(stage["from"], log.stat().st_size - 2048))
+                samples = re.findall(rb"Sample (\d+)/(\d+)", file.read())
+                if samples:
+                    done, total = map(int, samples[-1])
+                    emit("stage", stage=stage["name"], fraction=done / max(total, 1))
+
+    thread = threading.Thread(target=follow, daemon=True)
+    thread.start()
+    try:
+        yield on_stage
+    finally:
+        ended.set()
+        thread.join()
+
+
+if __name__ == "__main__":
+    main()
