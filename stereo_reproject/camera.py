@@ -158,14 +158,10 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """
     baseline = float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
     x, y = np.float64(source.width / 2), np.float64(source.height / 2)
-    scale = _scene_scale(source, baseline)
+    # Some tens of baselines away, where the finite difference loses no digits.
+    scale = 50.0 * baseline if baseline > 0 else 1.0
     depth = np.array([scale, 2.0 * scale])
     target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
     moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
     nearness = source.nearness_from_depth(depth)
     return moved / float(abs(nearness[0] - nearness[1]))
-
-
-def _scene_scale(source: Camera, baseline: float) -> float:
-    """A depth at which neither camera's finite differences lose digits: some tens of baselines away."""
-    return 50.0 * baseline if baseline > 0 else 1.0

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .exr import COLOUR_PASS, DEPTH_PASS, Passes
 from .lookup import lookup
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 from .warp import Warp
 
 UNWARPED = ("Vector",)

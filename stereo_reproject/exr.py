@@ -10,15 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInputError, StereoReprojectError
-
-Passes = dict[str, NDArray[np.float32]]
-"""Passes by name, each (H, W, C); channel order as in CHANNELS."""
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 
 CHANNEL_ORDER = "RGBAXYZWVUv"
 """The order in which the letters of Blender's channels stand in an array."""
-
-DEPTH_PASS = "Depth"
-COLOUR_PASS = "Combined"
 
 
 def _openexr() -> Any:

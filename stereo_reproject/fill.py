@@ -66,5 +66,5 @@ def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping
     if best != "full" and predicted[best] > CLEARLY_LOWER * predicted["full"]:
         notes.append(f"{best} is predicted to take {predicted[best]:.1f} s")
         best = "full"
-    judged = f"predicted {predicted[best]:.1f} s" + (f" against {predicted['full']:.1f} s full" if best != "full" else "")
-    return FillChoice(best, "; ".join([judged, *notes]), predicted[best])
+    against = f" against {predicted['full']:.1f} s full" if best != "full" else ""
+    return FillChoice(best, "; ".join([f"predicted {predicted[best]:.1f} s{against}", *notes]), predicted[best])

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from .accuracy import SETTINGS
 from .camera import Camera
 from .composite import composite, contain, warp_passes
-from .exr import COLOUR_PASS, DEPTH_PASS, Passes
 from .fill import FillChoice, SourceCost, choose_fill
 from .grid import Grid
 from .holes import Reason
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 from .reprojection import reproject
 from .settings import StereoSettings
 
@@ -71,7 +71,7 @@ class Stopwatch:
 
 
 def render_stereo_frame(
-    renderer: Renderer, settings: StereoSettings, *, on_stage: Callable[[str], None] = lambda stage: None
+    renderer: Renderer, settings: StereoSettings, *, on_stage: Callable[[str], None] = lambda _: None
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 

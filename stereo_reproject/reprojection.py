@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .camera import Camera, disparity_per_nearness
-from .exr import COLOUR_PASS, DEPTH_PASS, Passes
 from .grid import Grid, build_grid
 from .holes import (
     TEAR,
@@ -20,6 +19,7 @@ from .holes import (
     target_silhouettes,
 )
 from .lookup import lookup
+from .passes import DEPTH_PASS, Passes
 from .warp import Warp, forward_warp
 
 TOUCHED = 0.02

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..exr import COLOUR_PASS
 from ..metrics import noise_ratio, rmse, worst_tiles
+from ..passes import COLOUR_PASS
 from ..pipeline import StereoFrame, colour
 from ..settings import StereoSettings
 from .delivery import deliver_side_by_side

@@ -34,7 +34,7 @@ def render_files(
     work: Path,
     *,
     load_seconds: float = 0.0,
-    on_stage: Callable[[str], None] = lambda stage: None,
+    on_stage: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Render the pair of one frame and write its files into work/out; the report, and the files' names.
 
@@ -117,9 +117,8 @@ def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, frame: Ste
 
 
 def _invalid_warnings(frame: StereoFrame) -> list[str]:
-    return [
-        f"{count} pixels of the {view} eye were no numbers and are black" for view, count in frame.invalid_pixels.items() if count
-    ]
+    invalid = frame.invalid_pixels.items()
+    return [f"{count} pixels of the {view} eye were no numbers and are black" for view, count in invalid if count]
 
 
 def _peak_mb() -> float | None:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from ..camera import Camera, PerspectiveCamera
 from ..errors import StereoReprojectError
-from ..exr import Passes, write_table
+from ..exr import write_table
+from ..passes import Passes
 from ..pixel_filter import TABLE_SIZE, sample_offsets
 from .render import Rendered, render_views
 

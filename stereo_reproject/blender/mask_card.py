@@ -16,8 +16,9 @@ from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..camera import OrthographicCamera
-from ..exr import Passes, write_table
+from ..exr import write_table
 from ..holes import dilate
+from ..passes import Passes
 from ..pixel_filter import filter_support
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
@@ -82,7 +83,8 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
     depth = _focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
     scale = 1.0 if isinstance(eye, OrthographicCamera) else depth
     plane = eye.plane
-    corners = [(plane.left, plane.bottom), (plane.right, plane.bottom), (plane.right, plane.top), (plane.left, plane.top)]
+    low, high = plane.bottom, plane.top
+    corners = [(plane.left, low), (plane.right, low), (plane.right, high), (plane.left, high)]
     mesh.from_pydata([(x * scale, y * scale, -depth) for x, y in corners], [], [(0, 1, 2, 3)])
     uv = mesh.uv_layers.new(name="UVMap")
     uv.data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])

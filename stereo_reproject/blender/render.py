@@ -9,7 +9,8 @@ from pathlib import Path
 import bpy
 
 from ..errors import StereoReprojectError
-from ..exr import DEPTH_PASS, Passes, read_render
+from ..exr import read_render
+from ..passes import DEPTH_PASS, Passes
 
 SKY_DEPTH = 1e9
 """Blender writes 1e10 where there is no surface; anything from here on is sky."""

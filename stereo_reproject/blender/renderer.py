@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exr import Passes
 from ..fill import SourceCost
+from ..passes import Passes
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
 from .render import render_views

@@ -47,7 +47,7 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
     if camera is None:
         raise BadInputError("the scene has no camera: set one in Scene properties > Camera")
     if camera.type != "CAMERA":
-        raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one in Scene > Camera")
+        raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one as scene camera")
     if camera.data.type not in ("PERSP", "ORTHO"):
         kind = {"PANO": "panoramic", "CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
         raise BadInputError(

@@ -15,8 +15,21 @@ BLENDER = f"{ENGINE}.blender"
 OPERATORS = "operators"
 BLENDER_MODULES = {"bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "blf", "imbuf", "_cycles", "oslquery"}
 # They need numpy alone, and of the engine nothing but each other and the words that all share.
-NUMERIC = {"camera", "parallax", "grid", "warp", "holes", "composite", "accuracy", "metrics"}
-SHARED_WORDS = {"settings", "errors"}
+NUMERIC = {
+    "camera",
+    "parallax",
+    "grid",
+    "warp",
+    "holes",
+    "lookup",
+    "reprojection",
+    "pixel_filter",
+    "composite",
+    "fill",
+    "accuracy",
+    "metrics",
+}
+SHARED_WORDS = {"settings", "errors", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.
 ENTRIES = {f"{ENGINE}.cli", f"{ENGINE}.worker"}
 

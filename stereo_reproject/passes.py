@@ -1,0 +1,12 @@
+"""What a render consists of: passes by name."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Passes = dict[str, NDArray[np.float32]]
+"""Passes by Blender's names, each (H, W, C), or (N, C) for traced pixels."""
+
+COLOUR_PASS = "Combined"
+DEPTH_PASS = "Depth"
