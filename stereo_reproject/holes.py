@@ -13,7 +13,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, disparity_per_nearness, target_px_from_source_px
+from .camera import Camera, target_px_from_source_px
 from .warp import Warp
 
 TEAR = 1.0
@@ -65,15 +65,12 @@ class Steps:
         return result
 
 
-def disparity_steps(nearness: NDArray, per_nearness: float) -> Steps:
-    """Steps in disparity between neighbours, with the slope of either side taken out.
+def disparity_steps(disparity: NDArray) -> Steps:
+    """Steps in disparity (H, W), in pixels, between neighbours, with the slope of either side taken out.
 
-    nearness (H, W) as a camera's `nearness_from_depth` gives it, -inf or NaN where there is no answer (no step is
-    seen there); per_nearness as `camera.disparity_per_nearness` gives it. In place of the paper's Sobel magnitude,
-    which any slanted floor exceeds.
+    NaN where there is no answer: no step is seen there. In place of the paper's Sobel magnitude, which any slanted
+    floor exceeds.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        disparity = (nearness * per_nearness).astype(np.float32)
     return Steps(_steps_along_rows(disparity), _steps_along_rows(disparity.T).T)
 
 
@@ -89,21 +86,6 @@ def _steps_along_rows(disparity: NDArray) -> NDArray[np.float32]:
     return np.nan_to_num(step, nan=0.0, posinf=0.0)
 
 
-def dilate(mask: NDArray[np.bool_], radius: int) -> NDArray[np.bool_]:
-    """The mask and what lies within `radius` pixels of it, in the square sense that a separable pixel filter has."""
-    result = mask
-    for axis in (0, 1):
-        grown = result.copy()
-        for shift in range(1, radius + 1):
-            ahead = [slice(None), slice(None)]
-            behind = [slice(None), slice(None)]
-            ahead[axis], behind[axis] = slice(shift, None), slice(None, -shift)
-            grown[tuple(ahead)] |= result[tuple(behind)]
-            grown[tuple(behind)] |= result[tuple(ahead)]
-        result = grown
-    return result
-
-
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
     """(H, W) flags for the target pixels on which nothing landed: outside the source's frame, or disoccluded.
 
@@ -114,7 +96,7 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     rows, columns = np.nonzero(~warp.covered)
     if rows.size == 0:
         return flags
-    behind = _farther_neighbour(warp.nearness)[rows, columns]
+    behind = _farther_neighbour(warp.nearness, rows, columns)
     depth = target.depth_from_nearness(np.where(np.isfinite(behind), behind, 0.0).astype(np.float64))
     x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
     with np.errstate(invalid="ignore"):
@@ -123,32 +105,16 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     return flags
 
 
-def _farther_neighbour(nearness: NDArray) -> NDArray:
-    """(H, W): the smaller of the last answer to the left and the first to the right, NaN where a row has none."""
-    answered = nearness > -np.inf
-    width = nearness.shape[1]
-    index = np.where(answered, np.arange(width), -1)
-    left = np.maximum.accumulate(index, axis=1)
-    index = np.where(answered, np.arange(width), width)
-    right = np.minimum.accumulate(index[:, ::-1], axis=1)[:, ::-1]
-    rows = np.arange(nearness.shape[0])[:, None]
-    from_left = np.where(left >= 0, nearness[rows, np.maximum(left, 0)], np.nan)
-    from_right = np.where(right < width, nearness[rows, np.minimum(right, width - 1)], np.nan)
+def _farther_neighbour(nearness: NDArray, rows: NDArray, columns: NDArray) -> NDArray:
+    """(N,): for the empty pixels at (rows, columns) the smaller of the last answer to the left and the first to the
+    right in the row, NaN where there is none."""
+    affected, row = np.unique(rows, return_inverse=True)
+    lines = nearness[affected]
+    width = lines.shape[1]
+    place = np.arange(width, dtype=np.int32)
+    answered = lines > -np.inf
+    left = np.maximum.accumulate(np.where(answered, place, -1), axis=1)[row, columns]
+    right = np.minimum.accumulate(np.where(answered, place, width)[:, ::-1], axis=1)[:, ::-1][row, columns]
+    from_left = np.where(left >= 0, lines[row, np.maximum(left, 0)], np.nan)
+    from_right = np.where(right < width, lines[row, np.minimum(right, width - 1)], np.nan)
     return np.fmin(from_left, from_right)
-
-
-def source_silhouettes(steps: Steps, *, threshold: float, radius: int) -> NDArray[np.bool_]:
-    """(H, W) source pixels whose colour is filtered over a step in disparity above `threshold` pixels."""
-    return dilate(steps.beside(threshold), radius - 1) if radius > 0 else np.zeros_like(steps.beside(threshold))
-
-
-def target_silhouettes(
-    warp: Warp, empty: NDArray[np.uint16], target: Camera, source: Camera, *, threshold: float, radius: int
-) -> NDArray[np.bool_]:
-    """(H, W) target pixels that a plain render would filter over a step in disparity, judged by the warped depth."""
-    if radius <= 0:
-        return np.zeros(warp.x.shape, bool)
-    steps = disparity_steps(warp.nearness, disparity_per_nearness(target, source))
-    beside = steps.beside(threshold) | ((empty & Reason.DISOCCLUDED.bit) > 0)
-    beside = dilate(beside, 1) if np.any(empty) and radius == 1 else beside
-    return dilate(beside, radius - 1) if radius > 1 else beside

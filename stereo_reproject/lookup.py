@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .masks import dilate
+
 BAND = 64
 """Rows looked up at a time, so that the temporaries stay in a processor's cache."""
 
@@ -22,6 +24,20 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
     for start in range(0, x.shape[0], BAND):
         rows = slice(start, start + BAND)
         result[rows] = _lookup_band(texels, (height, width), x[rows], y[rows], kernel)
+    return result
+
+
+def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
+    """(h, w): whether a bilinear lookup at x, y takes more than `share` of its weight from pixels of `mask` (H, W)."""
+    result = np.zeros(x.shape, bool)
+    rows, columns = np.nonzero(~np.isnan(x))
+    at_x, at_y = x[rows, columns], y[rows, columns]
+    height, width = mask.shape
+    around = dilate(mask, 1)
+    near = around[np.clip(at_y.astype(np.int32), 0, height - 1), np.clip(at_x.astype(np.int32), 0, width - 1)]
+    rows, columns = rows[near], columns[near]
+    weight = lookup(mask[..., None].astype(np.float32), at_x[near][None], at_y[near][None])
+    result[rows, columns] = weight[0, :, 0] > share
     return result
 
 

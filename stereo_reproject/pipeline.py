@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .accuracy import SETTINGS
 from .camera import Camera
-from .composite import composite, contain, warp_passes
+from .composite import composite, contain
 from .fill import FillChoice, SourceCost, choose_fill
 from .grid import Grid
 from .holes import Reason
@@ -93,8 +93,8 @@ def render_stereo_frame(
         accuracy=SETTINGS[settings.accuracy],
         invalid=invalid,
         grid_threshold=settings.grid_threshold,
+        interpolation=settings.interpolation,
     )
-    warped = warp_passes(source, reprojection.warp, target_camera, interpolation=settings.interpolation)
     reasons = reprojection.reasons
 
     watch.lap("fill")
@@ -104,7 +104,7 @@ def render_stereo_frame(
     traced = renderer.trace(fill.method, settings.target, holes) if holes.any() else {}
 
     watch.lap("composite")
-    target, lost = contain(composite(warped, traced, holes))
+    target, lost = contain(composite(reprojection.passes, traced, holes))
     watch.lap()
 
     return StereoFrame(

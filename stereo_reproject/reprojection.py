@@ -9,17 +9,13 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .camera import Camera, disparity_per_nearness
+from .composite import warp_passes
 from .grid import Grid, build_grid
-from .holes import (
-    TEAR,
-    Reason,
-    disparity_steps,
-    empty_reasons,
-    source_silhouettes,
-    target_silhouettes,
-)
-from .lookup import lookup
-from .passes import DEPTH_PASS, Passes
+from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
+from .lookup import touches
+from .masks import dilate
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .silhouettes import differing, edge_band
 from .warp import Warp, forward_warp
 
 TOUCHED = 0.02
@@ -28,11 +24,12 @@ TOUCHED = 0.02
 
 @dataclass(frozen=True)
 class Reprojection:
-    """The warp, its grid, and (H, W) `Reason` flags of the target pixels that it cannot answer for."""
+    """The source's passes as the target sees them, and (H, W) `Reason` flags where they are not the answer."""
 
-    warp: Warp
-    grid: Grid
+    passes: Passes
     reasons: NDArray[np.uint16]
+    grid: Grid
+    warp: Warp
 
 
 def reproject(
@@ -42,27 +39,63 @@ def reproject(
     *,
     accuracy: Accuracy,
     invalid: NDArray[np.bool_],
-    grid_threshold: float,
+    grid_threshold: float = 1.0,
+    interpolation: str = "linear",
 ) -> Reprojection:
-    """Warp the source's depth into the target and flag what is to be traced.
+    """Warp the source into the target and flag what is to be traced.
 
-    source holds the colour (H, W, 4) and depth (H, W, 1) passes; invalid (H, W) marks source pixels whose colour is
-    no number; grid_threshold is in arc minutes.
+    source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
+    whose colour is no number; grid_threshold is in arc minutes.
     """
     depth = source[DEPTH_PASS][..., 0]
     grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
-    nearness = source_camera.nearness_from_depth(depth.astype(np.float64))
-    steps = disparity_steps(nearness, disparity_per_nearness(source_camera, target_camera))
+    disparity = _disparity(depth, source_camera, target_camera)
+    steps = disparity_steps(disparity)
     warp = forward_warp(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
     )
+    warped = warp_passes(source, warp, target_camera, interpolation=interpolation)
+
     reasons = empty_reasons(warp, source_camera, target_camera)
-    band = {"threshold": accuracy.silhouette_step, "radius": accuracy.silhouette_radius}
-    in_source = source_silhouettes(steps, **band)
-    in_target = target_silhouettes(warp, reasons, target_camera, source_camera, **band)
-    unfit = np.stack([in_source, invalid], axis=-1).astype(np.float32)
-    touched = lookup(unfit, warp.x, warp.y) > TOUCHED
     answered = reasons == 0
-    reasons[answered & (in_target | touched[..., 0])] |= Reason.SILHOUETTE.bit
-    reasons[answered & touched[..., 1]] |= Reason.INVALID.bit
-    return Reprojection(warp, grid, reasons)
+    blurred = _source_silhouettes(source, disparity, steps, invalid, accuracy)
+    edges = _target_silhouettes(warped, warp, reasons, target_camera, source_camera, accuracy)
+    reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
+    if invalid.any():
+        reasons[answered & touches(invalid, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
+    return Reprojection(warped, reasons, grid, warp)
+
+
+def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
+    """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
+    nearness = camera.nearness_from_depth(depth.astype(np.float64))
+    return (nearness * disparity_per_nearness(camera, other)).astype(np.float32)
+
+
+def _source_silhouettes(
+    source: Passes, disparity: NDArray, steps: Steps, invalid: NDArray[np.bool_], accuracy: Accuracy
+) -> NDArray[np.bool_]:
+    """(H, W) source pixels that mix what the two sides of an edge show."""
+    band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+    unknown = invalid | ~np.isfinite(disparity)
+    return differing(band, disparity, source[COLOUR_PASS], tolerance=accuracy.colour_tolerance, unknown=unknown)
+
+
+def _target_silhouettes(
+    warped: Passes,
+    warp: Warp,
+    empty: NDArray[np.uint16],
+    target_camera: Camera,
+    source_camera: Camera,
+    accuracy: Accuracy,
+) -> NDArray[np.bool_]:
+    """(H, W) target pixels that a plain render would filter over an edge, judged by the warped depth.
+
+    Beside a disoccluded pixel the other side's colour is not known yet: there the band is always traced.
+    """
+    disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target_camera, source_camera)
+    steps = disparity_steps(disparity.astype(np.float32))
+    band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+    edges = differing(band, disparity, warped[COLOUR_PASS], tolerance=accuracy.colour_tolerance, unknown=~warp.covered)
+    uncovered = (empty & Reason.DISOCCLUDED.bit) > 0
+    return edges | dilate(uncovered, accuracy.silhouette_radius)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..camera import OrthographicCamera
 from ..exr import write_table
-from ..holes import dilate
+from ..masks import dilate
 from ..passes import Passes
 from ..pixel_filter import filter_support
 from .render import Rendered, render_views

@@ -22,6 +22,8 @@ NUMERIC = {
     "warp",
     "holes",
     "lookup",
+    "masks",
+    "silhouettes",
     "reprojection",
     "pixel_filter",
     "composite",

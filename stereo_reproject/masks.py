@@ -1,0 +1,21 @@
+"""Masks of pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def dilate(mask: NDArray[np.bool_], radius: int) -> NDArray[np.bool_]:
+    """The mask and what lies within `radius` pixels of it, in the square sense that a separable pixel filter has."""
+    result = mask
+    for axis in (0, 1):
+        grown = result.copy()
+        for shift in range(1, radius + 1):
+            ahead = [slice(None), slice(None)]
+            behind = [slice(None), slice(None)]
+            ahead[axis], behind[axis] = slice(shift, None), slice(None, -shift)
+            grown[tuple(ahead)] |= result[tuple(behind)]
+            grown[tuple(behind)] |= result[tuple(ahead)]
+        result = grown
+    return result
