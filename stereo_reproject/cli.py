@@ -288,7 +288,7 @@ class _Parser(argparse.ArgumentParser):
 
 class _ShowVersion(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        print(f"{PROGRAM} {version()}")
+        Console().show(f"{PROGRAM} {version()}")
         parser.exit()
 
 

@@ -1,0 +1,114 @@
+"""Stands in for the worker that runs Blender: `python stub_worker.py BEHAVIOUR NOTES`, NOTES being a folder in which
+it leaves word of what it saw. Not a test itself."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
+FOREVER = 600
+
+behaviour, notes = sys.argv[1], Path(sys.argv[2])
+
+
+def note(name, text=""):
+    beside = notes / f".{name}"
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(notes / name)
+
+
+def say(event, **values):
+    print(json.dumps({"event": event, **values}), flush=True)
+
+
+def report():
+    return {
+        "schema": 1,
+        "scene": "room.blend",
+        "frame": 1,
+        "size": [64, 32],
+        "samples": 4,
+        "blender": "5.2.3",
+        "accuracy": "balanced",
+        "fill": {"method": "packed", "reason": "6 % of the pixels are holes"},
+        "grid": {"cells": 8, "subdivided": 2, "triangles": 44},
+        "fractions": {"disoccluded": 0.03, "outside": 0.01, "silhouette": 0.02, "rerendered": 0.06},
+        "seconds": {"load": 1, "source": 10, "warp": 0.1, "fill": 1, "composite": 0.1, "write": 0.5, "total": 11.2},
+        "memory": {"peak_mb": 512.5},
+    }
+
+
+def finish(files=FILES, **changes):
+    for name in files:
+        (work / "out" / name).write_text(f"new {name}", encoding="utf-8")
+    say("done", report={**report(), **changes}, files=list(files))
+
+
+note("pid", str(os.getpid()))
+if behaviour == "silent":
+    note("ready")
+    time.sleep(FOREVER)
+
+job = json.loads(sys.stdin.readline())
+work = Path(job["work"])
+note("job", json.dumps(job))
+note("temporary", os.environ["TMPDIR"])
+print("Read blend: noise that is no event", flush=True)
+say("stage", stage="load", fraction=None)
+say("stage", stage="fill", fraction=0.5, detail="12 of 24 samples")
+
+match behaviour:
+    case "success":
+        say("warning", message="two passes\nhad to be left out")
+        finish()
+    case "success, then hangs":
+        finish()
+        note("ready")
+        time.sleep(FOREVER)
+    case "success, then dies":
+        finish()
+        os._exit(9)
+    case "incomplete":
+        finish(FILES[:3] + FILES[4:])
+    case "bad report":
+        finish(samples="many")
+    case "error 1":
+        (work / "out" / "left.exr").write_text("half", encoding="utf-8")
+        say("error", status=1, message="the source eye came out empty:\ncheck the scene")
+    case "error 2":
+        say("error", status=2, message="room.blend has no camera; add one")
+    case "segmentation fault":
+        with contextlib.suppress(ImportError):
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        print("Device 0 lost\n\n", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGSEGV)
+    case "exit 3":
+        print("ModuleNotFoundError: No module named 'bpy'", file=sys.stderr)
+        sys.exit(3)
+    case "waits":
+        note("ready")
+        sys.stdin.read()
+        note("end of input")
+    case "stubborn":
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        child = subprocess.Popen([sys.executable, "-c", f"import time; time.sleep({FOREVER})"])
+        note("descendant", str(child.pid))
+        note("ready")
+        time.sleep(FOREVER)
+    case "descendant keeps the pipe":
+        child = subprocess.Popen([sys.executable, "-c", f"import time; time.sleep({FOREVER})"])
+        note("descendant", str(child.pid))
+        os._exit(4)
+    case "announces stages slowly":
+        for fraction in (0.6, 0.7, 1.0):
+            time.sleep(0.15)
+            say("stage", stage="fill", fraction=fraction)
+        finish()

@@ -1,0 +1,210 @@
+"""report.json: what is asked of it, how it is written, and the table made from it."""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+
+from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.report import check_report, format_report_table, write_json
+
+COMPARE = {
+    "multiview_seconds": 20.0,
+    "speedup": 1.786,
+    "rmse": 0.021,
+    "noise_rmse": 0.0209,
+    "noise_ratio": 1.005,
+    "worst_tiles": 1.12,
+    "flip": 0.0312,
+    "noise_flip": 0.0309,
+}
+
+
+@pytest.fixture
+def report():
+    return {
+        "schema": 1,
+        "scene": "room.blend",
+        "frame": 7,
+        "size": [960, 540],
+        "samples": 64,
+        "blender": "5.2.3",
+        "accuracy": "balanced",
+        "fill": {"method": "packed", "reason": "6 % of the pixels are holes"},
+        "grid": {"cells": 2040, "subdivided": 210, "triangles": 30000},
+        "fractions": {"disoccluded": 0.03, "outside": 0.0, "silhouette": 0.0456, "invalid": 0.0, "rerendered": 0.0712},
+        "seconds": {
+            "load": 1.25,
+            "source": 10.0,
+            "warp": 0.125,
+            "fill": 1.0,
+            "composite": 0.1,
+            "write": 0.5,
+            "total": 11.2,
+        },
+        "memory": {"peak_mb": 812.4},
+    }
+
+
+def change(report, key, value):
+    """A copy of the report with the value at the dotted key replaced, or taken out where value is `...`."""
+    changed = copy.deepcopy(report)
+    *path, last = key.split(".")
+    place = changed
+    for name in path:
+        place = place[name]
+    if value is ...:
+        del place[last]
+    else:
+        place[last] = value
+    return changed
+
+
+def test_complete_report_passes(report):
+    check_report(report)
+    check_report({**report, "compare": COMPARE, "warnings": ["one"], "predicted_speedup": 1.8})
+
+
+def test_report_with_numpy_scalars_passes(report):
+    check_report(change(report, "seconds.fill", np.float32(0.5)))
+    check_report(change(report, "grid.cells", np.int64(5)))
+
+
+KEYS = {
+    "": "schema scene frame size samples blender accuracy fill grid fractions seconds memory",
+    "fill.": "method reason",
+    "grid.": "cells subdivided triangles",
+    "fractions.": "disoccluded outside silhouette rerendered",
+    "seconds.": "load source warp fill composite write total",
+    "memory.": "peak_mb",
+}
+
+
+@pytest.mark.parametrize("key", [group + name for group, names in KEYS.items() for name in names.split()])
+def test_missing_key_is_named(report, key):
+    with pytest.raises(StereoReprojectError, match=f"has no {key}"):
+        check_report(change(report, key, ...))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("schema", 2),
+        ("schema", True),
+        ("scene", None),
+        ("frame", 1.5),
+        ("size", [960]),
+        ("size", [0, 540]),
+        ("samples", "64"),
+        ("accuracy", "perfect"),
+        ("fill.method", "auto"),
+        ("grid.cells", -1),
+        ("fractions.silhouette", 1.01),
+        ("fractions.invalid", -0.1),
+        ("fractions.rerendered", math.nan),
+        ("seconds.fill", math.inf),
+        ("seconds.fill", None),
+        ("seconds.total", True),
+        ("memory.peak_mb", "much"),
+        ("predicted_speedup", "fast"),
+        ("warnings", "one text"),
+        ("warnings", [1]),
+    ],
+)
+def test_wrong_value_is_named(report, key, value):
+    report = {**report, "warnings": [], "predicted_speedup": None}
+    with pytest.raises(StereoReprojectError, match=f"{key} in the report must be"):
+        check_report(change(report, key, value))
+
+
+@pytest.mark.parametrize("name", COMPARE)
+def test_incomplete_comparison_is_named(report, name):
+    compare = {key: value for key, value in COMPARE.items() if key != name}
+    with pytest.raises(StereoReprojectError, match=f"has no compare.{name}"):
+        check_report({**report, "compare": compare})
+
+
+def test_comparison_without_noise_may_lack_a_ratio(report):
+    check_report({**report, "compare": {**COMPARE, "noise_ratio": None, "worst_tiles": math.inf}})
+
+
+def test_json_is_strict(tmp_path):
+    values = {
+        "nan": math.nan,
+        "deep": [{"inf": np.float32(np.inf)}, (-math.inf, np.float64(0.5), np.int32(3), np.bool_(True))],
+        "text": "Küche \udcff",
+    }
+    write_json(tmp_path / "report.json", values)
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    text = (tmp_path / "report.json").read_text(encoding="utf-8")
+    assert json.loads(text, parse_constant=refuse) == {
+        "nan": None,
+        "deep": [{"inf": None}, [None, 0.5, 3, True]],
+        "text": "Küche \udcff",
+    }
+
+
+def test_failed_write_leaves_the_old_file_alone(tmp_path):
+    path = tmp_path / "report.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(TypeError, match="object"):
+        write_json(path, {"a": object()})
+    assert json.loads(path.read_text(encoding="utf-8")) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_rename_that_fails_leaves_nothing_beside(tmp_path):
+    (tmp_path / "report.json").mkdir()
+    with pytest.raises(OSError, match=r"report\.json"):
+        write_json(tmp_path / "report.json", {"a": 1})
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_table_of_a_measured_run(report):
+    table = format_report_table({**report, "compare": COMPARE, "predicted_speedup": 9.9})
+    assert table.splitlines() == [
+        "room.blend, frame 7, 960x540, 64 samples, balanced",
+        "took          seconds",
+        "  load            1.25   not in the total",
+        "  source         10.00",
+        "  warp            0.12",
+        "  fill            1.00",
+        "  composite       0.10",
+        "  write           0.50   not in the total",
+        "  total          11.20   first render call to composited pair",
+        "traced        of the target eye's pixels (one pixel may have several reasons)",
+        "  disoccluded       3.00 %",
+        "  silhouette        4.56 %",
+        "  rerendered        7.12 %",
+        "fill          packed: 6 % of the pixels are holes",
+        "gained        1.79 x over Blender's multiview (20.00 s), measured",
+        "  noise ratio 1.005   1 = as good as rendering it again",
+        "  worst tiles 1.120",
+        "  FLIP        0.0312   of noise alone 0.0309",
+        "memory        812 MB at its peak",
+    ]
+
+
+def test_table_calls_a_prediction_predicted(report):
+    table = format_report_table({**report, "predicted_speedup": 1.76})
+    assert "about 1.76 x over Blender's multiview, predicted" in table
+    assert "measured" not in table
+
+
+def test_table_claims_no_gain_without_figures(report):
+    assert "gained" not in format_report_table(report)
+
+
+def test_table_shows_what_has_no_value(report):
+    table = format_report_table({**report, "compare": {**COMPARE, "noise_ratio": None, "flip": math.nan}})
+    assert "noise ratio n/a" in table
+    assert "FLIP        n/a" in table
+
+
+def test_table_keeps_further_stages(report):
+    assert "  refine          2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
