@@ -43,11 +43,16 @@ class FillChoice:
     predicted_seconds: float
 
 
+def check_fill(asked: str, blockers: Mapping[str, str | None]) -> None:
+    """Raises BadInputError when the method that was asked for cannot be used here; blockers as for `choose_fill`."""
+    if blockers.get(asked):
+        raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
+
+
 def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping[str, str | None]) -> FillChoice:
     """The fill for a frame of which `fraction` is to be traced.
 
-    blockers names the methods with why they cannot be used here, or None. Raises BadInputError when a method that was
-    asked for cannot be used.
+    blockers names the methods with why they cannot be used here, or None.
     """
     predicted = {
         "packed": cost.fixed + PACKED_PER_PIXEL * fraction * cost.per_frame,
@@ -55,8 +60,6 @@ def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping
         "full": cost.fixed + cost.per_frame,
     }
     if asked != "auto":
-        if blockers.get(asked):
-            raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
         return FillChoice(asked, "asked for", predicted[asked])
     if fraction == 0.0:
         return FillChoice("packed", "no hole to fill", 0.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .accuracy import SETTINGS
 from .camera import Camera
 from .composite import composite, contain
-from .fill import FillChoice, SourceCost, choose_fill
+from .fill import FillChoice, SourceCost, check_fill, choose_fill
 from .grid import Grid
 from .holes import Reason
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
@@ -30,8 +30,8 @@ class Renderer(Protocol):
         """The source eye, whole."""
         ...
 
-    def fill_blockers(self, deepest: float) -> Mapping[str, str | None]:
-        """Why a fill method cannot be used for this scene, by method; deepest is the source's greatest depth."""
+    def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
+        """Why a fill method cannot be used for this scene, by method; deepest is the greatest depth that was seen."""
         ...
 
     def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
@@ -79,6 +79,7 @@ def render_stereo_frame(
     settings cannot be met for this scene, StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
+    check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 
     watch.lap("source")
@@ -98,8 +99,7 @@ def render_stereo_frame(
     reasons = reprojection.reasons
 
     watch.lap("fill")
-    blockers = renderer.fill_blockers(_deepest(source))
-    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
+    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, renderer.fill_blockers(_deepest(source)))
     holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
     traced = renderer.trace(fill.method, settings.target, holes) if holes.any() else {}
 

@@ -68,8 +68,8 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSet
     stereo = working.camera.data.stereo
     return {
         "schema": REPORT_SCHEMA,
-        "scene": scene.name,
-        "file": Path(bpy.data.filepath).name,
+        "scene": Path(bpy.data.filepath).stem or scene.name,
+        "scene_datablock": scene.name,
         "frame": working.frame_current,
         "size": [render.resolution_x * percentage // 100, render.resolution_y * percentage // 100],
         "samples": working.cycles.samples if cycles else working.eevee.taa_render_samples,

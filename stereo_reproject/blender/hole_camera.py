@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, PerspectiveCamera
+from ..camera import Camera, OrthographicCamera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
 from ..passes import Passes
@@ -24,9 +24,12 @@ from .render import Rendered, render_views
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
 
-def packed_blocker(scene: bpy.types.Scene, deepest: float) -> str | None:
-    """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth seen by the source."""
+def packed_blocker(scene: bpy.types.Scene, eye: PerspectiveCamera | OrthographicCamera, deepest: float) -> str | None:
+    """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
     camera = scene.camera.data
+    plane = eye.plane
+    reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
+    corner = np.linalg.norm((reach_x, reach_y, 1.0))
     checks = {
         "the scene renders with EEVEE": scene.render.engine != "CYCLES",
         "this Blender is built without OSL": not _has_osl(),
@@ -39,7 +42,8 @@ def packed_blocker(scene: bpy.types.Scene, deepest: float) -> str | None:
         "camera culling follows the camera": scene.render.use_simplify
         and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
         "a material uses Window coordinates": _uses_window_coordinates(),
-        "surfaces reach the camera's clip end": deepest > 0.7 * camera.clip_end,
+        # A custom camera's rays end at that distance, a perspective camera's at that depth.
+        "surfaces reach the camera's clip end": deepest * corner > camera.clip_end,
     }
     return next((reason for reason, blocks in checks.items() if blocks), None)
 

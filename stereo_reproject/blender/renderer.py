@@ -33,8 +33,8 @@ class BlenderRenderer:
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         return rendered.views[view], SourceCost(rendered.seconds, rendered.sync_seconds)
 
-    def fill_blockers(self, deepest: float) -> dict[str, str | None]:
-        return {"packed": packed_blocker(self.scene, deepest), "card": card_blocker(self.scene)}
+    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        return {"packed": packed_blocker(self.scene, self.cameras["left"], deepest), "card": card_blocker(self.scene)}
 
     def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
         seed = shifted_seed(self.seed, FILL_SEED)
