@@ -24,20 +24,16 @@ After "done" the worker has EXIT_SECONDS to end; how it ends then changes nothin
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import os
-import platform
 import queue
-import shutil
 import signal
 import subprocess
 import sys
 import sysconfig
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
@@ -46,15 +42,10 @@ from typing import Any
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
+from .work_folder import check_complete, publish, work_folder
 
-# The report comes last: where it stands, the files beside it belong to it.
-FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
-
-WORK_PREFIX = ".stereo_reproject-"
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
-# A work folder without a pid may belong to a run that is just starting.
-NAMELESS_SECONDS = 60.0
 LOG_TAIL_BYTES = 65536
 LAST_WORDS_LENGTH = 240
 
@@ -128,7 +119,7 @@ def run_worker(
     then nothing of the run is left behind.
     """
     interrupts = interrupts or Interrupts()
-    with _work_folder(job.output) as work:
+    with work_folder(job.output) as work:
         interrupts.check()
         with _start(command or _worker_command(), work) as worker:
             worker.send(job)
@@ -137,8 +128,8 @@ def run_worker(
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
         check_report(report)
-        _check_complete(work / "out", done.get("files"))
-        _publish(work, job.output, interrupts)
+        check_complete(work / "out", done.get("files"))
+        publish(work, job.output, between_steps=interrupts.check)
     return report
 
 
@@ -314,152 +305,3 @@ def _crash_message(worker: _Worker, stage: str) -> str:
         message += ", perhaps for want of memory: try a smaller --size or free some"
     words = worker.last_words()
     return f"{message}; last words: {words}" if words else message
-
-
-@contextlib.contextmanager
-def _work_folder(output: Path) -> Iterator[Path]:
-    """A private folder inside `output`, which is made if need be. Afterwards the folder is gone, and `output` too if
-    it was made here and is empty."""
-    created: list[Path] = []
-    work: Path | None = None
-    try:
-        try:
-            _make_folders(output, created)
-            _check_names_free(output)
-            _remove_abandoned(output)
-            work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
-            (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
-            for name in ("out", "tmp", "old"):
-                (work / name).mkdir()
-        except OSError as error:
-            raise _failed_write(output, error) from error
-        yield work
-    finally:
-        if work is not None:
-            _remove_tree(work)
-        for folder in reversed(created):
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-
-
-def _make_folders(folder: Path, created: list[Path]) -> None:
-    """Make `folder` and its missing parents; what was made is added to `created`, also when it fails half-way."""
-    if folder.is_dir():
-        return
-    if os.path.lexists(folder):
-        raise BadInputError(f"{folder} is not a folder; choose another --output")
-    if folder.parent != folder:
-        _make_folders(folder.parent, created)
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        # Somebody else made it in the meantime; then it is theirs.
-        if not folder.is_dir():
-            raise
-    else:
-        created.append(folder)
-
-
-def _check_names_free(output: Path) -> None:
-    for name in FILES:
-        if (output / name).is_dir():
-            raise BadInputError(
-                f"{output / name} is a folder where a file is to be written; move it or choose another --output"
-            )
-
-
-def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
-    if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
-        return BadInputError(f"{output}: the disk is full; free some space or choose another --output")
-    reason = error.strerror or str(error)
-    return BadInputError(f"{output} cannot be written ({reason}); choose another --output")
-
-
-def _remove_tree(folder: Path) -> None:
-    deadline = time.monotonic() + EXIT_SECONDS / 5
-    # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
-    while True:
-        shutil.rmtree(folder, ignore_errors=True)
-        if not folder.exists() or time.monotonic() > deadline:
-            return
-        time.sleep(POLL_SECONDS / 2)
-
-
-def _remove_abandoned(output: Path) -> None:
-    """Remove the work folders of runs that were killed before they could do it themselves."""
-    for folder in output.glob(f"{WORK_PREFIX}*"):
-        if folder.is_dir() and not folder.is_symlink() and _is_abandoned(folder):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_abandoned(folder: Path) -> bool:
-    try:
-        pid, _, host = (folder / "pid").read_text(encoding="utf-8").partition("\n")
-        # A shared drive: whether a process of another machine lives cannot be known here.
-        if host.strip() not in ("", platform.node()):
-            return False
-        return not _is_running(int(pid))
-    except (OSError, ValueError):
-        with contextlib.suppress(OSError):
-            return time.time() - folder.stat().st_mtime > NAMELESS_SECONDS
-        return False
-
-
-def _is_running(pid: int) -> bool:
-    # In a container the number of a dead run is soon one's own.
-    if pid <= 0 or pid == os.getpid():
-        return False
-    if sys.platform == "win32":
-        import ctypes
-
-        access_synchronize, access_denied, wait_timeout = 0x00100000, 5, 0x102
-        kernel = ctypes.windll.kernel32
-        handle = kernel.OpenProcess(access_synchronize, False, pid)
-        if not handle:
-            return kernel.GetLastError() == access_denied
-        running = kernel.WaitForSingleObject(handle, 0) == wait_timeout
-        kernel.CloseHandle(handle)
-        return running
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    return True
-
-
-def _check_complete(made: Path, names: Any) -> None:
-    for name in FILES:
-        if not isinstance(names, list) or name not in names or not (made / name).is_file():
-            raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
-
-
-def _publish(work: Path, output: Path, interrupts: Interrupts) -> None:
-    """Move the finished files into `output`, all of them or none."""
-    made, old = work / "out", work / "old"
-    moved: list[tuple[Path, Path]] = []
-    try:
-        for name in FILES:
-            _flush(made / name)
-        _check_names_free(output)
-        # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
-        # files that are not its own.
-        steps = [(output / name, old / name) for name in reversed(FILES) if os.path.lexists(output / name)]
-        steps += [(made / name, output / name) for name in FILES]
-        for source, destination in steps:
-            source.replace(destination)
-            moved.append((source, destination))
-            interrupts.check()
-    except BaseException as error:
-        for source, destination in reversed(moved):
-            with contextlib.suppress(OSError):
-                destination.replace(source)
-        if isinstance(error, OSError):
-            raise _failed_write(output, error) from error
-        raise
-
-
-def _flush(path: Path) -> None:
-    with path.open("r+b") as file:
-        os.fsync(file.fileno())

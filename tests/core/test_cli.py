@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject import cli, supervisor
+from stereo_reproject import cli, supervisor, work_folder
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parent.parent
@@ -139,7 +139,7 @@ def assert_one_line(text, *parts):
 
 def test_success_delivers_all_files_and_nothing_else(place, capsys):
     assert render(place, "success") == 0
-    assert snapshot(place / "out" / "pair") == {name: f"new {name}".encode() for name in supervisor.FILES}
+    assert snapshot(place / "out" / "pair") == {name: f"new {name}".encode() for name in work_folder.FILES}
     printed = capsys.readouterr()
     assert "\r" not in printed.out
     assert "rerendered        6.00 %" in printed.out
@@ -201,7 +201,7 @@ def test_files_of_an_earlier_run_are_replaced_and_others_stay(place):
     (output / "mine.txt").write_text("mine")
     assert render(place, "success") == 0
     assert (output / "left.exr").read_text() == "new left.exr"
-    assert sorted(path.name for path in output.iterdir()) == sorted((*supervisor.FILES, "mine.txt"))
+    assert sorted(path.name for path in output.iterdir()) == sorted((*work_folder.FILES, "mine.txt"))
 
 
 @posix
@@ -216,7 +216,7 @@ def test_delivered_files_have_ordinary_permissions(place):
 def test_how_the_worker_ends_after_done_changes_nothing(place, monkeypatch, behaviour):
     monkeypatch.setattr(supervisor, "EXIT_SECONDS", 0.3)
     assert render(place, behaviour) == 0
-    assert sorted(snapshot(place / "out" / "pair")) == sorted(supervisor.FILES)
+    assert sorted(snapshot(place / "out" / "pair")) == sorted(work_folder.FILES)
     assert not runs(noted_pid(place, "pid"))
 
 
@@ -439,7 +439,7 @@ def send_interrupt():
 
 
 # With two files of an earlier run, those two are moved out before the new ones are moved in.
-RENAMES = 2 + len(supervisor.FILES)
+RENAMES = 2 + len(work_folder.FILES)
 
 
 @pytest.mark.parametrize("number", range(RENAMES))
@@ -463,7 +463,7 @@ def test_delivery_is_all_or_nothing(place, capsys, monkeypatch, number, intrusio
 def test_a_report_never_stands_beside_files_that_are_not_its_own(place, monkeypatch):
     output = place / "out" / "pair"
     output.mkdir(parents=True)
-    for name in supervisor.FILES:
+    for name in work_folder.FILES:
         (output / name).write_text("old")
     replace = pathlib.Path.replace
 
@@ -471,7 +471,7 @@ def test_a_report_never_stands_beside_files_that_are_not_its_own(place, monkeypa
         result = replace(self, target)
         contents = [path.read_text().partition(" ")[0] for path in output.iterdir() if path.is_file()]
         if (output / "report.json").exists():
-            assert contents in (["old"] * len(supervisor.FILES), ["new"] * len(supervisor.FILES))
+            assert contents in (["old"] * len(work_folder.FILES), ["new"] * len(work_folder.FILES))
         return result
 
     monkeypatch.setattr(pathlib.Path, "replace", watching)
@@ -564,11 +564,11 @@ def test_worker_learns_of_a_killed_parent_and_the_next_run_cleans_up(place, star
     output = place / "out" / "pair"
     assert [path.name.startswith(".stereo_reproject-") for path in output.iterdir()] == [True]
     assert render(place, "success") == 0
-    assert sorted(snapshot(output)) == sorted(supervisor.FILES)
+    assert sorted(snapshot(output)) == sorted(work_folder.FILES)
 
 
 def left_over(output, name, pid=None, age=0.0):
-    folder = output / f"{supervisor.WORK_PREFIX}{name}"
+    folder = output / f"{work_folder.WORK_PREFIX}{name}"
     (folder / "out").mkdir(parents=True)
     if pid is not None:
         (folder / "pid").write_text(pid)

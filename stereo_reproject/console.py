@@ -1,0 +1,166 @@
+"""What a run says while it runs and at its end, on a terminal or into a pipe, whatever becomes of either."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shutil
+import sys
+import time
+from typing import Any, TextIO
+
+from .errors import StereoReprojectError
+from .supervisor import Event
+
+PROGRAM = "stereo_reproject"
+BAR_LENGTH = 24
+REDRAW_SECONDS = 0.1
+
+
+class Console:
+    """What a run says: progress and summary on standard output, warnings and errors on standard error."""
+
+    def __init__(self) -> None:
+        self.quiet = False
+        self._line: _StageLine | None = None
+        self._output_error: OSError | None = None
+
+    def show(self, text: str) -> None:
+        """Print on standard output, unless quiet."""
+        if self.quiet or sys.stdout is None:
+            return
+        try:
+            for line in text.splitlines():
+                sys.stdout.write(_encodable(_escape(line), sys.stdout) + "\n")
+        except OSError as error:
+            self._output_error = error
+
+    def complain(self, message: str, *, kind: str | None) -> None:
+        """Print one line on standard error."""
+        if self._line is not None:
+            self._line.erase()
+        if sys.stderr is None:
+            return
+        with contextlib.suppress(OSError):
+            text = ": ".join(filter(None, (PROGRAM, kind, one_line(message))))
+            sys.stderr.write(_encodable(text, sys.stderr) + "\n")
+            sys.stderr.flush()
+
+    def on_event(self, event: Event) -> None:
+        """Show a "stage" or "warning" event of the worker."""
+        if event["event"] == "warning":
+            self.complain(str(event.get("message")), kind="warning")
+            return
+        if self.quiet or not _is_terminal(sys.stdout):
+            return
+        stage = str(event.get("stage"))
+        if self._line is None or self._line.stage != stage:
+            self.end_stage()
+            self._line = _StageLine(stage, sys.stdout)
+        self._line.update(event.get("fraction"), str(event.get("detail") or ""))
+
+    def on_tick(self) -> None:
+        """Let the seconds of the running stage count on."""
+        if self._line is not None:
+            self._line.draw()
+
+    def end_stage(self) -> None:
+        """Leave the line of the stage that is over, and go to the next."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def finish(self, status: int) -> int:
+        """Write out what is held back and return the exit status: `status`, or 1 in place of 0 where that fails."""
+        try:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+        except OSError as error:
+            self._output_error = error
+        if self._output_error is None:
+            return status
+        _discard_output()
+        if isinstance(self._output_error, BrokenPipeError):
+            # Whoever reads has seen enough.
+            return status
+        reason = self._output_error.strerror
+        self.complain(f"standard output cannot be written ({reason}); redirect it elsewhere", kind="error")
+        return status or StereoReprojectError.exit_status
+
+
+class _StageLine:
+    """The progress line of one stage, rewritten in place."""
+
+    def __init__(self, stage: str, stream: TextIO) -> None:
+        self.stage = stage
+        self._stream = stream
+        self._started = time.monotonic()
+        self._drawn = self._started - REDRAW_SECONDS
+        self._fraction: float | None = None
+        self._detail = ""
+        self._length = 0
+
+    def update(self, fraction: Any, detail: str) -> None:
+        self._fraction = min(max(fraction, 0.0), 1.0) if isinstance(fraction, (int, float)) else None
+        self._detail = detail
+        self.draw()
+
+    def draw(self) -> None:
+        now = time.monotonic()
+        if now - self._drawn >= REDRAW_SECONDS:
+            self._drawn = now
+            self._write(self._text())
+
+    def erase(self) -> None:
+        self._write("")
+        self._write("")
+        self._drawn -= REDRAW_SECONDS
+
+    def close(self) -> None:
+        self._fraction = None if self._fraction is None else 1.0
+        self._detail = ""
+        self._write(self._text(), end="\n")
+
+    def _text(self) -> str:
+        bar = ""
+        if self._fraction is not None:
+            filled = round(BAR_LENGTH * self._fraction)
+            bar = f"[{'#' * filled}{'-' * (BAR_LENGTH - filled)}] {100 * self._fraction:3.0f} %"
+        seconds = time.monotonic() - self._started
+        return f"{self.stage:<10} {bar:<{BAR_LENGTH + 8}} {seconds:7.1f} s  {self._detail}".rstrip()
+
+    def _write(self, text: str, end: str = "") -> None:
+        # A line that wraps cannot be rewritten.
+        text = _encodable(_escape(text)[: shutil.get_terminal_size().columns - 1], self._stream)
+        # A terminal that has gone away is no reason to stop.
+        with contextlib.suppress(OSError):
+            self._stream.write("\r" + text.ljust(self._length) + end)
+            self._stream.flush()
+        self._length = len(text)
+
+
+def one_line(text: str) -> str:
+    """`text` on one line, with nothing in it that a terminal would take as a command."""
+    return _escape(" ".join(text.split()))
+
+
+def _escape(text: str) -> str:
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+
+
+def _encodable(text: str, stream: TextIO) -> str:
+    encoding = stream.encoding or "ascii"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
+
+
+def _is_terminal(stream: TextIO | None) -> bool:
+    return stream is not None and not stream.closed and stream.isatty()
+
+
+def _discard_output() -> None:
+    """Python flushes standard output once more at exit; let that succeed."""
+    with contextlib.suppress(OSError, io.UnsupportedOperation):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

@@ -1,0 +1,191 @@
+"""The run's private folder, inside the output folder: made, cleaned up after, and emptied into the result.
+
+It lies on the same drive as the result, so that finished files are moved there and never copied:
+
+pid      the process that the folder belongs to and its machine; when that process is gone, the next run removes it
+out      finished files, until all of them are whole
+tmp      temporary files
+old      what an earlier run left in the output folder, while the new files take its place
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from .errors import BadInputError, StereoReprojectError
+
+# The report comes last: where it stands, the files beside it belong to it.
+FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
+
+WORK_PREFIX = ".stereo_reproject-"
+REMOVAL_SECONDS = 2.0
+RETRY_SECONDS = 0.05
+# A work folder without a pid may belong to a run that is just starting.
+NAMELESS_SECONDS = 60.0
+
+
+@contextlib.contextmanager
+def work_folder(output: Path) -> Iterator[Path]:
+    """A private folder inside `output`, which is made if need be.
+
+    Afterwards the folder is gone, and `output` too if it was made here and is empty. Raises BadInputError if `output`
+    cannot be used.
+    """
+    created: list[Path] = []
+    work: Path | None = None
+    try:
+        try:
+            _make_folders(output, created)
+            _check_names_free(output)
+            _remove_abandoned(output)
+            work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
+            (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
+            for name in ("out", "tmp", "old"):
+                (work / name).mkdir()
+        except OSError as error:
+            raise _failed_write(output, error) from error
+        yield work
+    finally:
+        if work is not None:
+            _remove_tree(work)
+        for folder in reversed(created):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _make_folders(folder: Path, created: list[Path]) -> None:
+    """Make `folder` and its missing parents; what was made is added to `created`, also when it fails half-way."""
+    if folder.is_dir():
+        return
+    if os.path.lexists(folder):
+        raise BadInputError(f"{folder} is not a folder; choose another --output")
+    if folder.parent != folder:
+        _make_folders(folder.parent, created)
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        # Somebody else made it in the meantime; then it is theirs.
+        if not folder.is_dir():
+            raise
+    else:
+        created.append(folder)
+
+
+def _check_names_free(output: Path) -> None:
+    for name in FILES:
+        if (output / name).is_dir():
+            raise BadInputError(
+                f"{output / name} is a folder where a file is to be written; move it or choose another --output"
+            )
+
+
+def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
+    if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
+        return BadInputError(f"{output}: the disk is full; free some space or choose another --output")
+    reason = error.strerror or str(error)
+    return BadInputError(f"{output} cannot be written ({reason}); choose another --output")
+
+
+def _remove_tree(folder: Path) -> None:
+    deadline = time.monotonic() + REMOVAL_SECONDS
+    # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
+    while True:
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists() or time.monotonic() > deadline:
+            return
+        time.sleep(RETRY_SECONDS)
+
+
+def _remove_abandoned(output: Path) -> None:
+    """Remove the work folders of runs that were killed before they could do it themselves."""
+    for folder in output.glob(f"{WORK_PREFIX}*"):
+        if folder.is_dir() and not folder.is_symlink() and _is_abandoned(folder):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_abandoned(folder: Path) -> bool:
+    try:
+        pid, _, host = (folder / "pid").read_text(encoding="utf-8").partition("\n")
+        # A shared drive: whether a process of another machine lives cannot be known here.
+        if host.strip() not in ("", platform.node()):
+            return False
+        return not _is_running(int(pid))
+    except (OSError, ValueError):
+        with contextlib.suppress(OSError):
+            return time.time() - folder.stat().st_mtime > NAMELESS_SECONDS
+        return False
+
+
+def _is_running(pid: int) -> bool:
+    # In a container the number of a dead run is soon one's own.
+    if pid <= 0 or pid == os.getpid():
+        return False
+    if sys.platform == "win32":
+        import ctypes
+
+        access_synchronize, access_denied, wait_timeout = 0x00100000, 5, 0x102
+        kernel = ctypes.windll.kernel32
+        handle = kernel.OpenProcess(access_synchronize, False, pid)
+        if not handle:
+            return kernel.GetLastError() == access_denied
+        running = kernel.WaitForSingleObject(handle, 0) == wait_timeout
+        kernel.CloseHandle(handle)
+        return running
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def check_complete(made: Path, names: Any) -> None:
+    """Raise StereoReprojectError unless all of FILES are in the folder `made` and among `names`, the worker's list."""
+    for name in FILES:
+        if not isinstance(names, list) or name not in names or not (made / name).is_file():
+            raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
+
+
+def publish(work: Path, output: Path, *, between_steps: Callable[[], None]) -> None:
+    """Move the finished files from `work` into `output`, all of them or none.
+
+    between_steps is called after each move; if it raises, the moves are undone and the exception goes on. Raises
+    BadInputError if `output` cannot be written.
+    """
+    made, old = work / "out", work / "old"
+    moved: list[tuple[Path, Path]] = []
+    try:
+        for name in FILES:
+            _flush(made / name)
+        _check_names_free(output)
+        # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
+        # files that are not its own.
+        steps = [(output / name, old / name) for name in reversed(FILES) if os.path.lexists(output / name)]
+        steps += [(made / name, output / name) for name in FILES]
+        for source, destination in steps:
+            source.replace(destination)
+            moved.append((source, destination))
+            between_steps()
+    except BaseException as error:
+        for source, destination in reversed(moved):
+            with contextlib.suppress(OSError):
+                destination.replace(source)
+        if isinstance(error, OSError):
+            raise _failed_write(output, error) from error
+        raise
+
+
+def _flush(path: Path) -> None:
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
