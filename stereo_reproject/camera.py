@@ -31,9 +31,14 @@ class ViewPlane:
 class Camera(Protocol):
     """What the warp asks of a camera; `width` and `height` are in pixels, `world_from_camera` is rigid, (4, 4)."""
 
-    width: int
-    height: int
-    world_from_camera: Array
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+    @property
+    def world_from_camera(self) -> Array: ...
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Origin and direction, in camera space, of the rays through pixel positions (x, y)."""
@@ -77,9 +82,9 @@ class PerspectiveCamera(_PlanarCamera):
     """A pinhole; an off-axis view is nothing but a view plane that is not centred."""
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
-        zero = np.float64(0.0)
+        zero, forward = np.array(0.0), np.array(-1.0)
         plane_x, plane_y = self._plane_from_px(x, y)
-        return (zero, zero, zero), (plane_x, plane_y, np.float64(-1.0))
+        return (zero, zero, zero), (plane_x, plane_y, forward)
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
         px, py, pz = point
@@ -104,9 +109,9 @@ class OrthographicCamera(_PlanarCamera):
     SKY_DEPTH = 1e9
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
-        zero = np.float64(0.0)
+        zero, forward = np.array(0.0), np.array(-1.0)
         plane_x, plane_y = self._plane_from_px(x, y)
-        return (plane_x, plane_y, zero), (zero, zero, np.float64(-1.0))
+        return (plane_x, plane_y, zero), (zero, zero, forward)
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
         px, py, pz = point
@@ -144,10 +149,11 @@ def target_px_from_source_px(
     if isinstance(source, OrthographicCamera):
         weight = np.maximum(weight, 1.0 / OrthographicCamera.SKY_DEPTH)
     local = [o * weight + d for o, d in zip(origin, direction, strict=True)]
-    point = tuple(
-        sum((row[k] * local[k] for k in range(3) if row[k] != 0.0), start=row[3] * weight) for row in transform[:3]
+    rows: list[list[float]] = transform[:3].tolist()
+    point_x, point_y, point_z = (
+        sum((row[k] * local[k] for k in range(3) if row[k] != 0.0), start=row[3] * weight) for row in rows
     )
-    return target.px_from_point(point, weight)
+    return target.px_from_point((point_x, point_y, point_z), weight)
 
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
@@ -157,7 +163,7 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     step in depth is, which is all that it is used for.
     """
     baseline = float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
-    x, y = np.float64(source.width / 2), np.float64(source.height / 2)
+    x, y = np.array(source.width / 2), np.array(source.height / 2)
     # Some tens of baselines away, where the finite difference loses no digits.
     scale = 50.0 * baseline if baseline > 0 else 1.0
     depth = np.array([scale, 2.0 * scale])

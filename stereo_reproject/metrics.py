@@ -11,7 +11,8 @@ TILE = 16
 def tone(colour: NDArray) -> NDArray[np.float32]:
     """x / (1 + x) of scene-linear colour (..., C >= 3), alpha left out: bright pixels do not drown the others."""
     positive = np.maximum(np.asarray(colour, np.float32)[..., :3], 0.0)
-    return positive / (1.0 + positive)
+    # numpy's stubs take the sum of a float32 array and 1.0 for float64.
+    return positive / (1.0 + positive)  # pyright: ignore[reportReturnType]
 
 
 def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:

@@ -71,7 +71,10 @@ def forward_warp(
 
 @dataclass(frozen=True)
 class _Quads:
-    """Corners (2, 2, Q), first index down, second right: target position and nearness; origin and size in source px."""
+    """Corners (2, 2, Q), first index down, second right: target position and nearness; origin and size in source px.
+
+    A size without dimensions is that of every quad.
+    """
 
     x: NDArray
     y: NDArray
@@ -121,7 +124,7 @@ def _fine_quads(
                 [[v[:, :-1, :-1][kept], v[:, :-1, 1:][kept]], [v[:, 1:, :-1][kept], v[:, 1:, 1:][kept]]],
             )
 
-        one = np.int64(1)
+        one = np.array(1, np.int64)
         yield _Quads(
             corners(x),
             corners(y),

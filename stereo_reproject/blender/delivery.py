@@ -27,7 +27,8 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
     bl_label = "Stereo Reproject Delivery"
     eyes: ClassVar[Mapping[str, NDArray[np.float32]]] = {}
 
-    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+    # The stubs say that there may be no depsgraph; Blender always hands one over.
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         layer = depsgraph.view_layer.name
         for view, picture in self.eyes.items():
             height, width = picture.shape[:2]

@@ -112,7 +112,8 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
     _write_png(path, canvas)
     image = imbuf.load(str(path))
     blf.color(FONT, 0.92, 0.92, 0.92, 1.0)
-    with blf.bind_imbuf(FONT, image):
+    # The stubs do not know that this is a context manager.
+    with blf.bind_imbuf(FONT, image):  # pyright: ignore[reportGeneralTypeIssues]
         for text, _, x, y in places:
             blf.position(FONT, x + square + 8, canvas.shape[0] - (height + y + 9 + square) + 2, 0)
             blf.draw_buffer(FONT, text)
@@ -142,7 +143,8 @@ def read_png(path: Path) -> NDArray[np.float32]:
     image = bpy.data.images.load(str(path))
     try:
         image.colorspace_settings.name = "Non-Color"
-        width, height = image.size
+        # The stubs do not know that an array property can be iterated over.
+        width, height = image.size  # pyright: ignore[reportGeneralTypeIssues]
         values = np.empty(width * height * image.channels, np.float32)
         image.pixels.foreach_get(values)
         return values.reshape(height, width, -1)[::-1, :, :3]
