@@ -41,6 +41,8 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
         warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
     if scene.render.use_compositing and _has_compositor(scene):
         warnings.append("the scene's compositor is not applied to the pair")
+    if scene.render.use_freestyle:
+        warnings.append("Freestyle lines are not drawn")
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
         warnings.append(f"only the first of {len(layers)} view layers is rendered: {layers[0]}")
@@ -98,6 +100,8 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
     render.use_compositing = False
     render.use_sequencer = False
     render.use_stamp = False
+    render.use_single_layer = False
+    render.use_freestyle = False
     render.use_crop_to_border = render.use_border
     render.use_multiview = True
     render.views_format = "STEREO_3D"
