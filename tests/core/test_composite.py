@@ -1,0 +1,127 @@
+"""The target eye put together from what was warped and what was traced, and what is no number kept in its place."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.camera import target_px_from_source_px
+from stereo_reproject.composite import composite, contain, warp_passes
+from stereo_reproject.warp import Warp
+
+from .analytic import pixel_centres, stereo_rig
+
+SHAPE = (7, 9)
+
+
+def passes(seed, shape=SHAPE):
+    rng = np.random.default_rng(seed)
+    channels = {"Combined": 4, "Depth": 1, "Normal": 3, "IndexOB": 1}
+    return {name: rng.uniform(0.1, 5.0, (*shape, count)).astype(np.float32) for name, count in channels.items()}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_compositing_changes_the_holes_and_nothing_else(share):
+    warped, fresh = passes(1), passes(2)
+    kept = {name: image.copy() for name, image in warped.items()}
+    holes = np.random.default_rng(3).random(SHAPE) < share
+    result = composite(warped, {name: image[holes] for name, image in fresh.items()}, holes)
+    assert list(result) == list(warped)
+    for name, image in result.items():
+        np.testing.assert_array_equal(image[holes], fresh[name][holes])
+        np.testing.assert_array_equal(image[~holes], kept[name][~holes])
+        np.testing.assert_array_equal(warped[name], kept[name], err_msg="what was given is left as it is")
+
+
+def test_a_pass_that_was_not_traced_keeps_what_was_warped_and_no_pass_is_made_up():
+    warped, fresh = passes(1), passes(2)
+    holes = np.zeros(SHAPE, bool)
+    holes[2, 3:6] = True
+    traced = {"Combined": fresh["Combined"][holes], "Other": fresh["Depth"][holes]}
+    result = composite(warped, traced, holes)
+    assert list(result) == list(warped)
+    np.testing.assert_array_equal(result["Combined"][holes], fresh["Combined"][holes])
+    np.testing.assert_array_equal(result["Normal"], warped["Normal"])
+
+
+def test_contain_leaves_numbers_alone():
+    given = passes(1)
+    given["Depth"][2, 3] = np.inf
+    clean, invalid = contain(given)
+    assert not invalid.any()
+    for name, image in clean.items():
+        np.testing.assert_array_equal(image, given[name])
+        assert image.dtype == np.float32
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_contain_blacks_out_what_is_no_number_and_says_where(value):
+    given = passes(1)
+    given["Combined"][2, 3, 1] = given["Combined"][5, 8, 3] = value
+    given["Normal"][4, 4, 2] = value
+    before = {name: image.copy() for name, image in given.items()}
+    clean, invalid = contain(given)
+    assert np.argwhere(invalid).tolist() == [[2, 3], [5, 8]]
+    assert clean["Combined"][2, 3, 1] == clean["Combined"][5, 8, 3] == clean["Normal"][4, 4, 2] == 0.0
+    for name, image in clean.items():
+        assert np.all(np.isfinite(image))
+        finite = np.isfinite(before[name])
+        np.testing.assert_array_equal(image[finite], before[name][finite])
+        np.testing.assert_array_equal(given[name], before[name], err_msg="what was given is left as it is")
+
+
+def test_contain_knows_no_depth_but_those_above_zero_and_the_sky():
+    given = passes(1)
+    values = [np.nan, -np.inf, -1.0, 0.0, 1e-30, 5.0, 1e9, np.inf]
+    given["Depth"][0, :8, 0] = values
+    clean, invalid = contain(given)
+    np.testing.assert_array_equal(clean["Depth"][0, :8, 0], np.float32([np.nan] * 4 + values[4:]))
+    assert not invalid.any(), "a colour without a depth is a colour"
+
+
+def warp_by_hand(x, y, nearness):
+    return Warp(np.float32(x), np.float32(y), np.float32(nearness))
+
+
+def test_colours_are_interpolated_and_what_must_not_be_mixed_is_not():
+    shape = (1, 3)
+    source = {
+        "Combined": np.zeros((*shape, 4), np.float32),
+        "Depth": np.full((*shape, 1), 2.0, np.float32),
+        "Diffuse Color": np.zeros((*shape, 3), np.float32),
+    }
+    unmixed = ["Normal", "Position", "UV", "IndexOB", "IndexMA", "Object Index", "Material Index", "CryptoObject00"]
+    unmixed += ["CryptoMaterial01", "Denoising Normal", "Denoising Depth"]
+    source |= {name: np.zeros((*shape, 1), np.float32) for name in unmixed}
+    for name in source:
+        if name != "Depth":
+            source[name][0, 1] = 8.0
+    target = stereo_rig((3, 1))["right"]
+    warp = warp_by_hand([[0.5, 0.75, 1.25]], np.full(shape, 0.5), np.full(shape, 0.5))
+    warped = warp_passes(source, warp, target, interpolation="linear")
+    for name in ("Combined", "Diffuse Color"):
+        np.testing.assert_allclose(warped[name][0, :, 0], [0.0, 2.0, 6.0])
+    for name in unmixed:
+        np.testing.assert_array_equal(warped[name][0, :, 0], [0.0, 0.0, 8.0], err_msg=name)
+
+
+def test_the_source_s_own_motion_vectors_are_not_carried_over():
+    source = passes(1, (2, 2)) | {"Vector": np.ones((2, 2, 4), np.float32)}
+    warp = warp_by_hand([[0.5, 1.5]] * 2, [[0.5] * 2, [1.5] * 2], np.ones((2, 2)))
+    assert "Vector" not in warp_passes(source, warp, stereo_rig((2, 2))["right"], interpolation="linear")
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_depth_becomes_the_target_s_own(orthographic):
+    """Seen from elsewhere a point has another depth; where nothing landed it is the sky's, and colours are black."""
+    rig = stereo_rig((9, 7), mode="toe-in", ipd=1.0, orthographic=orthographic)
+    x, y = pixel_centres(rig["left"])
+    depth = np.full(x.shape, 5.0)
+    _, _, expected = target_px_from_source_px(rig["left"], rig["right"], x, y, depth)
+    nearness = rig["right"].nearness_from_depth(expected)
+    lost = np.zeros(x.shape, bool)
+    lost[3, 4] = True
+    warp = warp_by_hand(np.where(lost, np.nan, x), np.where(lost, np.nan, y), np.where(lost, -np.inf, nearness))
+    warped = warp_passes(passes(1), warp, rig["right"], interpolation="linear")
+    np.testing.assert_allclose(warped["Depth"][~lost, 0], expected[~lost], rtol=1e-6)
+    assert np.ptp(expected) > 0.1
+    assert np.isposinf(warped["Depth"][3, 4, 0])
+    assert np.all(warped["Combined"][3, 4] == 0.0)
