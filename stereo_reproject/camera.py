@@ -116,8 +116,9 @@ class OrthographicCamera(_PlanarCamera):
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
         px, py, pz = point
         weight = np.maximum(weight, 1.0 / self.SKY_DEPTH)
-        x, y = self._px_from_plane(px / weight, py / weight)
-        return x, y, -pz / weight
+        ahead = np.where(pz < 0, weight, np.nan)
+        x, y = self._px_from_plane(px / ahead, py / ahead)
+        return x, y, -pz / ahead
 
     def nearness_from_depth(self, depth: Array) -> Array:
         return -np.minimum(depth, self.SKY_DEPTH)

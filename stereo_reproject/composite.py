@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera
+from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 from .warp import Warp
@@ -17,23 +17,35 @@ NEAREST = ("Normal", "Position", "UV", "Denoising Normal", "Denoising Depth", "I
 """Passes of which a mean of two neighbours is neither of them."""
 
 
-def warp_passes(source: Passes, warp: Warp, target: Camera, *, interpolation: str) -> Passes:
+def warp_passes(
+    source: Passes, warp: Warp, source_camera: Camera, target_camera: Camera, *, interpolation: str
+) -> Passes:
     """The source's passes as seen by the target, 0 (depth: +inf) where nothing landed."""
     warped: Passes = {}
     for name, image in source.items():
         if name in UNWARPED:
             continue
         if name == DEPTH_PASS:
-            warped[name] = _target_depth(warp, target)[..., None]
+            warped[name] = _target_depth(image, warp, source_camera, target_camera)[..., None]
         else:
             how = "nearest" if name.startswith((*NEAREST, "Crypto", "Material Index")) else interpolation
             warped[name] = lookup(image, warp.x, warp.y, interpolation=how)
     return warped
 
 
-def _target_depth(warp: Warp, target: Camera) -> NDArray[np.float32]:
-    depth = target.depth_from_nearness(warp.nearness.astype(np.float64))
-    return np.where(warp.covered, depth, np.inf).astype(np.float32)
+def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
+    """(H, W): the source's own depth (H, W, 1) where the warp says, as the target sees it.
+
+    Not the warp's nearness, which a coarse cell has from its corners alone. Nearness is what may be interpolated: it is
+    linear on any plane.
+    """
+    nearness = source.nearness_from_depth(depth.astype(np.float64)).astype(np.float32)
+    looked_up = lookup(np.nan_to_num(nearness), warp.x, warp.y)[..., 0]
+    seen = np.where(warp.covered, source.depth_from_nearness(looked_up), np.nan)
+    transform = target_from_source(source, target)
+    if not np.allclose(transform[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12):
+        seen = target_px_from_source_px(source, target, warp.x, warp.y, seen)[2]
+    return np.where(warp.covered, seen, np.inf).astype(np.float32)
 
 
 def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from .errors import BadInputError, StereoReprojectError
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 
-CHANNEL_ORDER = "RGBAXYZWVUv"
-"""The order in which the letters of Blender's channels stand in an array."""
+CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
+"""The letters of Blender's channels, each set in the order in which it stands in an array."""
+
+VIEWS = ("left", "right")
 
 
 def _openexr() -> Any:
@@ -30,12 +32,12 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
     Raises StereoReprojectError when the file cannot be read.
     """
     try:
-        file = _openexr().File(str(path), separate_channels=True)
-    except Exception as error:
-        raise StereoReprojectError(f"cannot read the render result {path}: {error}; is the disk full?") from error
+        parts = _read_parts(path)
+    except (OSError, RuntimeError) as error:
+        raise StereoReprojectError(f"cannot read the render result: {error}; is the disk full?") from error
     attributes: dict[str, str] = {}
     found: dict[str, dict[str, NDArray]] = {}
-    for part in file.parts:
+    for part in parts:
         attributes.update({k: v for k, v in part.header.items() if isinstance(v, str)})
         if part.header.get("view", view) != view:
             continue
@@ -43,18 +45,35 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
             pass_name, letter = _split_channel(name, layer, view)
             if pass_name is not None:
                 found.setdefault(pass_name, {})[letter] = channel.pixels
+    if COLOUR_PASS not in found:
+        raise StereoReprojectError(f"the render result has no {COLOUR_PASS} pass for view {view}; is the disk full?")
     return {name: _stack(channels) for name, channels in found.items()}, attributes
+
+
+def _read_parts(path: Path) -> list[Any]:
+    """The parts of a file, with their pixels. Raises RuntimeError when the file was cut off.
+
+    OpenEXR itself only leaves the parts without channels that it cannot read.
+    """
+    parts = _openexr().File(str(path), separate_channels=True).parts
+    if not parts or not all(part.channels for part in parts):
+        raise RuntimeError(f"{path.name} is cut off")
+    return parts
 
 
 def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
     if not name.startswith(layer + "."):
         return None, ""
     pass_name, _, letter = name[len(layer) + 1 :].rpartition(".")
-    return pass_name.removesuffix("." + view), letter
+    bare, _, suffix = pass_name.rpartition(".")
+    if suffix not in VIEWS:
+        return pass_name, letter
+    return (bare, letter) if suffix == view else (None, letter)
 
 
 def _stack(channels: Mapping[str, NDArray]) -> NDArray[np.float32]:
-    letters = sorted(channels, key=lambda c: CHANNEL_ORDER.find(c) % 100)
+    known = (order for order in CHANNEL_LETTERS if set(channels) <= set(order))
+    letters = sorted(channels, key=next(known, "".join(sorted(channels))).index)
     return np.stack([np.asarray(channels[c], np.float32) for c in letters], axis=-1)
 
 
@@ -94,9 +113,9 @@ def _channels(passes: Passes, view: str = "") -> dict[str, NDArray]:
 def _letters(name: str, channels: int) -> str:
     if channels == 1:
         return "Z" if name == DEPTH_PASS else "V"
-    if channels == 3 and name in ("Normal", "Position"):
-        return "XYZ"
-    return "RGBA"[:channels] if name != "Vector" else "XYZW"
+    vector = name.startswith(("Normal", "Position", "Vector", "Denoising Normal"))
+    order = "XYZW" if vector else "UVA" if name == "UV" else "rgba" if name.startswith("Crypto") else "RGBA"
+    return order[:channels]
 
 
 def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any]) -> None:
@@ -104,5 +123,7 @@ def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any
     try:
         with openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)) as file:
             file.write(str(path))
+        # A full disk may take the last of it away without a word.
+        _read_parts(path)
     except (OSError, RuntimeError) as error:
         raise BadInputError(f"cannot write {path.name}: {error}; is the disk full?") from error

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera, target_px_from_source_px
+from .masks import dilate
 from .warp import Warp
 
 TEAR = 1.0
@@ -54,10 +55,15 @@ class Steps:
     down: NDArray[np.float32]
 
     def beside(self, threshold: float) -> NDArray[np.bool_]:
-        """(H, W): the pixels on either side of a step above `threshold`."""
+        """(H, W): the pixels of every 2 x 2 block that a step above `threshold` runs through.
+
+        The edge itself lies up to a pixel beyond the last centre on the near side, so a diagonal neighbour is as close
+        to it as the pixels on either side.
+        """
         height, width = self.right.shape[0], self.down.shape[1]
         result = np.zeros((height, width), bool)
         right, down = self.right > threshold, self.down > threshold
+        right, down = dilate(right, 1, axes=(0,)), dilate(down, 1, axes=(1,))
         result[:, :-1] |= right
         result[:, 1:] |= right
         result[:-1] |= down
@@ -89,15 +95,20 @@ def _steps_along_rows(disparity: NDArray) -> NDArray[np.float32]:
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
     """(H, W) flags for the target pixels on which nothing landed: outside the source's frame, or disoccluded.
 
+    The grid reaches half a pixel beyond the source's frame: what landed there is outside as well.
+
     What an empty pixel shows is unknown, but it lies behind its surroundings: the farther of the nearest answers to
     its left and right in the row stands in for its depth, and tells whether the source could have seen it.
     """
-    flags = np.zeros(warp.x.shape, np.uint16)
+    with np.errstate(invalid="ignore"):
+        beyond = (warp.x < 0) | (warp.x > source.width) | (warp.y < 0) | (warp.y > source.height)
+    flags = np.where(beyond, Reason.OUTSIDE.bit, np.uint16(0))
     rows, columns = np.nonzero(~warp.covered)
     if rows.size == 0:
         return flags
     behind = _farther_neighbour(warp.nearness, rows, columns)
-    depth = target.depth_from_nearness(np.where(np.isfinite(behind), behind, 0.0).astype(np.float64))
+    sky = target.nearness_from_depth(np.float64(np.inf))
+    depth = target.depth_from_nearness(np.where(np.isfinite(behind), behind, sky).astype(np.float64))
     x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
     with np.errstate(invalid="ignore"):
         seen = (x > 0) & (x < source.width) & (y > 0) & (y < source.height)

@@ -36,6 +36,8 @@ def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) ->
     around = dilate(mask, 1)
     near = around[np.clip(at_y.astype(np.int32), 0, height - 1), np.clip(at_x.astype(np.int32), 0, width - 1)]
     rows, columns = rows[near], columns[near]
+    if rows.size == 0:
+        return result
     weight = lookup(mask[..., None].astype(np.float32), at_x[near][None], at_y[near][None])
     result[rows, columns] = weight[0, :, 0] > share
     return result

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def dilate(mask: NDArray[np.bool_], radius: int) -> NDArray[np.bool_]:
-    """The mask and what lies within `radius` pixels of it, in the square sense that a separable pixel filter has."""
+def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
+    """The mask and what lies within `radius` pixels of it along each axis: in a square, as a pixel filter reaches."""
     result = mask
-    for axis in (0, 1):
+    for axis in axes:
         grown = result.copy()
         for shift in range(1, radius + 1):
             ahead = [slice(None), slice(None)]

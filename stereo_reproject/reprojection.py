@@ -54,7 +54,7 @@ def reproject(
     warp = forward_warp(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
     )
-    warped = warp_passes(source, warp, target_camera, interpolation=interpolation)
+    warped = warp_passes(source, warp, source_camera, target_camera, interpolation=interpolation)
 
     reasons = empty_reasons(warp, source_camera, target_camera)
     answered = reasons == 0
@@ -62,7 +62,9 @@ def reproject(
     edges = _target_silhouettes(warped, warp, reasons, target_camera, source_camera, accuracy)
     reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
     if invalid.any():
-        reasons[answered & touches(invalid, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
+        # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
+        spoilt = dilate(invalid, 1) if interpolation == "cubic" else invalid
+        reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
     return Reprojection(warped, reasons, grid, warp)
 
 

@@ -18,8 +18,8 @@ MAX_SAMPLES = 1 << 24
 MAX_SEED = (1 << 31) - 1
 
 
-def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
-    if value is not None and value not in choices:
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
         raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
 
 
@@ -32,10 +32,15 @@ def _check_int(name: str, value: int | None, low: int, high: int) -> None:
         raise BadInputError(f"{name} must be from {low} to {high}, not {value}")
 
 
-def _check_float(name: str, value: float | None, low: float, *, above: bool = False) -> None:
-    if value is None:
-        return
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _check_float(name: str, value: float, low: float, *, above: bool = False) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
         raise BadInputError(f"{name} must be a finite number, not {value!r}")
     if value < low or (above and value == low):
         raise BadInputError(f"{name} must be {'above' if above else 'at least'} {low:g}, not {value:g}")
@@ -60,14 +65,19 @@ class SceneOverrides:
     def __post_init__(self) -> None:
         _check_int("frame", self.frame, -1048574, 1048574)
         if self.size is not None:
+            if not isinstance(self.size, tuple) or len(self.size) != 2:
+                raise BadInputError(f"the size must be a width and a height, not {self.size!r}")
             width, height = self.size
             _check_int("the width", width, 4, MAX_SIZE)
             _check_int("the height", height, 4, MAX_SIZE)
         _check_int("samples", self.samples, 1, MAX_SAMPLES)
         _check_int("the seed", self.seed, 0, MAX_SEED)
-        _check_float("the interocular distance", self.interocular_distance, 0.0)
-        _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
-        _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
+        if self.interocular_distance is not None:
+            _check_float("the interocular distance", self.interocular_distance, 0.0)
+        if self.convergence_distance is not None:
+            _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
+        if self.convergence_mode is not None:
+            _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
 
 
 @dataclass(frozen=True)

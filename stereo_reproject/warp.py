@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
+from .masks import dilate
 
 CHUNK = 192
 """Cells drawn at a time: some 25 000 pixels, whose temporaries stay in a processor's cache."""
@@ -73,7 +74,9 @@ def forward_warp(
 class _Quads:
     """Corners (2, 2, Q), first index down, second right: target position and nearness; origin and size in source px.
 
-    A size without dimensions is that of every quad.
+    A size without dimensions is that of every quad. margin (Q,): how far beyond its corners, in target pixels, a quad
+    may cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is torn,
+    the first has it.
     """
 
     x: NDArray
@@ -83,6 +86,7 @@ class _Quads:
     source_y: NDArray
     size_x: NDArray
     size_y: NDArray
+    margin: NDArray
 
 
 def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> tuple[NDArray, ...]:
@@ -102,7 +106,7 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
         i = np.array([[top, top], [bottom, bottom]])
         j = np.array([[left, right], [left, right]])
         x, y, nearness = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
-        yield _Quads(x, y, nearness, left - 0.5, top - 0.5, right - left, bottom - top)
+        yield _Quads(x, y, nearness, left - 0.5, top - 0.5, right - left, bottom - top, np.zeros(top.shape))
 
 
 def _fine_quads(
@@ -111,6 +115,7 @@ def _fine_quads(
     """The quads of the subdivided cells, some cells at a time, without those that are torn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL + 1)
+    beside_tear = dilate(torn, 1)
     for start in range(0, all_rows.size, CHUNK):
         i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
         j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
@@ -133,6 +138,7 @@ def _fine_quads(
             corner_i[kept] - 0.5,
             one,
             one,
+            np.where(beside_tear[corner_i, corner_j][kept], EDGE_TOLERANCE, 0.0),
         )
 
 
@@ -178,8 +184,8 @@ class _Surface:
         The steps stand in one function because each hands its arrays to the next: split up, they would be passed
         around by the dozen.
         """
-        left, count_x = _centres_within(quads.x, self.width)
-        top, count_y = _centres_within(quads.y, self.height)
+        left, count_x = _centres_within(quads.x, self.width, quads.margin)
+        top, count_y = _centres_within(quads.y, self.height, quads.margin)
         chosen = np.nonzero((count_x > 0) & (count_y > 0))[0]
         if chosen.size == 0:
             return
@@ -231,10 +237,10 @@ class _Surface:
             waiting = waiting[mine > stands]
 
 
-def _centres_within(corners: NDArray, size: int) -> tuple[NDArray, NDArray]:
+def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
     """First pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size; NaN: none."""
-    low = corners.min(axis=(0, 1))
-    high = corners.max(axis=(0, 1))
+    low = corners.min(axis=(0, 1)) - margin
+    high = corners.max(axis=(0, 1)) + margin
     valid = high - low < np.inf
     with np.errstate(invalid="ignore"):
         first = np.clip(np.ceil(np.where(valid, low, 0.0) - 0.5), 0, size).astype(np.int64)

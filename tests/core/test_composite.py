@@ -94,9 +94,9 @@ def test_colours_are_interpolated_and_what_must_not_be_mixed_is_not():
     for name in source:
         if name != "Depth":
             source[name][0, 1] = 8.0
-    target = stereo_rig((3, 1))["right"]
+    rig = stereo_rig((3, 1))
     warp = warp_by_hand([[0.5, 0.75, 1.25]], np.full(shape, 0.5), np.full(shape, 0.5))
-    warped = warp_passes(source, warp, target, interpolation="linear")
+    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
     for name in ("Combined", "Diffuse Color"):
         np.testing.assert_allclose(warped[name][0, :, 0], [0.0, 2.0, 6.0])
     for name in unmixed:
@@ -106,7 +106,8 @@ def test_colours_are_interpolated_and_what_must_not_be_mixed_is_not():
 def test_the_source_s_own_motion_vectors_are_not_carried_over():
     source = passes(1, (2, 2)) | {"Vector": np.ones((2, 2, 4), np.float32)}
     warp = warp_by_hand([[0.5, 1.5]] * 2, [[0.5] * 2, [1.5] * 2], np.ones((2, 2)))
-    assert "Vector" not in warp_passes(source, warp, stereo_rig((2, 2))["right"], interpolation="linear")
+    rig = stereo_rig((2, 2))
+    assert "Vector" not in warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -120,7 +121,8 @@ def test_depth_becomes_the_target_s_own(orthographic):
     lost = np.zeros(x.shape, bool)
     lost[3, 4] = True
     warp = warp_by_hand(np.where(lost, np.nan, x), np.where(lost, np.nan, y), np.where(lost, -np.inf, nearness))
-    warped = warp_passes(passes(1), warp, rig["right"], interpolation="linear")
+    source = passes(1, x.shape) | {"Depth": depth[..., None].astype(np.float32)}
+    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
     np.testing.assert_allclose(warped["Depth"][~lost, 0], expected[~lost], rtol=1e-6)
     assert np.ptp(expected) > 0.1
     assert np.isposinf(warped["Depth"][3, 4, 0])

@@ -14,6 +14,7 @@ from stereo_reproject.exr import read_render, write_eye, write_stereo, write_tab
 
 SHAPE = (6, 10)
 CHANNELS = {"Combined": "RGBA", "Depth": "Z", "Normal": "XYZ", "Diffuse Color": "RGB", "Vector": "XYZW", "Mist": "Z"}
+READ_ONLY = {"UV": "UVA", "CryptoObject00": "rgba"}
 FULL_DISK = Path("/dev/full")
 
 
@@ -153,6 +154,7 @@ def test_of_two_views_the_one_that_was_asked_for_comes_back(tmp_path, layout, vi
     views = {"left": 4, "right": 5}
     LAYOUTS[layout](tmp_path / "render.exr", views)
     read, _ = read_render(tmp_path / "render.exr", layer="View Layer", view=view)
+    assert set(read) == set(CHANNELS)
     for name, expected in passes(views[view]).items():
         np.testing.assert_array_equal(read[name], expected, err_msg=name)
 
@@ -169,11 +171,35 @@ def test_a_layer_may_be_called_anything(tmp_path, layout, layer):
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_the_composite_beside_a_layer_is_not_part_of_it(tmp_path, layout):
     LAYOUTS[layout](tmp_path / "render.exr", {"left": 3}, "Composite")
-    read, _ = read_render(tmp_path / "render.exr", layer="View Layer", view="left")
-    assert read == {}
+    with pytest.raises(StereoReprojectError, match="no Combined pass"):
+        read_render(tmp_path / "render.exr", layer="View Layer", view="left")
+
+
+@pytest.mark.parametrize("name", READ_ONLY)
+def test_channels_come_in_the_order_that_their_letters_have(tmp_path, name):
+    letters = READ_ONLY[name]
+    image = np.arange(24.0, dtype=np.float32).reshape(2, 3, 4)[..., : len(letters)]
+    colour = {f"L.Combined.left.{letter}": np.zeros((2, 3), np.float32) for letter in "RGBA"}
+    channels = {f"L.{name}.left.{letter}": image[..., k].copy() for k, letter in enumerate(letters)}
+    with OpenEXR.File({"type": OpenEXR.scanlineimage}, {**colour, **channels}) as file:
+        file.write(str(tmp_path / "render.exr"))
+    read, _ = read_render(tmp_path / "render.exr", layer="L", view="left")
+    np.testing.assert_array_equal(read[name], image)
+    write_eye(tmp_path / "eye.exr", read, view="left")
+    written = OpenEXR.File(str(tmp_path / "eye.exr"), separate_channels=True).channels()
+    for k, letter in enumerate(letters):
+        np.testing.assert_array_equal(written[f"{name}.{letter}"].pixels, image[..., k])
 
 
 # What goes wrong
+
+
+def test_a_render_cut_off_in_the_middle_is_an_error(tmp_path):
+    write_many_parts(tmp_path / "render.exr", {"left": 3})
+    whole = (tmp_path / "render.exr").read_bytes()
+    (tmp_path / "render.exr").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(StereoReprojectError):
+        read_render(tmp_path / "render.exr", layer="View Layer", view="left")
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not a picture", b"\x76\x2f\x31\x01\x02\x00\x00\x00"])

@@ -97,6 +97,10 @@ def test_without_any_noise_equal_is_one_and_anything_else_is_infinite():
     assert noise_ratio(still, still, still) == 1.0
     assert worst_tiles(still, still, still) == 1.0
     assert noise_ratio(other, still, still) == np.inf
+    assert worst_tiles(other, still, still) in (1.0, np.inf)
+    changed = still.copy()
+    changed[:64, :64] += 1.0
+    assert worst_tiles(changed, still, still) == np.inf
 
 
 def test_tone_keeps_the_order_and_bounds_what_is_bright():

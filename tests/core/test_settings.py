@@ -99,3 +99,15 @@ def test_every_accuracy_has_a_meaning_and_higher_ones_trace_no_less():
         assert higher.silhouette_step <= lower.silhouette_step
         assert higher.silhouette_radius >= lower.silhouette_radius
         assert higher.colour_tolerance <= lower.colour_tolerance
+
+
+@pytest.mark.parametrize("name", ["source", "accuracy", "fill", "grid_threshold", "interpolation"])
+def test_what_a_run_cannot_do_without_must_be_said(name):
+    with pytest.raises(BadInputError):
+        StereoSettings(**{name: None})
+
+
+@pytest.mark.parametrize("fields", [{"size": 960}, {"size": (960,)}, {"convergence_distance": 10**400}])
+def test_values_of_another_kind_are_bad_input_too(fields):
+    with pytest.raises(BadInputError):
+        SceneOverrides(**fields)

@@ -567,3 +567,12 @@ def test_the_depth_test_does_not_depend_on_the_order_of_drawing(order):
     target_x = target_x if order > 0 else SIZE[0] - target_x
     there = np.abs(target_x - 30) < 4
     np.testing.assert_allclose(warp.nearness[there] * per_nearness, 27.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("threshold", [None, 1.0])
+def test_a_horizontal_edge_uncovers_nothing_where_rows_do_not_move(threshold):
+    rig = stereo_rig(SIZE, mode="parallel", ipd=0.1)
+    _, y = pixel_centres(rig["left"])
+    block = ((y > 20) & (y < 50)).astype(int)
+    warp = warp_of(np.where(block, 2.0, 6.0), rig["left"], rig["right"], torn=block, threshold=threshold)
+    assert warp.covered[:, 15:-15].all()
