@@ -12,17 +12,23 @@ class Accuracy:
     silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: how many pixels
     on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
     colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
+    promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no probes.
+    probe_spacing: pixels along the side of the tiles that have a probe each.
     """
 
     silhouette_step: float
     silhouette_radius: int
     colour_tolerance: float
+    promise: float | None = None
+    probe_spacing: int = 8
 
 
 SETTINGS: dict[str, Accuracy] = {
     "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=1.0),
-    "preview": Accuracy(silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75),
-    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5),
-    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35),
-    "exact": Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0),
+    "preview": Accuracy(
+        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75, promise=1.25, probe_spacing=12
+    ),
+    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5, promise=1.1),
+    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35, promise=1.05),
+    "exact": Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0, promise=1.02),
 }

@@ -13,7 +13,18 @@ from .warp import Warp
 UNWARPED = ("Vector",)
 """Passes that mean the source eye's own pixels: they do not carry over."""
 
-NEAREST = ("Normal", "Position", "UV", "Denoising Normal", "Denoising Depth", "IndexOB", "IndexMA", "Object Index")
+NEAREST = (
+    "Normal",
+    "Position",
+    "UV",
+    "Denoising Normal",
+    "Denoising Depth",
+    "IndexOB",
+    "IndexMA",
+    "Object Index",
+    "Material Index",
+    "Crypto",
+)
 """Passes of which a mean of two neighbours is neither of them."""
 
 
@@ -28,9 +39,14 @@ def warp_passes(
         if name == DEPTH_PASS:
             warped[name] = _target_depth(image, warp, source_camera, target_camera)[..., None]
         else:
-            how = "nearest" if name.startswith((*NEAREST, "Crypto", "Material Index")) else interpolation
+            how = interpolation if filtered(name) else "nearest"
             warped[name] = lookup(image, warp.x, warp.y, interpolation=how)
     return warped
+
+
+def filtered(name: str) -> bool:
+    """Whether a mean of two of the pass's values is a value of the pass."""
+    return name != DEPTH_PASS and not name.startswith(NEAREST)
 
 
 def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:

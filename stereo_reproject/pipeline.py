@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 
 from .accuracy import SETTINGS
 from .camera import Camera
-from .composite import composite, contain
+from .composite import contain
 from .fill import FillChoice, SourceCost, check_fill, choose_fill
 from .grid import Grid
 from .holes import Reason
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .probes import Probes, place_probes
 from .reprojection import reproject
 from .settings import StereoSettings
+from .tracing import Refinement, plan_refinement, trace_holes, trace_more
+
+PROBE_SEED = 17
 
 
 class Renderer(Protocol):
@@ -34,19 +38,30 @@ class Renderer(Protocol):
         """Why a fill method cannot be used for this scene, by method; deepest is the greatest depth that was seen."""
         ...
 
-    def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
-        """The passes (N, C) of the target pixels that are set in `pixels` (H, W)."""
+    def trace(
+        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
+    ) -> Passes:
+        """The passes (N, C) of the target pixels that are set in `pixels` (H, W), in the mask's order.
+
+        After them those of the pixels set in `twice` (H, W), traced once more with noise of their own.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class StereoFrame:
-    """A finished pair, and how it came about. eyes by view name; reasons (H, W) are `holes.Reason` flags."""
+    """A finished pair, and how it came about.
+
+    eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
+    which are more than those with a reason where a full render was the cheapest.
+    """
 
     eyes: dict[str, Passes]
     reasons: NDArray[np.uint16]
+    traced: NDArray[np.bool_]
     grid: Grid
     fill: FillChoice
+    refinement: Refinement
     seconds: dict[str, float]
     source_cost: SourceCost
     invalid_pixels: dict[str, int]
@@ -75,10 +90,11 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, warp, fill, composite. Raises BadInputError when the
-    settings cannot be met for this scene, StereoReprojectError when a render fails.
+    on_stage is told the name of each stage as it begins: source, warp, fill, refine, composite. Raises BadInputError
+    when the settings cannot be met for this scene, StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
+    accuracy = SETTINGS[settings.accuracy]
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 
@@ -91,7 +107,7 @@ def render_stereo_frame(
         source,
         source_camera,
         target_camera,
-        accuracy=SETTINGS[settings.accuracy],
+        accuracy=accuracy,
         invalid=invalid,
         grid_threshold=settings.grid_threshold,
         interpolation=settings.interpolation,
@@ -99,23 +115,40 @@ def render_stereo_frame(
     reasons = reprojection.reasons
 
     watch.lap("fill")
-    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, renderer.fill_blockers(_deepest(source)))
+    blockers = renderer.fill_blockers(_deepest(source))
+    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
     holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
-    traced = renderer.trace(fill.method, settings.target, holes) if holes.any() else {}
+    probes = place_probes(~holes, spacing=accuracy.probe_spacing, seed=PROBE_SEED) if accuracy.promise else None
+    target, measured = trace_holes(renderer, fill.method, settings.target, reprojection.passes, holes, probes)
+
+    watch.lap("refine")
+    untraced = ~holes if probes is None else ~(holes | probes.mask)
+    refinement = plan_refinement(measured, untraced, accuracy.promise, settings.fill, cost, blockers)
+    target = trace_more(renderer, refinement, settings.target, target)
 
     watch.lap("composite")
-    target, lost = contain(composite(reprojection.passes, traced, holes))
+    target, lost = contain(target)
     watch.lap()
 
     return StereoFrame(
         eyes={settings.source: source, settings.target: target},
-        reasons=np.where(holes, reasons, 0).astype(np.uint16),
+        reasons=_all_reasons(reasons, probes, refinement),
+        traced=holes | ~untraced | refinement.pixels,
         grid=reprojection.grid,
         fill=fill,
+        refinement=refinement,
         seconds={**watch.seconds, "total": sum(watch.seconds.values())},
         source_cost=cost,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
     )
+
+
+def _all_reasons(reasons: NDArray[np.uint16], probes: Probes | None, refinement: Refinement) -> NDArray[np.uint16]:
+    result = reasons.copy()
+    if probes is not None:
+        result[probes.mask] |= Reason.PROBE.bit
+    result[refinement.pixels] |= Reason.REFINED.bit
+    return result
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:
@@ -123,7 +156,7 @@ def traced_fractions(frame: StereoFrame) -> dict[str, float]:
     fractions = {reason.label: float(np.mean((frame.reasons & reason.bit) > 0)) for reason in Reason}
     named = ("disoccluded", "outside", "silhouette")
     result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
-    result["rerendered"] = 1.0 if frame.fill.method == "full" else float(np.mean(frame.reasons > 0))
+    result["rerendered"] = float(np.mean(frame.traced))
     return result
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from ..accuracy import SETTINGS
 from ..exr import write_eye, write_stereo
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
@@ -51,7 +52,7 @@ def render_files(
     start = time.perf_counter()
     _write_pictures(scene, settings, frame, out)
     frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
-    report = {**facts, **_measurements(frame), "memory": {"peak_mb": memory}}
+    report = {**facts, **_measurements(frame, settings.accuracy), "memory": {"peak_mb": memory}}
     if settings.compare:
         on_stage("compare")
         report["compare"] = compare_with_multiview(scene, settings, frame, out / "stereo.png", work)
@@ -87,7 +88,7 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSet
     }
 
 
-def _measurements(frame: StereoFrame) -> dict[str, Any]:
+def _measurements(frame: StereoFrame, accuracy: str) -> dict[str, Any]:
     source = frame.source_cost
     return {
         "fill": {
@@ -101,8 +102,24 @@ def _measurements(frame: StereoFrame) -> dict[str, Any]:
             "triangles": frame.grid.triangles,
         },
         "fractions": traced_fractions(frame),
+        "estimate": _estimate(frame, SETTINGS[accuracy].promise),
         "seconds": frame.seconds,
         "predicted_speedup": (source.seconds + source.fixed + source.per_frame) / frame.seconds["total"],
+    }
+
+
+def _estimate(frame: StereoFrame, promise: float | None) -> dict[str, Any] | None:
+    """What the probes say of the finished target; None where none were traced."""
+    estimate = frame.refinement.estimate
+    if estimate is None:
+        return None
+    return {
+        "noise_ratio": estimate.noise_ratio,
+        "low": estimate.low,
+        "high": estimate.high,
+        "excess": estimate.excess,
+        "promise": promise,
+        "kept": promise is not None and estimate.noise_ratio <= promise,
     }
 
 

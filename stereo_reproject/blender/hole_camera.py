@@ -87,10 +87,10 @@ def _uses_window_coordinates() -> bool:
 
 
 def trace_packed(
-    scene: bpy.types.Scene, target: Camera, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
+    scene: bpy.types.Scene, target: Camera, view: str, places: NDArray[np.intp], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
-    """Trace the target pixels where `pixels` (H, W) is set; their passes as (N, C), in the mask's order."""
-    rows, columns = np.nonzero(pixels)
+    """Trace the target pixels at `places` (N, 2), row and column, of which some may be the same; passes as (N, C)."""
+    rows, columns = places.T
     width = max(4, math.ceil(math.sqrt(rows.size)))
     height = max(4, math.ceil(rows.size / width))
     with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, width, height, Path(tables)) as path:

@@ -28,6 +28,7 @@ class BlenderRenderer:
         depsgraph = next(layer for layer in scene.view_layers if layer.use).depsgraph
         self.cameras = stereo_cameras(scene.camera.evaluated_get(depsgraph), scene.render)
         self.seed = scene.cycles.seed
+        self._traces = 0
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
@@ -36,13 +37,26 @@ class BlenderRenderer:
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return {"packed": packed_blocker(self.scene, self.cameras["left"], deepest), "card": card_blocker(self.scene)}
 
-    def trace(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
-        seed = shifted_seed(self.seed, FILL_SEED)
+    def trace(
+        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
+    ) -> Passes:
+        masks = [pixels] if twice is None else [pixels, twice]
         if method == "packed":
-            return trace_packed(self.scene, self.cameras[view], view, pixels, self.folder, seed=seed)[1]
+            places = np.concatenate([np.argwhere(mask) for mask in masks])
+            return trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=self._next_seed())[1]
+        traced = [self._trace_whole(method, view, mask) for mask in masks]
+        return {name: np.concatenate([part[name] for part in traced]) for name in traced[0]}
+
+    def _trace_whole(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
+        seed = self._next_seed()
         if method == "card":
             return trace_card(self.scene, view, pixels, self.folder, seed=seed)[1]
         return render_target(self, view, pixels, seed=seed)
+
+    def _next_seed(self) -> int:
+        """A seed that no render of this frame has had: noise that is there already must not come twice."""
+        self._traces += 1
+        return shifted_seed(self.seed, FILL_SEED * self._traces)
 
 
 def render_target(renderer: BlenderRenderer, view: str, pixels: NDArray[np.bool_], *, seed: int) -> Passes:
