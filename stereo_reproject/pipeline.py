@@ -29,6 +29,8 @@ class Renderer(Protocol):
     """What the pipeline asks of whoever renders; `stereo_reproject.blender.renderer` is the one that ships."""
 
     cameras: Mapping[str, Camera]
+    view_dependent: tuple[str, ...]
+    """What in the scene may look different from each eye, in words; without any no probe is traced."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole."""
@@ -118,7 +120,8 @@ def render_stereo_frame(
     blockers = renderer.fill_blockers(_deepest(source))
     fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
     holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
-    probes = place_probes(~holes, spacing=accuracy.probe_spacing, seed=PROBE_SEED) if accuracy.promise else None
+    wanted = accuracy.promise is not None and bool(renderer.view_dependent)
+    probes = place_probes(~holes, spacing=accuracy.probe_spacing, seed=PROBE_SEED) if wanted else None
     target, measured = trace_holes(renderer, fill.method, settings.target, reprojection.passes, holes, probes)
 
     watch.lap("refine")

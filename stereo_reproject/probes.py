@@ -82,11 +82,14 @@ class Measured:
 
 
 def measure(probes: Probes, warped: NDArray[np.bool_], w: NDArray, a: NDArray, b: NDArray) -> Measured:
-    """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`."""
-    w, a, b = (tone(colour).astype(np.float64) for colour in (w, a, b))
-    # A trace that is no number says nothing.
-    error = np.nan_to_num(np.mean((w - a) * (w - b), axis=-1))
-    noise = np.nan_to_num(np.mean((a - b) ** 2, axis=-1) / 2.0)
+    """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`.
+
+    A probe with a value that is no number says nothing: it counts as neither error nor noise.
+    """
+    known = np.isfinite(w).all(axis=-1) & np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
+    w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
+    error = np.mean((w - a) * (w - b), axis=-1)
+    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
     s = probes.spacing
     edges = [np.arange(0, size, s) for size in warped.shape]
     count = np.add.reduceat(np.add.reduceat(warped.astype(np.int64), edges[0], axis=0), edges[1], axis=1)

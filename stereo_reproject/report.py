@@ -17,6 +17,7 @@ from .settings import ACCURACIES, FILL_METHODS
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
+IN_ORDER = ("load", "source", "warp", "fill", "refine", "composite", "write")
 OUTSIDE_TOTAL = ("load", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
@@ -165,7 +166,7 @@ def _number(value: Any, pattern: str) -> str:
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
     seconds = report["seconds"]
     lines = ["took          seconds"]
-    stages = [name for name in (*STAGES, *seconds) if name != "total"]
+    stages = [name for name in (*IN_ORDER, *seconds) if name in seconds and name != "total"]
     for name in dict.fromkeys(stages):
         note = "   not in the total" if name in OUTSIDE_TOTAL else ""
         lines.append(f"  {name:<12}{seconds[name]:8.2f}{note}")
@@ -181,6 +182,16 @@ def _traced_lines(report: Mapping[str, Any]) -> list[str]:
             lines.append(f"  {name:<16}{100 * fraction:6.2f} %")
     lines.append(f"  {'rerendered':<16}{100 * fractions['rerendered']:6.2f} %")
     return lines
+
+
+def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
+    estimate = report.get("estimate")
+    if not estimate:
+        return []
+    ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
+    kept = "kept" if estimate["kept"] else "not kept"
+    promise = _number(estimate["promise"], ".2f")
+    return [f"estimate      noise ratio {ratio} ({low} to {high}), from probes; at most {promise} promised: {kept}"]
 
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
@@ -210,6 +221,7 @@ def format_report_table(report: Mapping[str, Any]) -> str:
         *_seconds_lines(report),
         *_traced_lines(report),
         f"fill          {report['fill']['method']}: {report['fill']['reason']}",
+        *_estimate_lines(report),
         *_gain_lines(report),
     ]
     if peak is not None:

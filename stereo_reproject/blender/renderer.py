@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..fill import SourceCost
 from ..passes import Passes
+from .effects import view_dependent_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
 from .render import render_views
@@ -27,6 +28,7 @@ class BlenderRenderer:
         self.folder = folder
         depsgraph = next(layer for layer in scene.view_layers if layer.use).depsgraph
         self.cameras = stereo_cameras(scene.camera.evaluated_get(depsgraph), scene.render)
+        self.view_dependent = view_dependent_effects(scene)
         self.seed = scene.cycles.seed
         self._traces = 0
 

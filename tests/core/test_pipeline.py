@@ -98,9 +98,19 @@ class Caster:
         self.deepest = deepest
         return self.blockers
 
-    def trace(self, method, view, pixels):
+    view_dependent: tuple = ()
+
+    def trace(self, method, view, pixels, *, twice=None):
         self.asked.append((method, view, pixels.copy()))
-        passes = {name: image[pixels] for name, image in self.picture(view, seed=2).items()}
+        masks = [pixels] if twice is None else [pixels, twice]
+        # The first trace has a seed that the tests know; each after it has one of its own.
+        seeds = [2 + 1000 * (len(self.asked) - 2) + k for k in range(len(masks))]
+        pictures = [self.picture(view, seed=seed) for seed in seeds]
+        parts = [
+            {name: image[mask] for name, image in picture.items()}
+            for picture, mask in zip(pictures, masks, strict=True)
+        ]
+        passes = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         if self.traced_colour is not None:
             passes["Combined"][:] = self.traced_colour
         return passes
@@ -390,7 +400,7 @@ def test_a_fill_is_chosen_knowing_how_deep_the_scene_is(world):
 def test_stages_are_told_as_they_begin_and_timed():
     told = []
     frame = render_stereo_frame(caster(), settings(), on_stage=told.append)
-    assert told == ["source", "warp", "fill", "composite"]
+    assert told == ["source", "warp", "fill", "refine", "composite"]
     assert set(frame.seconds) == {*told, "total"}
     assert frame.seconds["total"] == pytest.approx(sum(frame.seconds[stage] for stage in told))
     assert all(seconds >= 0 for seconds in frame.seconds.values())
@@ -512,3 +522,43 @@ def test_the_caster_sees_what_it_should():
     left = ROOM.colour(renderer.cameras["left"], x, y)
     right = ROOM.colour(renderer.cameras["right"], right_x, right_y)
     np.testing.assert_allclose(left[seen], right[seen], atol=1e-5)
+
+
+# Probes
+
+
+def polished(view):
+    """A room in which the sphere shows another colour to each eye: what a mirror does to a warp."""
+
+    def spoil(passes):
+        passes["Combined"][polished_part(passes), :3] *= 3.0
+
+    return spoil if view == "left" else None
+
+
+def polished_part(passes):
+    return passes["IndexOB"][..., 0] == 4.0
+
+
+def test_a_scene_with_nothing_that_depends_on_the_view_has_no_probes():
+    frame = render_stereo_frame(caster(noise=0.1), settings())
+    assert frame.refinement.estimate is None
+    assert not ((frame.reasons & Reason.PROBE.bit) > 0).any()
+
+
+def test_draft_has_no_probes():
+    frame = render_stereo_frame(caster(noise=0.1, view_dependent=("glass",)), settings(accuracy="draft"))
+    assert frame.refinement.estimate is None
+
+
+@pytest.mark.parametrize("method", ["packed", "card"])
+def test_what_looks_different_from_each_eye_is_found_and_traced(method):
+    renderer = caster(noise=0.1, view_dependent=("mirror",), spoil=polished("left"))
+    frame = render_stereo_frame(renderer, settings(fill=method))
+    refined = (frame.reasons & Reason.REFINED.bit) > 0
+    sphere = polished_part(renderer.picture("right", seed=9))
+    assert refined[sphere].mean() > 0.5
+    assert refined[~sphere].mean() < 0.1
+    assert frame.refinement.estimate.noise_ratio <= 1.1
+    reference, again = (renderer.picture("right", seed=seed)["Combined"] for seed in (91, 92))
+    assert noise_ratio(frame.eyes["right"]["Combined"], reference, again) < 1.2

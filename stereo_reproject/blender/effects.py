@@ -1,0 +1,76 @@
+"""Which effects a scene calls for that make a surface look different from each eye: only then are probes traced."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+SAME_FROM_EVERYWHERE = {
+    "ShaderNodeBsdfDiffuse",
+    "ShaderNodeBsdfTranslucent",
+    "ShaderNodeEmission",
+    "ShaderNodeBackground",
+    "ShaderNodeMixShader",
+    "ShaderNodeAddShader",
+    "ShaderNodeHoldout",
+}
+"""Shaders whose light does not depend on where it is seen from."""
+
+DEPENDS_ON_THE_VIEW = {
+    "ShaderNodeLightPath",
+    "ShaderNodeLayerWeight",
+    "ShaderNodeFresnel",
+    "ShaderNodeCameraData",
+    "ShaderNodeObjectInfo",
+}
+"""Inputs that tell a shader where it is seen from, and may make any shader depend on it."""
+
+
+def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """What may make a warped pixel wrong, in words: empty for a scene that is diffuse throughout."""
+    effects: dict[str, None] = {}
+    if scene.camera.data.dof.use_dof:
+        effects["depth of field"] = None
+    if scene.render.use_motion_blur:
+        effects["motion blur"] = None
+    if scene.world is not None and _volume(scene.world):
+        effects["a world volume"] = None
+    for item in scene.objects:
+        if item.hide_render:
+            continue
+        if item.type in ("CURVES", "VOLUME", "POINTCLOUD") or item.particle_systems:
+            effects[f"{item.type.lower()} {item.name!r}"] = None
+        for slot in item.material_slots:
+            if slot.material is not None and _view_dependent(slot.material):
+                effects[f"material {slot.material.name!r}"] = None
+    return tuple(effects)
+
+
+def _view_dependent(material: bpy.types.Material) -> bool:
+    if material.node_tree is None:
+        return material.metallic > 0.0 or material.specular_intensity > 0.0
+    return any(_node_depends(node) for node in _nodes(material.node_tree)) or _volume(material)
+
+
+def _node_depends(node: bpy.types.Node) -> bool:
+    if node.bl_idname in DEPENDS_ON_THE_VIEW:
+        return True
+    shades = any(socket.type == "SHADER" for socket in node.outputs)
+    return shades and node.bl_idname not in SAME_FROM_EVERYWHERE and node.bl_idname != "ShaderNodeGroup"
+
+
+def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """The tree's nodes, those of its groups included, as far as anything is made of them."""
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            yield from _nodes(node.node_tree)
+        elif any(socket.is_linked for socket in node.outputs):
+            yield node
+
+
+def _volume(owner: bpy.types.Material | bpy.types.World) -> bool:
+    if owner.node_tree is None:
+        return False
+    outputs = (node for node in owner.node_tree.nodes if "Output" in node.bl_idname)
+    return any(node.inputs["Volume"].is_linked for node in outputs if "Volume" in node.inputs)
