@@ -17,12 +17,10 @@ from .fill import FillChoice, SourceCost, check_fill, choose_fill
 from .grid import Grid
 from .holes import Reason
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
-from .probes import Probes, place_probes
+from .probes import Probes
 from .reprojection import reproject
 from .settings import StereoSettings
-from .tracing import Refinement, plan_refinement, trace_holes, trace_more
-
-PROBE_SEED = 17
+from .tracing import Refinement, plan_probes, plan_refinement, trace_holes, trace_more
 
 
 class Renderer(Protocol):
@@ -120,8 +118,7 @@ def render_stereo_frame(
     blockers = renderer.fill_blockers(_deepest(source))
     fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
     holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
-    wanted = accuracy.promise is not None and bool(renderer.view_dependent)
-    probes = place_probes(~holes, spacing=accuracy.probe_spacing, seed=PROBE_SEED) if wanted else None
+    probes = plan_probes(~holes, accuracy, fill.method, renderer.view_dependent)
     target, measured = trace_holes(renderer, fill.method, settings.target, reprojection.passes, holes, probes)
 
     watch.lap("refine")

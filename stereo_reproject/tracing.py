@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .accuracy import Accuracy
 from .composite import composite, filtered
 from .fill import FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
-from .probes import Estimate, Measured, Probes, choose_refined, measure, refined_pixels
+from .probes import Estimate, Measured, Probes, choose_refined, measure, place_probes, refined_pixels
 
 BOOTSTRAP_SEED = 29
+PROBE_SEED = 17
+
+CARD_SPACING = 3
+"""How many times further apart probes are behind a card: each opens it for its whole filter, some 25 pixels."""
 
 
 class Tracer(Protocol):
@@ -23,6 +28,16 @@ class Tracer(Protocol):
     def trace(
         self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
     ) -> Passes: ...
+
+
+def plan_probes(
+    warped: NDArray[np.bool_], accuracy: Accuracy, method: str, view_dependent: Sequence[str]
+) -> Probes | None:
+    """Probes among the warped pixels (H, W), if anything was promised that the scene may break; else None."""
+    if accuracy.promise is None or not view_dependent or not warped.any():
+        return None
+    spacing = accuracy.probe_spacing * (CARD_SPACING if method == "card" else 1)
+    return place_probes(warped, spacing=spacing, seed=PROBE_SEED)
 
 
 def trace_holes(

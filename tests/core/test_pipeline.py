@@ -551,6 +551,11 @@ def test_draft_has_no_probes():
     assert frame.refinement.estimate is None
 
 
+ELSEWHERE = {"packed": 0.1, "card": 0.4}
+"""Share of the picture beside the sphere that is traced with it, in whole tiles: a card's are 24 pixels wide, which is
+a quarter of this picture's height."""
+
+
 @pytest.mark.parametrize("method", ["packed", "card"])
 def test_what_looks_different_from_each_eye_is_found_and_traced(method):
     renderer = caster(noise=0.1, view_dependent=("mirror",), spoil=polished("left"))
@@ -558,7 +563,7 @@ def test_what_looks_different_from_each_eye_is_found_and_traced(method):
     refined = (frame.reasons & Reason.REFINED.bit) > 0
     sphere = polished_part(renderer.picture("right", seed=9))
     assert refined[sphere].mean() > 0.5
-    assert refined[~sphere].mean() < 0.1
+    assert refined[~sphere].mean() < ELSEWHERE[method]
     assert frame.refinement.estimate.noise_ratio <= 1.1
     reference, again = (renderer.picture("right", seed=seed)["Combined"] for seed in (91, 92))
     assert noise_ratio(frame.eyes["right"]["Combined"], reference, again) < 1.2
