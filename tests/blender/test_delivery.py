@@ -1,0 +1,219 @@
+"""Finished eyes handed back to Blender: its own view transform and stereo format, and no engine left registered."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.delivery import ENGINE, deliver_side_by_side
+from stereo_reproject.blender.pictures import read_png
+from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.passes import COLOUR_PASS
+from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image, render_plain
+
+ROOT = Path(__file__).resolve().parents[2]
+WIDTH, HEIGHT = 48, 27
+
+ROUNDING = 1.01 / 255.0
+"""A PNG of 8 bits: a value may fall on either side of a step."""
+
+SECONDS = 60.0
+"""Far more than a process takes that comes to its end; 4.5 did not, with an engine registered."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A lit floor, seen with noise and with lights brighter than white. Dithering is off: it is random."""
+    scene = empty_scene(WIDTH, HEIGHT, samples=4)
+    add_plane(scene, diffuse(image=noise_image(tmp_path)), size=(30, 20), location=(0, 0, -8), rotation=(-0.5, 0, 0))
+    add_sun(scene, strength=1.5)
+    add_camera(scene)
+    scene.render.dither_intensity = 0.0
+    return scene
+
+
+def flat(colour):
+    return np.broadcast_to(np.array([*colour, 1.0], np.float32), (HEIGHT, WIDTH, 4))
+
+
+def halves(path):
+    return np.split(read_png(path), 2, axis=1)
+
+
+def test_left_is_on_the_left(scene, tmp_path):
+    scene.view_settings.view_transform = "Raw"
+    eyes = {"right": flat((0.0, 0.5, 0.0)), "left": flat((0.8, 0.0, 0.0))}
+    deliver_side_by_side(scene, eyes, tmp_path / "stereo.png")
+    left, right = halves(tmp_path / "stereo.png")
+    np.testing.assert_allclose(left, flat((0.8, 0.0, 0.0))[..., :3], atol=ROUNDING)
+    np.testing.assert_allclose(right, flat((0.0, 0.5, 0.0))[..., :3], atol=ROUNDING)
+
+
+def test_rows_stand_upright(scene, tmp_path):
+    scene.view_settings.view_transform = "Raw"
+    ramp = np.zeros((HEIGHT, WIDTH, 4), np.float32)
+    ramp[..., 0] = np.linspace(0.0, 1.0, HEIGHT)[:, None]
+    ramp[..., 1] = np.linspace(0.0, 1.0, WIDTH)[None, :]
+    ramp[..., 3] = 1.0
+    deliver_side_by_side(scene, {"left": ramp, "right": ramp[::-1]}, tmp_path / "stereo.png")
+    left, right = halves(tmp_path / "stereo.png")
+    np.testing.assert_allclose(left, ramp[..., :3], atol=ROUNDING)
+    np.testing.assert_allclose(right, ramp[::-1, :, :3], atol=ROUNDING)
+
+
+def as_it_is(scene):
+    pass
+
+
+def graded(scene):
+    view = scene.view_settings
+    view.view_transform = "Filmic"
+    view.look, view.exposure, view.gamma = "High Contrast", 1.3, 0.8
+
+
+def curved(scene):
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.use_curve_mapping = True
+    curve = scene.view_settings.curve_mapping.curves[3]
+    curve.points.new(0.3, 0.6)
+    scene.view_settings.curve_mapping.update()
+
+
+def another_display(scene):
+    scene.display_settings.display_device = "Display P3"
+
+
+def transparent(scene):
+    scene.render.film_transparent = True
+    scene.camera.data.lens = 12.0
+
+
+def blenders_own_side_by_side(scene, path):
+    render = scene.render
+    settings = render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "8"
+    settings.views_format = "STEREO_3D"
+    settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
+    render.use_multiview, render.views_format = True, "STEREO_3D"
+    for view in render.views:
+        view.use = view.name in ("left", "right")
+    render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+
+
+@pytest.mark.parametrize("change", [as_it_is, graded, curved, another_display])
+def test_the_view_transform_is_the_scenes_own(scene, tmp_path, change):
+    change(scene)
+    blenders_own_side_by_side(scene, tmp_path / "own.png")
+    rendered = render_plain(scene, tmp_path)
+    eyes = {view: passes[COLOUR_PASS] for view, passes in rendered.items()}
+    deliver_side_by_side(scene, eyes, tmp_path / "ours.png")
+    own, ours = read_png(tmp_path / "own.png"), read_png(tmp_path / "ours.png")
+    assert own.std() > 0.05, "a picture with something to see"
+    np.testing.assert_allclose(ours, own, atol=ROUNDING)
+
+
+def test_transparent_film_stays_transparent(scene, tmp_path):
+    transparent(scene)
+    eyes = {view: passes[COLOUR_PASS] for view, passes in render_plain(scene, tmp_path).items()}
+    deliver_side_by_side(scene, eyes, tmp_path / "stereo.png")
+    image = bpy.data.images.load(str(tmp_path / "stereo.png"))
+    alpha = np.array(image.pixels[:]).reshape(HEIGHT, 2 * WIDTH, 4)[::-1, :, 3]
+    expected = np.concatenate([eyes["left"][..., 3], eyes["right"][..., 3]], axis=1)
+    assert 0.1 < expected.mean() < 0.9
+    np.testing.assert_allclose(alpha, expected, atol=ROUNDING)
+
+
+def contrary_settings(scene):
+    """What would make another picture of it, had it a say."""
+    render = scene.render
+    render.resolution_percentage, render.pixel_aspect_x = 50, 2.0
+    render.use_border = render.use_crop_to_border = True
+    render.border_max_x = 0.5
+    render.use_stamp = True
+    render.use_file_extension, render.use_overwrite, render.use_placeholder = True, False, True
+    render.views_format = "MULTIVIEW"
+    render.views["left"].use = False
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format = "JPEG"
+    stereo = render.image_settings.stereo_3d_format
+    stereo.display_mode = "TOPBOTTOM"
+    stereo.use_sidebyside_crosseyed = stereo.use_squeezed_frame = True
+    scene.view_layers.new("Other")
+    scene.sequence_editor_create()
+    strips = scene.sequence_editor
+    effects = strips.strips if hasattr(strips, "strips") else strips.sequences
+    arguments = {"length": 10} if bpy.app.version >= (5, 0, 0) else {"frame_end": 10}
+    effects.new_effect(name="Colour", type="COLOR", channel=1, frame_start=1, **arguments)
+
+
+def test_settings_of_the_scene_that_do_not_apply(scene, tmp_path):
+    eyes = {view: passes[COLOUR_PASS] for view, passes in render_plain(scene, tmp_path).items()}
+    deliver_side_by_side(scene, eyes, tmp_path / "before.png")
+    contrary_settings(scene)
+    deliver_side_by_side(scene, eyes, tmp_path / "after.png")
+    np.testing.assert_array_equal(read_png(tmp_path / "after.png"), read_png(tmp_path / "before.png"))
+
+
+def test_a_scene_whose_camera_comes_from_a_marker(scene, tmp_path):
+    scene.timeline_markers.new("Camera", frame=1).camera = scene.camera
+    scene.camera = None
+    deliver_side_by_side(scene, {"left": flat((0.5,) * 3), "right": flat((0.5,) * 3)}, tmp_path / "stereo.png")
+    assert read_png(tmp_path / "stereo.png").shape == (HEIGHT, 2 * WIDTH, 3)
+
+
+def engine_is_registered():
+    engines = bpy.types.RenderEngine.__subclasses__()
+    return any(engine.is_registered for engine in engines if getattr(engine, "bl_idname", None) == ENGINE)
+
+
+def test_the_engine_is_gone_afterwards(scene, tmp_path):
+    scenes = set(bpy.data.scenes.keys())
+    deliver_side_by_side(scene, {"left": flat((1, 1, 1)), "right": flat((0, 0, 0))}, tmp_path / "stereo.png")
+    assert not engine_is_registered()
+    assert set(bpy.data.scenes.keys()) == scenes
+    assert scene.render.engine == "CYCLES"
+
+
+def test_the_engine_is_gone_after_a_failure(scene, tmp_path):
+    scenes = set(bpy.data.scenes.keys())
+    (tmp_path / "stereo.png").mkdir()
+    with pytest.raises(StereoReprojectError) as failure:
+        deliver_side_by_side(scene, {"left": flat((1, 1, 1)), "right": flat((0, 0, 0))}, tmp_path / "stereo.png")
+    assert "\n" not in str(failure.value)
+    assert not engine_is_registered()
+    assert set(bpy.data.scenes.keys()) == scenes
+
+
+DELIVERING = """
+import sys
+from pathlib import Path
+import bpy
+import numpy as np
+from stereo_reproject.blender.delivery import deliver_side_by_side
+
+camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+bpy.context.scene.camera = camera
+grey = np.full((8, 12, 4), 0.5, np.float32)
+deliver_side_by_side(bpy.context.scene, {"left": grey, "right": grey}, Path(sys.argv[1]))
+"""
+
+
+def test_a_process_that_delivered_comes_to_its_end(tmp_path):
+    path = tmp_path / "stereo.png"
+    finished = subprocess.run(
+        [sys.executable, "-c", DELIVERING, path],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert path.exists()
