@@ -28,7 +28,11 @@ DEPENDS_ON_THE_VIEW = {
 
 
 def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """What may make a warped pixel wrong, in words: empty for a scene that is diffuse throughout."""
+    """What may make a warped pixel wrong, in words: empty for a scene that is diffuse throughout.
+
+    Everything in the file that is used counts: instances and geometry nodes bring in what no scene lists, and a probe
+    too many costs little.
+    """
     effects: dict[str, None] = {}
     if scene.camera.data.dof.use_dof:
         effects["depth of field"] = None
@@ -36,14 +40,12 @@ def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
         effects["motion blur"] = None
     if scene.world is not None and _volume(scene.world):
         effects["a world volume"] = None
-    for item in scene.objects:
-        if item.hide_render:
-            continue
+    for item in bpy.data.objects:
         if item.type in ("CURVES", "VOLUME", "POINTCLOUD") or item.particle_systems:
             effects[f"{item.type.lower()} {item.name!r}"] = None
-        for slot in item.material_slots:
-            if slot.material is not None and _view_dependent(slot.material):
-                effects[f"material {slot.material.name!r}"] = None
+    for material in bpy.data.materials:
+        if material.users > 0 and not material.is_grease_pencil and _view_dependent(material):
+            effects[f"material {material.name!r}"] = None
     return tuple(effects)
 
 

@@ -1,0 +1,73 @@
+"""Probes in real renders: the two traces of a pixel know nothing of each other, and a mirror is found."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.renderer import BlenderRenderer
+from stereo_reproject.blender.scene import working_scene
+from stereo_reproject.holes import Reason
+from stereo_reproject.metrics import noise_ratio, tone
+from stereo_reproject.passes import COLOUR_PASS
+from stereo_reproject.pipeline import render_stereo_frame
+from stereo_reproject.settings import SceneOverrides, StereoSettings
+from tests.blender.toolbox import (
+    Material,
+    add_camera,
+    add_plane,
+    add_sphere,
+    diffuse,
+    empty_scene,
+    noise_image,
+    set_background,
+)
+
+SIZE = (160, 90)
+
+CORRELATION = 0.05
+"""Of the noise of two traces of the same pixel: five standard errors of the correlation over a frame's 14 400."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A textured wall under a bright sky, and a mirror ball before it. No lamp: its reflection would be fireflies."""
+    scene = empty_scene(*SIZE, samples=16)
+    set_background(scene, 1.0)
+    add_plane(scene, diffuse(image=noise_image(tmp_path)), size=(30, 20), location=(0, 0, -9), rotation=(-0.4, 0, 0))
+    mirror = Material("mirror")
+    mirror.surface(mirror.node("BsdfGlossy", Roughness=0.02))
+    add_sphere(scene, mirror, radius=1.4, location=(0.3, 0.2, -6.0))
+    add_camera(scene, interocular=0.4)
+    return scene
+
+
+@pytest.mark.parametrize("method", ["packed", "card"])
+def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method):
+    """Were their noise alike, (a - b)^2 would say that there is less of it, and every warp would seem wrong."""
+    everything = np.ones(SIZE[::-1], bool)
+    with working_scene(scene, SceneOverrides(samples=4)) as working:
+        renderer = BlenderRenderer(working, tmp_path)
+        traced = tone(renderer.trace(method, "right", everything, twice=everything)[COLOUR_PASS])
+        others = [tone(renderer.trace("full", "right", everything)[COLOUR_PASS]) for _ in range(2)]
+    once, again = traced[: everything.size], traced[everything.size :]
+    # The true colour cancels in both differences, and what they share is what the two traces share.
+    shared = np.mean((once - others[0]) * (again - others[1]))
+    assert abs(shared) < CORRELATION * np.mean((once - again) ** 2) / 2.0
+
+
+def test_a_mirror_is_found_and_traced(scene, tmp_path):
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, tmp_path)
+        assert renderer.view_dependent == ("material 'mirror'",)
+        frame = render_stereo_frame(renderer, StereoSettings(fill="packed"))
+        everything = np.ones(SIZE[::-1], bool)
+        traces = [renderer.trace("full", "right", everything)[COLOUR_PASS] for _ in range(2)]
+    reference, again = (trace.reshape(*SIZE[::-1], -1) for trace in traces)
+    assert ((frame.reasons & Reason.REFINED.bit) > 0).any()
+    told = frame.refinement.estimate
+    assert told is not None
+    measured = noise_ratio(frame.eyes["right"][COLOUR_PASS], reference, again)
+    draft = StereoSettings(fill="packed", accuracy="draft")
+    with working_scene(scene, SceneOverrides()) as working:
+        warped = render_stereo_frame(BlenderRenderer(working, tmp_path), draft)
+    assert measured < 1.25
+    assert noise_ratio(warped.eyes["right"][COLOUR_PASS], reference, again) > measured + 0.2
