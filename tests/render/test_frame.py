@@ -220,6 +220,24 @@ def test_no_distance_between_the_eyes(tmp_path, fill, mode):
         np.testing.assert_allclose(eyes["right"][name], values, rtol=SINGLE_PRECISION, atol=SINGLE_PRECISION)
 
 
+SAME_SEED = "the peer's left eye has the seed of our source: their noise is one and the same"
+
+COINCIDENCE = 0.8
+"""What is far below 1 is not two pictures with noise of their own, but one noise that was seen twice."""
+
+
+@pytest.mark.parametrize("source", ["left", pytest.param("right", marks=pytest.mark.xfail(reason=SAME_SEED))])
+def test_the_peer_has_noise_of_its_own(tmp_path, source):
+    """A lit wall at the distance of convergence shows both eyes the same: only noise differs."""
+    scene = empty_scene(64, 36, samples=4)
+    add_plane(scene, diffuse(), size=(30, 20), location=(0, 0, -6))
+    add_cube(scene, diffuse(), size=3.0, location=(4.0, 0.0, -4.0))
+    set_background(scene, 1.0)
+    add_camera(scene, convergence=6.0)
+    report, _ = render_pair(scene, tmp_path, source=source, compare=True, fill="packed")
+    assert report["compare"]["noise_ratio"] > COINCIDENCE
+
+
 # The pictures that explain a frame
 
 

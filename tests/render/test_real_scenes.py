@@ -1,0 +1,77 @@
+"""Scenes that other people made: a pair at the price of noise, and no scene that stops us."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+SECONDS = 200.0
+"""Far more than any of these runs takes."""
+
+NOISE_RATIO = 1.05
+"""The highest that is promised for these scenes, at 960 x 540 with 64 samples. Here edges are a larger share of the
+picture, and 16 samples hide more."""
+
+WORST_TILES = 1.6
+"""The same: promised are 1.35 and 1.40; the 99th percentile of 240 tiles is the third worst, and noise itself."""
+
+
+def render(scenes, name, folder, *options):
+    command = [sys.executable, "-m", "stereo_reproject", "render", str(scenes / name / f"{name}.blend")]
+    finished = subprocess.run(
+        [*command, "--output", str(folder), "--quiet", *options],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout == ""
+    return json.loads((folder / "report.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("name", "convergence", "source"),
+    [("living-room", "2.9", "left"), ("classroom", "6.5", "left"), ("classroom", "6.5", "right")],
+)
+def test_an_interior_is_as_good_as_rendered(shared_scenes, tmp_path, name, convergence, source):
+    options = ["--interocular", "0.065", "--convergence", convergence, "--size", "320x180", "--samples", "16"]
+    report = render(shared_scenes, name, tmp_path, *options, "--source", source, "--fill", "packed", "--compare")
+    assert report["compare"]["noise_ratio"] <= NOISE_RATIO
+    assert report["compare"]["worst_tiles"] <= WORST_TILES
+    assert report["fractions"]["rerendered"] < 0.5
+
+
+# Foliage finer than a pixel, a skinned character that moves, glass, a mirror, fog, hair: interocular and convergence.
+HARD = {
+    "meadow": ("0.065", "5.9"),
+    "walking-man": ("0.065", "5"),
+    "broken-window": ("0.03", "1.14"),
+    "volumetric-caustic": ("0.2", "6"),
+    "fur-ball": ("0.08", "3.4"),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_a_hard_scene_runs(shared_scenes, tmp_path, name):
+    interocular, convergence = HARD[name]
+    options = ["--interocular", interocular, "--convergence", convergence, "--size", "160x90", "--samples", "4"]
+    report = render(shared_scenes, name, tmp_path, *options)
+    assert report["size"] == [160, 90]
+
+
+@pytest.mark.xfail(reason="render.render(scene=...) renders the frame of the context's scene")
+def test_an_animated_scene_renders_the_frame_that_was_asked_for(shared_scenes, tmp_path):
+    options = ["--interocular", "0.065", "--convergence", "5", "--size", "160x90", "--samples", "1"]
+    for frame in ("1", "25"):
+        (tmp_path / frame).mkdir()
+        report = render(shared_scenes, "walking-man", tmp_path / frame, *options, "--frame", frame)
+        assert report["frame"] == int(frame)
+    first, second = ((tmp_path / frame / "left.exr").read_bytes() for frame in ("1", "25"))
+    assert first != second
