@@ -128,8 +128,11 @@ class OrthographicCamera(_PlanarCamera):
 
 
 def target_from_source(source: Camera, target: Camera) -> Array:
-    """The rigid transform (4, 4) from source camera space to target camera space, free of the world's own offset."""
-    rotation = target.world_from_camera[:3, :3].T
+    """The transform (4, 4) from source camera space to target camera space, free of the world's own offset.
+
+    Rigid for most cameras; Blender leaves the axes of one with a sheared parent as they are.
+    """
+    rotation = np.linalg.inv(target.world_from_camera[:3, :3])
     result = np.eye(4)
     result[:3, :3] = rotation @ source.world_from_camera[:3, :3]
     result[:3, 3] = rotation @ (source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import BadInputError, StereoReprojectError
+from .errors import BadInputError
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
 
 CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
@@ -29,12 +29,12 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
     """The passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's text attributes.
 
     Blender 4.5 writes one part with channels Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C.
-    Raises StereoReprojectError when the file cannot be read.
+    Raises BadInputError when the file is not whole, which is how a full disk shows.
     """
     try:
         parts = _read_parts(path)
     except (OSError, RuntimeError) as error:
-        raise StereoReprojectError(f"cannot read the render result: {error}; is the disk full?") from error
+        raise BadInputError(f"the render result is not whole: {error}; is the disk full?") from error
     attributes: dict[str, str] = {}
     found: dict[str, dict[str, NDArray]] = {}
     for part in parts:
@@ -46,7 +46,7 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
             if pass_name is not None:
                 found.setdefault(pass_name, {})[letter] = channel.pixels
     if COLOUR_PASS not in found:
-        raise StereoReprojectError(f"the render result has no {COLOUR_PASS} pass for view {view}; is the disk full?")
+        raise BadInputError(f"the render result has no {COLOUR_PASS} pass for view {view}; is the disk full?")
     return {name: _stack(channels) for name, channels in found.items()}, attributes
 
 
@@ -89,23 +89,24 @@ def write_eye(path: Path, passes: Passes, *, view: str) -> None:
 
 
 def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
-    """Both eyes in one multi-view EXR: the first is the default view, whose channels carry no view name.
+    """Both eyes in one multi-view EXR: the first is the default view, whose R, G, B and A carry no view name.
 
-    Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name.
+    Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name, in the
+    default view too where the channel belongs to a layer.
     """
     views = list(eyes)
-    channels = _channels(eyes[views[0]])
-    for view in views[1:]:
-        channels.update(_channels(eyes[view], view))
+    channels = {}
+    for view in views:
+        channels.update(_channels(eyes[view], view, default=view == views[0]))
     _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views})
 
 
-def _channels(passes: Passes, view: str = "") -> dict[str, NDArray]:
+def _channels(passes: Passes, view: str = "", *, default: bool = False) -> dict[str, NDArray]:
     result = {}
     for name, image in passes.items():
         for k, letter in enumerate(_letters(name, image.shape[2])):
             parts = [] if name == COLOUR_PASS else [name]
-            parts += [view] if view else []
+            parts += [view] if view and not (default and name == COLOUR_PASS) else []
             result[".".join([*parts, letter])] = np.ascontiguousarray(image[..., k], np.float32)
     return result
 

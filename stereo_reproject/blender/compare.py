@@ -17,6 +17,9 @@ from .render import render_views
 from .renderer import shifted_seed
 from .scene import working_scene
 
+PEER_SEED = 3_000_017
+"""Added to the scene's seed for the peer: noise that ours has must not be measured as agreement."""
+
 AGAIN_SEED = 2_000_003
 
 
@@ -30,7 +33,7 @@ def compare_with_multiview(
     target = settings.target
     with working_scene(scene, settings.scene) as peer:
         seed = peer.cycles.seed
-        both = render_views(peer, ("left", "right"), folder, seed=seed)
+        both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
     reference, repeated = both.views[target][COLOUR_PASS], again.views[target][COLOUR_PASS]
     ours = colour(frame.eyes[target])

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StereoReprojectError
+from .pictures import check_png
+from .render import output_path
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -61,13 +63,13 @@ def deliver_side_by_side(scene: bpy.types.Scene, eyes: Mapping[str, NDArray[np.f
         with _registered():
             _set_up(copy, width, height, path)
             STEREO_REPROJECT_engine_delivery.eyes = eyes
-            bpy.ops.render.render(scene=name, write_still=True)
+            with bpy.context.temp_override(scene=copy):
+                bpy.ops.render.render(scene=name, write_still=True)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
-    if not path.exists() or path.stat().st_size == 0:
-        raise StereoReprojectError(f"cannot write {path.name}: is the disk full?")
+    check_png(path)
 
 
 def _set_up(scene: bpy.types.Scene, width: int, height: int, path: Path) -> None:
@@ -81,7 +83,7 @@ def _set_up(scene: bpy.types.Scene, width: int, height: int, path: Path) -> None
     used = next(layer.name for layer in scene.view_layers if layer.use)
     for layer in scene.view_layers:
         layer.use = layer.name == used
-    render.filepath = str(path)
+    render.filepath = output_path(path)
     settings = render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"

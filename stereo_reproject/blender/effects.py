@@ -49,6 +49,14 @@ def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(effects)
 
 
+def uses_output(node_type: str, output: str) -> bool:
+    """Whether any shader of the file makes use of this output of a node of this type."""
+    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
+    nodes = (node for tree in trees for node in tree.nodes if node.bl_idname == node_type)
+    return any(node.outputs[output].is_linked for node in nodes)
+
+
 def _view_dependent(material: bpy.types.Material) -> bool:
     if material.node_tree is None:
         return material.metallic > 0.0 or material.specular_intensity > 0.0

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from ..camera import Camera, OrthographicCamera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
-from ..passes import Passes
+from ..passes import DEPTH_PASS, Passes
 from ..pixel_filter import TABLE_SIZE, sample_offsets
+from .effects import uses_output
 from .render import Rendered, render_views
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
@@ -41,7 +42,7 @@ def packed_blocker(scene: bpy.types.Scene, eye: PerspectiveCamera | Orthographic
         "adaptive subdivision follows the camera": _uses_adaptive_subdivision(scene),
         "camera culling follows the camera": scene.render.use_simplify
         and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
-        "a material uses Window coordinates": _uses_window_coordinates(),
+        "a material uses Window coordinates": uses_output("ShaderNodeTexCoord", "Window"),
         # A custom camera's rays end at that distance, a perspective camera's at that depth.
         "surfaces reach the camera's clip end": deepest * corner > camera.clip_end,
     }
@@ -76,16 +77,6 @@ def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
     return False
 
 
-def _uses_window_coordinates() -> bool:
-    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
-    trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
-    return any(
-        node.bl_idname == "ShaderNodeTexCoord" and node.outputs["Window"].is_linked
-        for tree in trees
-        for node in tree.nodes
-    )
-
-
 def trace_packed(
     scene: bpy.types.Scene, target: Camera, view: str, places: NDArray[np.intp], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
@@ -97,6 +88,11 @@ def trace_packed(
         write_table(path, _table(rows, columns, width, height))
         rendered = render_views(scene, (view,), folder, seed=seed)
     flat = {name: image.reshape(-1, image.shape[2])[: rows.size] for name, image in rendered.views[view].items()}
+    if DEPTH_PASS in flat:
+        # Cycles gives a custom camera's depth as the distance from it.
+        _, through = target.ray_from_px(columns + 0.5, rows + 0.5)
+        along = np.sqrt(through[0] ** 2 + through[1] ** 2 + 1.0)
+        flat[DEPTH_PASS] = (flat[DEPTH_PASS] / along[:, None]).astype(np.float32)
     return rendered, flat
 
 

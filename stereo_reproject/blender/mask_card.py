@@ -20,6 +20,7 @@ from ..exr import write_table
 from ..masks import dilate
 from ..passes import Passes
 from ..pixel_filter import filter_support
+from .effects import uses_output
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
 
@@ -30,6 +31,10 @@ def card_blocker(scene: bpy.types.Scene) -> str | None:
     """Why holes cannot be traced behind a card, or None."""
     if scene.render.engine != "CYCLES":
         return "the scene renders with EEVEE"
+    if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
+        return "a material override would replace the card's material"
+    if uses_output("ShaderNodeLightPath", "Transparent Depth"):
+        return "a shader counts transparent surfaces, and the card is one"
     animation = scene.camera.data.animation_data
     if scene.render.use_motion_blur and animation is not None and animation.action is not None:
         return "the lens is animated and motion blur is on"
@@ -57,7 +62,7 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
     mesh = bpy.data.meshes.new(NAME)
     material = bpy.data.materials.new(NAME)
     card = bpy.data.objects.new(NAME, mesh)
-    bounces = scene.cycles.transparent_max_bounces
+    most, fewest = scene.cycles.transparent_max_bounces, scene.cycles.min_transparent_bounces
     try:
         image.colorspace_settings.name = "Non-Color"
         _build_mesh(mesh, scene, view)
@@ -65,11 +70,14 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
         mesh.materials.append(material)
         _place(card, scene, view)
         scene.collection.objects.link(card)
-        scene.cycles.transparent_max_bounces = bounces + 1
+        # The card is a transparent surface more.
+        scene.cycles.transparent_max_bounces = most + 1
+        scene.cycles.min_transparent_bounces = fewest + 1
         scene.view_layers.update()
         yield
     finally:
-        scene.cycles.transparent_max_bounces = bounces
+        scene.cycles.transparent_max_bounces = most
+        scene.cycles.min_transparent_bounces = fewest
         bpy.data.objects.remove(card)
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(material)
@@ -78,7 +86,7 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:
     """The target's view plane, at a depth at which each pixel's rays meet: the focus, or just behind the near clip."""
-    camera = scene.camera.evaluated_get(scene.view_layers[0].depsgraph)
+    camera = _evaluated(scene.camera, scene)
     eye = stereo_cameras(camera, scene.render)[view]
     depth = _focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
     scale = 1.0 if isinstance(eye, OrthographicCamera) else depth
@@ -91,11 +99,17 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
 
 
 def _focus_distance(scene: bpy.types.Scene) -> float:
-    camera = scene.camera
+    camera = _evaluated(scene.camera, scene)
     focus = camera.data.dof.focus_object
     if focus is None:
         return camera.data.dof.focus_distance
-    return abs((camera.matrix_world.inverted() @ focus.matrix_world.translation).z)
+    place = camera.matrix_world.normalized().inverted() @ _evaluated(focus, scene).matrix_world.translation
+    return abs(place.z)
+
+
+def _evaluated(item: bpy.types.Object, scene: bpy.types.Scene) -> bpy.types.Object:
+    """The object as it is in the frame that is rendered."""
+    return item.evaluated_get(next(layer for layer in scene.view_layers if layer.use).depsgraph)
 
 
 def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> None:
@@ -116,7 +130,7 @@ def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
     """Parented to the camera, so that it moves along while the shutter is open; seen by camera rays alone."""
     camera = scene.camera
     card.parent = camera
-    scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))
+    scale = Matrix.Diagonal((*_evaluated(camera, scene).matrix_world.to_scale(), 1.0))
     card.matrix_parent_inverse = scale.inverted()
     card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):

@@ -10,7 +10,7 @@ import imbuf
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import StereoReprojectError
+from ..errors import BadInputError
 from ..grid import CELL, Grid
 from ..holes import Reason
 from ..metrics import tone
@@ -29,6 +29,8 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.INVALID: (255, 0, 255),
 }
 """A pixel with several reasons shows the first of these."""
+
+PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
 FONT = 0
@@ -119,10 +121,11 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
             blf.draw_buffer(FONT, text)
     imbuf.write(image, filepath=str(path))
     image.free()
+    check_png(path)
 
 
 def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """(H, W, 3) bytes as they are. Raises StereoReprojectError when Blender cannot write."""
+    """(H, W, 3) bytes as they are. Raises BadInputError when Blender cannot write."""
     height, width = picture.shape[:2]
     image = bpy.data.images.new(path.stem, width, height, alpha=False)
     try:
@@ -133,9 +136,16 @@ def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
         image.filepath_raw = str(path)
         image.save()
     except RuntimeError as error:
-        raise StereoReprojectError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
+        raise BadInputError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
     finally:
         bpy.data.images.remove(image)
+    check_png(path)
+
+
+def check_png(path: Path) -> None:
+    """Raises BadInputError unless the PNG is there to its end: Blender says nothing when a full disk cuts one off."""
+    if not path.exists() or not path.read_bytes().endswith(PNG_END):
+        raise BadInputError(f"cannot write {path.name}: is the disk full?")
 
 
 def read_png(path: Path) -> NDArray[np.float32]:

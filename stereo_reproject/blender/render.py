@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from ..errors import StereoReprojectError
+from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_render
 from ..passes import DEPTH_PASS, Passes
 
@@ -35,11 +35,13 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     _write_exr(scene.render, path)
     start = time.perf_counter()
     try:
-        result = bpy.ops.render.render(scene=scene.name, write_still=True)
+        # The operator renders the frame at which the context's scene stands.
+        with bpy.context.temp_override(scene=scene):
+            result = bpy.ops.render.render(scene=scene.name, write_still=True)
     except RuntimeError as error:
         raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
     if "FINISHED" not in result or not path.exists():
-        raise StereoReprojectError("the render was cancelled, or its result could not be written: is the disk full?")
+        raise BadInputError("the render was cancelled, or its result could not be written: is the disk full?")
     layer = next(layer.name for layer in scene.view_layers if layer.use)
     passes: dict[str, Passes] = {}
     attributes: dict[str, str] = {}
@@ -62,9 +64,14 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
     settings.exr_codec = "NONE"
     settings.views_format = "MULTIVIEW"
     settings.color_management = "FOLLOW_SCENE"
-    render.filepath = str(path)
+    render.filepath = output_path(path)
     render.use_overwrite = True
     render.use_placeholder = False
+
+
+def output_path(path: Path) -> str:
+    """The path as an output path of Blender's, which takes {...} for a template."""
+    return str(path).replace("{", "{{").replace("}", "}}")
 
 
 def _mark_sky(passes: Passes) -> None:

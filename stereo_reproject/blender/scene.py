@@ -90,7 +90,8 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
 
 def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
     """The camera that the last marker up to `frame` binds, as Blender switches cameras when it renders."""
-    bound = [marker for marker in scene.timeline_markers if marker.camera is not None and marker.frame <= frame]
+    visible = (marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render)
+    bound = [marker for marker in visible if marker.frame <= frame]
     return max(bound, key=lambda marker: marker.frame).camera if bound else None
 
 
@@ -126,6 +127,9 @@ def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOve
     if overrides.samples is not None:
         if scene.render.engine == CYCLES:
             scene.cycles.samples = overrides.samples
+            for layer in scene.view_layers:
+                # A layer's own number would win.
+                layer.samples = 0
         else:
             scene.eevee.taa_render_samples = overrides.samples
     if overrides.seed is not None and scene.render.engine == CYCLES:
