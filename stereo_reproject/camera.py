@@ -38,6 +38,9 @@ class Camera(Protocol):
     def height(self) -> int: ...
 
     @property
+    def plane(self) -> ViewPlane: ...
+
+    @property
     def world_from_camera(self) -> Array: ...
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
@@ -137,6 +140,12 @@ def target_from_source(source: Camera, target: Camera) -> Array:
     result[:3, :3] = rotation @ source.world_from_camera[:3, :3]
     result[:3, 3] = rotation @ (source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3])
     return result
+
+
+def see_the_same(source: Camera, target: Camera) -> bool:
+    """Whether both cameras stand in the same place and look the same way: without an interocular distance."""
+    same_place = np.allclose(target_from_source(source, target), np.eye(4), rtol=0.0, atol=1e-12)
+    return same_place and source.plane == target.plane
 
 
 def target_px_from_source_px(

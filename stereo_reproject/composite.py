@@ -75,13 +75,15 @@ def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passe
 
 
 def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
-    """The passes with NaN and infinities set to 0, and (H, W) where the colour had one; depth keeps its infinities."""
+    """The passes with NaN and infinities set to 0, and (H, W) where one of them had any; depth keeps its infinities."""
     clean: Passes = {}
-    colour = passes[COLOUR_PASS]
+    invalid = np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     for name, image in passes.items():
         if name == DEPTH_PASS:
             known = (image > 0.0) & ~np.isnan(image)
             clean[name] = np.where(known, image, np.nan).astype(np.float32)
-        else:
-            clean[name] = image if np.all(np.isfinite(image)) else np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0)
-    return clean, ~np.all(np.isfinite(colour), axis=-1)
+            continue
+        number = np.isfinite(image)
+        clean[name] = image if number.all() else np.where(number, image, 0.0).astype(np.float32)
+        invalid |= ~number.all(axis=-1)
+    return clean, invalid

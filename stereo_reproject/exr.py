@@ -45,8 +45,9 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
             pass_name, letter = _split_channel(name, layer, view)
             if pass_name is not None:
                 found.setdefault(pass_name, {})[letter] = channel.pixels
-    if COLOUR_PASS not in found:
-        raise BadInputError(f"the render result has no {COLOUR_PASS} pass for view {view}; is the disk full?")
+    for name in (COLOUR_PASS, DEPTH_PASS):
+        if name not in found:
+            raise BadInputError(f"the render result has no {name} pass for view {view}; is the disk full?")
     return {name: _stack(channels) for name, channels in found.items()}, attributes
 
 

@@ -36,7 +36,7 @@ class SourceCost:
 
 @dataclass(frozen=True)
 class FillChoice:
-    """method 'packed', 'card' or 'full'; reason in words; predicted seconds of the fill."""
+    """method 'packed', 'card' or 'full'; reason in words; predicted seconds of the fill, 0 where nothing is traced."""
 
     method: str
     reason: str
@@ -62,7 +62,8 @@ def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping
     if asked != "auto":
         return FillChoice(asked, "asked for", predicted[asked])
     if fraction == 0.0:
-        return FillChoice("packed", "no hole to fill", 0.0)
+        possible = (method for method in ("packed", "card") if not blockers.get(method))
+        return FillChoice(next(possible, "full"), "no hole to fill", 0.0)
     possible = [method for method in ("packed", "card") if not blockers.get(method)]
     notes = [f"no {method}: {blockers[method]}" for method in ("packed", "card") if blockers.get(method)]
     best = min(possible, key=lambda method: predicted[method], default="full")

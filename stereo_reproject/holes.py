@@ -98,7 +98,8 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     The grid reaches half a pixel beyond the source's frame: what landed there is outside as well.
 
     What an empty pixel shows is unknown, but it lies behind its surroundings: the farther of the nearest answers to
-    its left and right in the row stands in for its depth, and tells whether the source could have seen it.
+    its left and right in the row stands in for its depth, and tells whether the source could have seen it. A row
+    without any answer is outside.
     """
     with np.errstate(invalid="ignore"):
         beyond = (warp.x < 0) | (warp.x > source.width) | (warp.y < 0) | (warp.y > source.height)
@@ -107,11 +108,12 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     if rows.size == 0:
         return flags
     behind = _farther_neighbour(warp.nearness, rows, columns)
-    sky = target.nearness_from_depth(np.float64(np.inf))
+    sky = target.nearness_from_depth(np.array(np.inf))
     depth = target.depth_from_nearness(np.where(np.isfinite(behind), behind, sky).astype(np.float64))
     x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
     with np.errstate(invalid="ignore"):
-        seen = (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
+        inside = (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
+    seen = inside & np.isfinite(behind)
     flags[rows, columns] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
     return flags
 

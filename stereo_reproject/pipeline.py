@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import SETTINGS
-from .camera import Camera
+from .camera import Camera, see_the_same
 from .composite import contain
 from .fill import FillChoice, SourceCost, check_fill, choose_fill
 from .grid import Grid
@@ -116,9 +116,12 @@ def render_stereo_frame(
 
     watch.lap("fill")
     blockers = renderer.fill_blockers(_deepest(source))
+    check_fill(settings.fill, blockers)
     fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
-    holes = np.ones(reasons.shape, bool) if fill.method == "full" else reasons > 0
-    probes = plan_probes(~holes, accuracy, fill.method, renderer.view_dependent)
+    whole = fill.method == "full" and fill.predicted_seconds > 0.0
+    holes = np.ones(reasons.shape, bool) if whole else reasons > 0
+    effects = () if see_the_same(source_camera, target_camera) else renderer.view_dependent
+    probes = plan_probes(~holes, accuracy, fill.method, effects)
     target, measured = trace_holes(renderer, fill.method, settings.target, reprojection.passes, holes, probes)
 
     watch.lap("refine")

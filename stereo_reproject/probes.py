@@ -125,7 +125,8 @@ def choose_refined(measured: Measured, promise: float, *, seed: int) -> Choice:
     B. Efron, "Estimating the error rate of a prediction rule", 1983), and is added to the estimate.
     """
     if measured.excess.size == 0 or measured.noise.sum() <= 0.0:
-        return Choice(np.zeros(measured.excess.size, bool), Estimate(1.0, 1.0, 1.0))
+        # Without noise there is no ratio to it: whatever is off at all is traced.
+        return Choice(measured.excess > 0.0, Estimate(1.0, 1.0, 1.0))
     rng = np.random.default_rng(seed)
     scale = 2.0 * _total_noise(measured)
     order, remaining = _remaining(measured, np.ones(measured.excess.size))

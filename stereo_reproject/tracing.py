@@ -34,7 +34,7 @@ def plan_probes(
     warped: NDArray[np.bool_], accuracy: Accuracy, method: str, view_dependent: Sequence[str]
 ) -> Probes | None:
     """Probes among the warped pixels (H, W), if anything was promised that the scene may break; else None."""
-    if accuracy.promise is None or not view_dependent or not warped.any():
+    if accuracy.promise is None or not view_dependent or not warped.any() or method == "full":
         return None
     spacing = accuracy.probe_spacing * (CARD_SPACING if method == "card" else 1)
     return place_probes(warped, spacing=spacing, seed=PROBE_SEED)
@@ -54,9 +54,10 @@ def trace_holes(
     traced = tracer.trace(method, view, wanted, twice=twins)
     count = int(wanted.sum())
     target = composite(warped, {name: image[:count] for name, image in traced.items()}, wanted)
-    once, again = {n: target[n][twins] for n in traced}, {n: image[count:] for n, image in traced.items()}
-    measured = measure(probes, ~holes, warped[COLOUR_PASS][twins], once[COLOUR_PASS], again[COLOUR_PASS])
-    mean = {name: 0.5 * (once[name] + again[name]) for name in traced if filtered(name)}
+    once, again = target[COLOUR_PASS][twins], traced[COLOUR_PASS][count:]
+    measured = measure(probes, ~holes, warped[COLOUR_PASS][twins], once, again)
+    means = (name for name in target if name in traced and filtered(name))
+    mean = {name: 0.5 * (target[name][twins] + traced[name][count:]) for name in means}
     return composite(target, mean, twins), measured
 
 

@@ -12,6 +12,7 @@ import os
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,10 @@ def main() -> None:
     except OSError as error:
         status = 2
         emit("error", status=status, message=f"{error.strerror or error}: {error.filename or 'while writing'}")
+    except Exception as error:  # noqa: BLE001 - whatever else goes wrong is told in one line, and logged in full
+        status = 1
+        traceback.print_exc()
+        emit("error", status=status, message=f"a defect of stereo_reproject: {type(error).__name__}: {error}")
     # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
     os._exit(status)
 
@@ -65,16 +70,17 @@ def _end_with_parent() -> None:
 
 def run_job(job: dict[str, Any], emit: Emit) -> None:
     """Render the pair of one frame into work/out and say so."""
-    from .blender import frame as blender_frame
+    from .blender.frame import render_files
+    from .blender.scene import open_blend
 
     settings = _settings(job["settings"])
     work = Path(job["work"])
     start = time.perf_counter()
     emit("stage", stage="load", fraction=None)
-    scene = blender_frame.load(Path(job["blend"]))
+    scene = open_blend(Path(job["blend"]))
     loaded = time.perf_counter() - start
     with _sample_progress(work / "blender.log", emit) as on_stage:
-        report, files = blender_frame.render_files(scene, settings, work, load_seconds=loaded, on_stage=on_stage)
+        report, files = render_files(scene, settings, work, load_seconds=loaded, on_stage=on_stage)
     for warning in report["warnings"]:
         emit("warning", message=warning)
     emit("done", report=report, files=files)

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..composite import contain
 from ..metrics import noise_ratio, rmse, worst_tiles
-from ..passes import COLOUR_PASS
 from ..pipeline import StereoFrame, colour
 from ..settings import StereoSettings
 from .delivery import deliver_side_by_side
@@ -35,7 +35,7 @@ def compare_with_multiview(
         seed = peer.cycles.seed
         both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
-    reference, repeated = both.views[target][COLOUR_PASS], again.views[target][COLOUR_PASS]
+    reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
     ours = colour(frame.eyes[target])
     flip, noise_flip = _flips(scene, settings, reference, repeated, stereo_png, folder)
     return {
@@ -64,7 +64,7 @@ def _flips(
     except ImportError:
         return None, None
     pair = folder / "reference.png"
-    deliver_side_by_side(scene, {"left": reference, "right": repeated}, pair)
+    deliver_side_by_side(scene, {"left": reference, "right": repeated}, pair, frame=settings.scene.frame)
     reference_seen, repeated_seen = np.split(read_png(pair), 2, axis=1)
     ours_seen = np.split(read_png(stereo_png), 2, axis=1)[settings.target == "right"]
 

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from .scene import evaluated
+
 SAME_FROM_EVERYWHERE = {
     "ShaderNodeBsdfDiffuse",
     "ShaderNodeBsdfTranslucent",
@@ -22,9 +24,15 @@ DEPENDS_ON_THE_VIEW = {
     "ShaderNodeLayerWeight",
     "ShaderNodeFresnel",
     "ShaderNodeCameraData",
-    "ShaderNodeObjectInfo",
+    "ShaderNodeScript",
 }
 """Inputs that tell a shader where it is seen from, and may make any shader depend on it."""
+
+
+OUTPUTS_THAT_DEPEND_ON_THE_VIEW = {
+    "ShaderNodeNewGeometry": ("Incoming",),
+    "ShaderNodeTexCoord": ("Reflection", "Camera", "Window"),
+}
 
 
 def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -34,7 +42,7 @@ def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
     too many costs little.
     """
     effects: dict[str, None] = {}
-    if scene.camera.data.dof.use_dof:
+    if evaluated(scene.camera, scene).data.dof.use_dof:
         effects["depth of field"] = None
     if scene.render.use_motion_blur:
         effects["motion blur"] = None
@@ -47,6 +55,18 @@ def view_dependent_effects(scene: bpy.types.Scene) -> tuple[str, ...]:
         if material.users > 0 and not material.is_grease_pencil and _view_dependent(material):
             effects[f"material {material.name!r}"] = None
     return tuple(effects)
+
+
+def is_animated(owner: bpy.types.ID) -> bool:
+    """Whether anything of the datablock changes with time."""
+    animation = owner.animation_data
+    return animation is not None and (
+        animation.action is not None or len(animation.drivers) > 0 or len(animation.nla_tracks) > 0
+    )
+
+
+def has_grease_pencil(scene: bpy.types.Scene) -> bool:
+    return any(item.type == "GREASEPENCIL" and not item.hide_render for item in scene.objects)
 
 
 def uses_output(node_type: str, output: str) -> bool:
@@ -64,7 +84,8 @@ def _view_dependent(material: bpy.types.Material) -> bool:
 
 
 def _node_depends(node: bpy.types.Node) -> bool:
-    if node.bl_idname in DEPENDS_ON_THE_VIEW:
+    telling = OUTPUTS_THAT_DEPEND_ON_THE_VIEW.get(node.bl_idname, ())
+    if node.bl_idname in DEPENDS_ON_THE_VIEW or any(node.outputs[name].is_linked for name in telling):
         return True
     shades = any(socket.type == "SHADER" for socket in node.outputs)
     return shades and node.bl_idname not in SAME_FROM_EVERYWHERE and node.bl_idname != "ShaderNodeGroup"

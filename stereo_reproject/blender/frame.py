@@ -15,18 +15,13 @@ from ..exr import write_eye, write_stereo
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
+from ..work_folder import FILES
 from .compare import compare_with_multiview
 from .delivery import deliver_side_by_side
 from .pictures import write_grid, write_holes
 from .renderer import BlenderRenderer
-from .scene import open_blend, scene_warnings, working_scene
-
-FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png")
-
-
-def load(blend: Path) -> bpy.types.Scene:
-    """Open the .blend; its scene. Raises BadInputError."""
-    return open_blend(blend)
+from .rig import frame_region
+from .scene import evaluated, scene_warnings, working_scene
 
 
 def render_files(
@@ -50,7 +45,7 @@ def render_files(
     memory = _peak_mb()
     on_stage("write")
     start = time.perf_counter()
-    _write_pictures(scene, settings, frame, out)
+    _write_pictures(scene, settings, frame, out, facts["frame"])
     frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
     report = {**facts, **_measurements(frame, settings.accuracy), "memory": {"peak_mb": memory}}
     if settings.compare:
@@ -59,20 +54,20 @@ def render_files(
     report["warnings"] = scene_warnings(scene) + _invalid_warnings(frame)
     check_report(report)
     write_json(out / "report.json", report)
-    return report, [*FILES, "report.json"]
+    return report, list(FILES)
 
 
 def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
     render = working.render
-    percentage = render.resolution_percentage
+    region = frame_region(render)
     cycles = render.engine == "CYCLES"
-    stereo = working.camera.data.stereo
+    stereo = evaluated(working.camera, working).data.stereo
     return {
         "schema": REPORT_SCHEMA,
         "scene": Path(bpy.data.filepath).stem or scene.name,
         "scene_datablock": scene.name,
         "frame": working.frame_current,
-        "size": [render.resolution_x * percentage // 100, render.resolution_y * percentage // 100],
+        "size": [region.width, region.height],
         "samples": working.cycles.samples if cycles else working.eevee.taa_render_samples,
         "engine": render.engine,
         "device": working.cycles.device if cycles else "GPU",
@@ -96,6 +91,7 @@ def _measurements(frame: StereoFrame, accuracy: str) -> dict[str, Any]:
             "reason": frame.fill.reason,
             "predicted_seconds": frame.fill.predicted_seconds,
         },
+        "refine": _refine(frame),
         "grid": {
             "cells": frame.grid.cells,
             "subdivided": int(frame.grid.subdivided.sum()),
@@ -104,8 +100,14 @@ def _measurements(frame: StereoFrame, accuracy: str) -> dict[str, Any]:
         "fractions": traced_fractions(frame),
         "estimate": _estimate(frame, SETTINGS[accuracy].promise),
         "seconds": frame.seconds,
-        "predicted_speedup": (source.seconds + source.fixed + source.per_frame) / frame.seconds["total"],
+        "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
     }
+
+
+def _refine(frame: StereoFrame) -> dict[str, Any] | None:
+    """How what the probes asked for was traced; None where they asked for nothing."""
+    fill = frame.refinement.fill
+    return None if fill is None else {"method": fill.method, "reason": fill.reason}
 
 
 def _estimate(frame: StereoFrame, promise: float | None) -> dict[str, Any] | None:
@@ -123,12 +125,15 @@ def _estimate(frame: StereoFrame, promise: float | None) -> dict[str, Any] | Non
     }
 
 
-def _write_pictures(scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, out: Path) -> None:
+def _write_pictures(
+    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, out: Path, number: int
+) -> None:
     eyes = {view: frame.eyes[view] for view in ("left", "right")}
     for view, passes in eyes.items():
         write_eye(out / f"{view}.exr", passes, view=view)
     write_stereo(out / "stereo.exr", eyes)
-    deliver_side_by_side(scene, {view: colour(passes) for view, passes in eyes.items()}, out / "stereo.png")
+    pictures = {view: colour(passes) for view, passes in eyes.items()}
+    deliver_side_by_side(scene, pictures, out / "stereo.png", frame=number)
     write_holes(out / "holes.png", colour(frame.eyes[settings.target]), frame.reasons)
     write_grid(out / "grid.png", colour(frame.eyes[settings.source]), frame.grid)
 

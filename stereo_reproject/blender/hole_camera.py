@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -14,23 +14,21 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, OrthographicCamera, PerspectiveCamera
+from ..camera import Camera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
 from ..passes import DEPTH_PASS, Passes
 from ..pixel_filter import TABLE_SIZE, sample_offsets
-from .effects import uses_output
+from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
+from .scene import evaluated
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
 
-def packed_blocker(scene: bpy.types.Scene, eye: PerspectiveCamera | OrthographicCamera, deepest: float) -> str | None:
+def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
-    camera = scene.camera.data
-    plane = eye.plane
-    reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
-    corner = np.linalg.norm((reach_x, reach_y, 1.0))
+    camera = evaluated(scene.camera, scene).data
     checks = {
         "the scene renders with EEVEE": scene.render.engine != "CYCLES",
         "this Blender is built without OSL": not _has_osl(),
@@ -38,15 +36,23 @@ def packed_blocker(scene: bpy.types.Scene, eye: PerspectiveCamera | Orthographic
         "the camera is orthographic": camera.type != "PERSP",
         "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
         and scene.cycles.rolling_shutter_type != "NONE",
-        "the lens is animated and motion blur is on": scene.render.use_motion_blur and _animated(camera),
+        "the lens is animated and motion blur is on": scene.render.use_motion_blur and is_animated(scene.camera.data),
         "adaptive subdivision follows the camera": _uses_adaptive_subdivision(scene),
         "camera culling follows the camera": scene.render.use_simplify
         and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
         "a material uses Window coordinates": uses_output("ShaderNodeTexCoord", "Window"),
+        "Grease Pencil is drawn over the finished render": has_grease_pencil(scene),
         # A custom camera's rays end at that distance, a perspective camera's at that depth.
-        "surfaces reach the camera's clip end": deepest * corner > camera.clip_end,
+        "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
     }
     return next((reason for reason, blocks in checks.items() if blocks), None)
+
+
+def _corner(eye: Camera) -> float:
+    """How much longer the ray to the farthest corner of the view plane is than its depth."""
+    plane = eye.plane
+    reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
+    return float(np.linalg.norm((reach_x, reach_y, 1.0)))
 
 
 def _has_osl() -> bool:
@@ -60,11 +66,6 @@ def _device_has_osl(scene: bpy.types.Scene) -> bool:
         return True
     preferences = bpy.context.preferences.addons["cycles"].preferences
     return preferences.compute_device_type in ("NONE", "OPTIX")
-
-
-def _animated(camera: bpy.types.Camera) -> bool:
-    animation = camera.animation_data
-    return animation is not None and (animation.action is not None or len(animation.drivers) > 0)
 
 
 def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
@@ -123,7 +124,8 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
     aspect_y, pixel_filter = render.pixel_aspect_y, scene.cycles.pixel_filter_type
     packed = plain.copy()
     try:
-        _set_camera(packed, plain, target, (width, height), table, filter_table)
+        _set_lens(packed, evaluated(eye, scene).data)
+        _set_camera(packed, target, (width, height), table, filter_table)
         eye.data = packed
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.use_border = False
@@ -137,11 +139,24 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
         for name, value in kept.items():
             setattr(render, name, value)
         render.pixel_aspect_y = aspect_y
+        # Else whoever asks for the evaluated camera next is given the packed one.
+        next(layer for layer in scene.view_layers if layer.use).update()
+
+
+def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
+    """What `plain`, the evaluated camera, is in the frame that is rendered; nothing of it is animated any more."""
+    packed.animation_data_clear()
+    for name in ("clip_start", "clip_end", "lens"):
+        setattr(packed, name, getattr(plain, name))
+    for name in ("interocular_distance", "convergence_distance"):
+        setattr(packed.stereo, name, getattr(plain.stereo, name))
+    for name in ("focus_distance", "aperture_fstop", "aperture_blades", "aperture_rotation", "aperture_ratio"):
+        setattr(packed.dof, name, getattr(plain.dof, name))
+    packed.dof.use_dof = plain.dof.use_dof
 
 
 def _set_camera(
     packed: bpy.types.Camera,
-    plain: bpy.types.Camera,
     target: PerspectiveCamera,
     size: tuple[int, int],
     table: Path,
@@ -157,8 +172,8 @@ def _set_camera(
         packed.stereo.convergence_mode = "PARALLEL"
     plane = target.plane
     aperture = 0.0
-    if plain.dof.use_dof:
-        aperture = plain.lens * 1e-3 / (2.0 * max(plain.dof.aperture_fstop, 1e-5))
+    if packed.dof.use_dof:
+        aperture = packed.lens * 1e-3 / (2.0 * max(packed.dof.aperture_fstop, 1e-5))
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
     parameters["filter_table"] = str(filter_table)
@@ -169,7 +184,7 @@ def _set_camera(
         float((plane.top - plane.bottom) / target.height),
         0.0,
     )
-    parameters["near_clip"] = float(plain.clip_start)
+    parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = float(aperture)
 
 

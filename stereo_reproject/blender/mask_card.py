@@ -20,9 +20,10 @@ from ..exr import write_table
 from ..masks import dilate
 from ..passes import Passes
 from ..pixel_filter import filter_support
-from .effects import uses_output
+from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
+from .scene import evaluated
 
 NAME = "Stereo Reproject mask"
 
@@ -35,8 +36,11 @@ def card_blocker(scene: bpy.types.Scene) -> str | None:
         return "a material override would replace the card's material"
     if uses_output("ShaderNodeLightPath", "Transparent Depth"):
         return "a shader counts transparent surfaces, and the card is one"
-    animation = scene.camera.data.animation_data
-    if scene.render.use_motion_blur and animation is not None and animation.action is not None:
+    if has_grease_pencil(scene):
+        return "Grease Pencil is drawn over the finished render"
+    if scene.render.use_simplify and scene.cycles.texture_limit_render != "OFF":
+        return "the scene's texture limit would scale the card's mask"
+    if scene.render.use_motion_blur and is_animated(scene.camera.data):
         return "the lens is animated and motion blur is on"
     return None
 
@@ -86,7 +90,7 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:
     """The target's view plane, at a depth at which each pixel's rays meet: the focus, or just behind the near clip."""
-    camera = _evaluated(scene.camera, scene)
+    camera = evaluated(scene.camera, scene)
     eye = stereo_cameras(camera, scene.render)[view]
     depth = _focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
     scale = 1.0 if isinstance(eye, OrthographicCamera) else depth
@@ -99,17 +103,12 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
 
 
 def _focus_distance(scene: bpy.types.Scene) -> float:
-    camera = _evaluated(scene.camera, scene)
+    camera = evaluated(scene.camera, scene)
     focus = camera.data.dof.focus_object
     if focus is None:
         return camera.data.dof.focus_distance
-    place = camera.matrix_world.normalized().inverted() @ _evaluated(focus, scene).matrix_world.translation
+    place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
     return abs(place.z)
-
-
-def _evaluated(item: bpy.types.Object, scene: bpy.types.Scene) -> bpy.types.Object:
-    """The object as it is in the frame that is rendered."""
-    return item.evaluated_get(next(layer for layer in scene.view_layers if layer.use).depsgraph)
 
 
 def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> None:
@@ -130,8 +129,8 @@ def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
     """Parented to the camera, so that it moves along while the shutter is open; seen by camera rays alone."""
     camera = scene.camera
     card.parent = camera
-    scale = Matrix.Diagonal((*_evaluated(camera, scene).matrix_world.to_scale(), 1.0))
+    scale = Matrix.Diagonal((*evaluated(camera, scene).matrix_world.to_scale(), 1.0))
     card.matrix_parent_inverse = scale.inverted()
-    card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
+    card.matrix_basis = Matrix(camera_from_eye(evaluated(camera, scene).data, view).tolist())
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         setattr(card, f"visible_{kind}", False)

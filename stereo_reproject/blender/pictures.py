@@ -33,6 +33,8 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
 PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
+GRID_WIDTH = 2880
+"""Pixels up to which the picture of the grid is enlarged."""
 FONT = 0
 
 
@@ -57,40 +59,36 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
-    """The subdivided grid as a wireframe over the source eye (paper, figure 4), at three times its size."""
-    scale = 3
+    """The subdivided grid as a wireframe over the source eye (paper, figure 4), enlarged where that is small."""
+    scale = max(1, min(3, GRID_WIDTH // grid.width))
     picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
-    dimmed = (picture * 0.6).astype(np.uint8)
-    for row, column in np.ndindex(grid.subdivided.shape):
-        top, left = row * CELL - 1, column * CELL - 1
-        bottom, right = min(top + CELL, grid.height), min(left + CELL, grid.width)
-        step = 1 if grid.subdivided[row, column] else CELL
-        _wireframe(dimmed, (top, bottom, left, right), step, scale)
-    _write_png(path, dimmed)
+    strength = np.full(picture.shape[:2], 0, np.uint8)
+    fine = _cells_in_pixels(grid, scale)
+    for native, weight in ((True, 64), (False, 204)):
+        strength[_lines(picture.shape[:2], scale, 1 if native else CELL, diagonals=not native) & (fine == native)] = (
+            weight
+        )
+    for k, value in enumerate(GRID_COLOUR):
+        dimmed = picture[..., k].astype(np.uint16) * 3 // 5
+        picture[..., k] = (dimmed * (255 - strength) + np.uint16(value) * strength) // 255
+    _write_png(path, picture)
 
 
-def _wireframe(picture: NDArray[np.uint8], cell: tuple[int, int, int, int], step: int, scale: int) -> None:
-    """Both triangles' sides along rows and columns; diagonals only where a quad is wide enough to show one."""
-    height, width = picture.shape[:2]
-    top, bottom, left, right = (int((edge + 0.5) * scale) for edge in cell)
-    rows = slice(max(top, 0), min(bottom, height))
-    columns = slice(max(left, 0), min(right, width))
-    strength = 0.8 if step > 1 else 0.25
-    for y in range(top, bottom, step * scale):
-        if 0 <= y < height:
-            _blend(picture, (slice(y, y + 1), columns), strength)
-    for x in range(left, right, step * scale):
-        if 0 <= x < width:
-            _blend(picture, (rows, slice(x, x + 1)), strength)
-    if step > 1:
-        along = np.arange(min(bottom - top, right - left))
-        y, x = top + along, right - 1 - along
-        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-        _blend(picture, (y[inside], x[inside]), strength)
+def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:
+    """(H, W) of the enlarged picture: whether a pixel lies in a subdivided cell. Vertices stand at pixel centres."""
+    rows = (np.arange(grid.height * scale) / scale + 0.5).astype(np.intp) // CELL
+    columns = (np.arange(grid.width * scale) / scale + 0.5).astype(np.intp) // CELL
+    return grid.subdivided[np.ix_(rows, columns)]
 
 
-def _blend(picture: NDArray[np.uint8], where: tuple, strength: float) -> None:
-    picture[where] = (picture[where] * (1.0 - strength) + np.array(GRID_COLOUR) * strength).astype(np.uint8)
+def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) -> NDArray[np.bool_]:
+    """(H, W): the sides of quads of `step` source pixels, and the diagonals along which they are cut."""
+    period = step * scale
+    y, x = (np.arange(size) + scale // 2 for size in shape)
+    lines = (y % period == 0)[:, None] | (x % period == 0)[None, :]
+    if diagonals:
+        lines |= (y[:, None] + x[None, :]) % period == 0
+    return lines
 
 
 def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tuple[str, tuple[int, int, int]]]) -> None:

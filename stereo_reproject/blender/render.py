@@ -18,7 +18,7 @@ SKY_DEPTH = 1e9
 
 @dataclass(frozen=True)
 class Rendered:
-    """Passes by view name; seconds of the whole call, and those of it that Cycles spent on syncing the scene."""
+    """Passes by view name; seconds of the render call, and those of it that Cycles spent on syncing the scene."""
 
     views: dict[str, Passes]
     seconds: float
@@ -35,13 +35,12 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     _write_exr(scene.render, path)
     start = time.perf_counter()
     try:
-        # The operator renders the frame at which the context's scene stands.
-        with bpy.context.temp_override(scene=scene):
-            result = bpy.ops.render.render(scene=scene.name, write_still=True)
+        result = call_render(scene)
     except RuntimeError as error:
         raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
     if "FINISHED" not in result or not path.exists():
         raise BadInputError("the render was cancelled, or its result could not be written: is the disk full?")
+    seconds = time.perf_counter() - start
     layer = next(layer.name for layer in scene.view_layers if layer.use)
     passes: dict[str, Passes] = {}
     attributes: dict[str, str] = {}
@@ -49,7 +48,6 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
         passes[view], attributes = read_render(path, layer=layer, view=view)
         _mark_sky(passes[view])
     path.unlink()
-    seconds = time.perf_counter() - start
     sync = _seconds(attributes.get(f"cycles.{layer}.synchronization_time", ""))
     # For several views, Cycles counts the other views' render time as synchronization.
     return Rendered(passes, seconds, sync if len(views) == 1 else 0.0)
@@ -67,6 +65,13 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
     render.filepath = output_path(path)
     render.use_overwrite = True
     render.use_placeholder = False
+
+
+def call_render(scene: bpy.types.Scene) -> set[str]:
+    """Blender's render operator, for a still of this scene; what the operator returns."""
+    # It renders the frame at which the context's scene stands, whatever scene it is told.
+    with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        return set(bpy.ops.render.render(scene=scene.name, write_still=True))
 
 
 def output_path(path: Path) -> str:

@@ -15,6 +15,7 @@ from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
 from .render import render_views
 from .rig import stereo_cameras
+from .scene import evaluated
 
 FILL_SEED = 1_000_003
 """Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
@@ -26,8 +27,7 @@ class BlenderRenderer:
     def __init__(self, scene: bpy.types.Scene, folder: Path) -> None:
         self.scene = scene
         self.folder = folder
-        depsgraph = next(layer for layer in scene.view_layers if layer.use).depsgraph
-        self.cameras = stereo_cameras(scene.camera.evaluated_get(depsgraph), scene.render)
+        self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.view_dependent = view_dependent_effects(scene)
         self.seed = scene.cycles.seed
         self._traces = 0
@@ -37,7 +37,10 @@ class BlenderRenderer:
         return rendered.views[view], SourceCost(rendered.seconds, rendered.sync_seconds)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
-        return {"packed": packed_blocker(self.scene, self.cameras["left"], deepest), "card": card_blocker(self.scene)}
+        return {
+            "packed": packed_blocker(self.scene, self.cameras.values(), deepest),
+            "card": card_blocker(self.scene),
+        }
 
     def trace(
         self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None

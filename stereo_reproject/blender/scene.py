@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import bpy
 
 from ..errors import BadInputError
 from ..settings import SceneOverrides
-from .rig import MODES, check_camera
+from .rig import MODES, check_camera, frame_region
 
 CYCLES = "CYCLES"
 EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+
+Block = TypeVar("Block", bound=bpy.types.ID)
+
+SMALLEST = 4
+"""Pixels along a side: Blender renders nothing smaller."""
 
 
 def open_blend(path: Path) -> bpy.types.Scene:
@@ -41,6 +47,8 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
         warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
     if scene.render.use_compositing and _has_compositor(scene):
         warnings.append("the scene's compositor is not applied to the pair")
+    if bpy.app.autoexec_fail:
+        warnings.append("scripts of the .blend were not run: drivers that need them stand still")
     if scene.render.use_freestyle:
         warnings.append("Freestyle lines are not drawn")
     layers = [layer.name for layer in scene.view_layers if layer.use]
@@ -82,17 +90,43 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
         copy.camera = eye
         _set_up(copy, layer)
         _apply(copy, eye.data, overrides)
+        _check_region(copy.render)
         copy.frame_set(frame)
+        # The fills look at it, and the copy's own value may be that of another frame.
+        copy.cycles.filter_width = evaluated(copy, copy).cycles.filter_width
         yield copy
     finally:
         _remove(*names)
+        return_to_own_frame(scene, frame)
+
+
+def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
+    """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
+    return item.evaluated_get(next(layer for layer in scene.view_layers if layer.use).depsgraph)
+
+
+def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:
+    """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
+    if frame != scene.frame_current:
+        scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+
+
+def _check_region(render: bpy.types.RenderSettings) -> None:
+    region = frame_region(render)
+    if min(region.width, region.height) < SMALLEST:
+        raise BadInputError(
+            f"{region.width} x {region.height} pixels are to be rendered: at least {SMALLEST} x {SMALLEST} are needed;"
+            " check resolution, percentage and render border"
+        )
 
 
 def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
-    """The camera that the last marker up to `frame` binds, as Blender switches cameras when it renders."""
-    visible = (marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render)
-    bound = [marker for marker in visible if marker.frame <= frame]
-    return max(bound, key=lambda marker: marker.frame).camera if bound else None
+    """The camera that the last marker up to `frame` binds, or else the first, as Blender switches cameras."""
+    bound = [marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render]
+    if not bound:
+        return None
+    passed = [marker for marker in bound if marker.frame <= frame]
+    return max(passed, key=lambda m: m.frame).camera if passed else min(bound, key=lambda m: m.frame).camera
 
 
 def _set_up(scene: bpy.types.Scene, layer: str) -> None:
@@ -132,8 +166,11 @@ def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOve
                 layer.samples = 0
         else:
             scene.eevee.taa_render_samples = overrides.samples
-    if overrides.seed is not None and scene.render.engine == CYCLES:
-        scene.cycles.seed = overrides.seed
+    if scene.render.engine == CYCLES:
+        # Each render of a frame has a seed of its own; a driver, of which there is the old idiom #frame, would undo it.
+        scene.driver_remove("cycles.seed")
+        if overrides.seed is not None:
+            scene.cycles.seed = overrides.seed
     stereo = camera.stereo
     if overrides.interocular_distance is not None:
         stereo.interocular_distance = overrides.interocular_distance

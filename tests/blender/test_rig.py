@@ -214,7 +214,6 @@ def test_camera_in_the_world(scene, tmp_path, mode, place):
     assert_rig_is_blenders(scene, tmp_path)
 
 
-@pytest.mark.xfail(reason="the rig takes a camera's axes to be at right angles")
 def test_sheared_camera(scene, tmp_path):
     sheared(scene)
     assert_rig_is_blenders(scene, tmp_path)

@@ -59,7 +59,7 @@ def test_contain_blacks_out_what_is_no_number_and_says_where(value):
     given["Normal"][4, 4, 2] = value
     before = {name: image.copy() for name, image in given.items()}
     clean, invalid = contain(given)
-    assert np.argwhere(invalid).tolist() == [[2, 3], [5, 8]]
+    assert np.argwhere(invalid).tolist() == [[2, 3], [4, 4], [5, 8]]
     assert clean["Combined"][2, 3, 1] == clean["Combined"][5, 8, 3] == clean["Normal"][4, 4, 2] == 0.0
     for name, image in clean.items():
         assert np.all(np.isfinite(image))

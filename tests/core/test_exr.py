@@ -58,7 +58,7 @@ def test_an_eye_comes_back_with_every_pass_bit_by_bit(tmp_path):
 
 
 def test_a_stereo_file_is_multi_view_as_openexr_has_it(tmp_path):
-    """The default view comes first and without its name; the other's name is the last part but one."""
+    """The default view comes first, its colours without its name; a layer's view is the last part but one."""
     eyes = {"left": passes(1), "right": passes(2)}
     write_stereo(tmp_path / "stereo.exr", eyes)
     pixels, header = channels_of(tmp_path / "stereo.exr")
@@ -66,10 +66,10 @@ def test_a_stereo_file_is_multi_view_as_openexr_has_it(tmp_path):
     for k, letter in enumerate("RGBA"):
         check_channel(pixels, letter, eyes["left"]["Combined"][..., k])
         check_channel(pixels, f"right.{letter}", eyes["right"]["Combined"][..., k])
-    check_channel(pixels, "Depth.Z", eyes["left"]["Depth"][..., 0])
+    check_channel(pixels, "Depth.left.Z", eyes["left"]["Depth"][..., 0])
     check_channel(pixels, "Depth.right.Z", eyes["right"]["Depth"][..., 0])
     for k, letter in enumerate("XYZ"):
-        check_channel(pixels, f"Normal.{letter}", eyes["left"]["Normal"][..., k])
+        check_channel(pixels, f"Normal.left.{letter}", eyes["left"]["Normal"][..., k])
         check_channel(pixels, f"Normal.right.{letter}", eyes["right"]["Normal"][..., k])
     assert len(pixels) == 2 * sum(image.shape[2] for image in eyes["left"].values())
 
@@ -79,7 +79,7 @@ def test_a_pass_that_only_one_eye_has_is_only_that_eye_s(tmp_path):
     del eyes["right"]["Vector"]
     write_stereo(tmp_path / "stereo.exr", eyes)
     pixels, _ = channels_of(tmp_path / "stereo.exr")
-    assert {name for name in pixels if name.startswith("Vector")} == {f"Vector.{letter}" for letter in "XYZW"}
+    assert {name for name in pixels if name.startswith("Vector")} == {f"Vector.left.{letter}" for letter in "XYZW"}
 
 
 def test_a_table_holds_its_numbers(tmp_path):
@@ -180,6 +180,7 @@ def test_channels_come_in_the_order_that_their_letters_have(tmp_path, name):
     letters = READ_ONLY[name]
     image = np.arange(24.0, dtype=np.float32).reshape(2, 3, 4)[..., : len(letters)]
     colour = {f"L.Combined.left.{letter}": np.zeros((2, 3), np.float32) for letter in "RGBA"}
+    colour["L.Depth.left.Z"] = np.ones((2, 3), np.float32)
     channels = {f"L.{name}.left.{letter}": image[..., k].copy() for k, letter in enumerate(letters)}
     with OpenEXR.File({"type": OpenEXR.scanlineimage}, {**colour, **channels}) as file:
         file.write(str(tmp_path / "render.exr"))

@@ -37,7 +37,6 @@ DEMO_WARNING = (
 SECONDS = 120.0
 """Far more than any of these runs takes."""
 
-DEFAULT_VIEW = "a channel with a layer needs the view's name even in the default view: Depth.left.Z"
 
 DITHER = 2.01 / 255.0
 """A scene's dithering moves a value of 8 bits to the next one, at random, and rounding may add one."""
@@ -199,7 +198,6 @@ def view_of_channel(name, views):
     return views[0] if not layers else layers[-1] if layers[-1] in views else None
 
 
-@pytest.mark.xfail(reason=DEFAULT_VIEW)
 def test_stereo_exr_holds_both_eyes(demo):
     with OpenEXR.File(str(demo.folder / "stereo.exr"), separate_channels=True) as file:
         views = list(file.header()["multiView"])
@@ -275,13 +273,12 @@ def test_an_earlier_result_is_replaced(tmp_path, small_scene):
     assert {name for name in run.files if (run.folder / name).read_bytes() == b"old"} == {"mine.txt"}
 
 
-BRACES = "from 4.5 on, Blender takes {...} in an output path for a template"
 AWKWARD = [
     "with a space",
     "Räume und Größen",
     "per%cent %04d",
     "#hash ###",
-    pytest.param("{brace} {blend_name}", marks=pytest.mark.xfail(reason=BRACES)),
+    "{brace} {blend_name}",
     "<UDIM>",
     "-dash",
 ]
@@ -418,12 +415,9 @@ def test_an_output_that_cannot_be_made_is_one_line(small_scene, tmp_path):
     assert "/proc/out cannot be written" in run.stderr
 
 
-DISK_FULL = pytest.mark.xfail(
-    reason="a render result or a legend that a full disk has cut off is a failure (1), or a traceback", strict=False
-)
 # In which no picture fits, one render result, all but its last part, one eye, all but the legend of holes.png, and all
 # but the last picture: how much a picture takes as PNG depends on the version.
-DISK_SIZES = [pytest.param(size, marks=DISK_FULL) for size in ("8k", "60k", "100k", "280k", "310k")] + ["160k"]
+DISK_SIZES = ["8k", "60k", "100k", "160k", "280k", "310k"]
 NAMESPACE = ["unshare", "--mount"] if getattr(os, "geteuid", lambda: 1)() == 0 else ["unshare", "--mount", "-r"]
 
 

@@ -66,7 +66,6 @@ def test_a_hard_scene_runs(shared_scenes, tmp_path, name):
     assert report["size"] == [160, 90]
 
 
-@pytest.mark.xfail(reason="render.render(scene=...) renders the frame of the context's scene")
 def test_an_animated_scene_renders_the_frame_that_was_asked_for(shared_scenes, tmp_path):
     options = ["--interocular", "0.065", "--convergence", "5", "--size", "160x90", "--samples", "1"]
     for frame in ("1", "25"):
