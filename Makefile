@@ -13,7 +13,7 @@ LINT_VENV ?= .venv-lint
 PYTEST_ARGS ?=
 
 DEMO_SCENE ?= demo/cornell-box/cornell-box.blend
-DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x270 --samples 32 --compare
+DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x480 --samples 32 --compare
 DEMO_OUTPUT ?= demo-output
 
 INSTALLED := $(VENV)/.installed
