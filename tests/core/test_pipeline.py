@@ -567,3 +567,31 @@ def test_what_looks_different_from_each_eye_is_found_and_traced(method):
     assert frame.refinement.estimate.noise_ratio <= 1.1
     reference, again = (renderer.picture("right", seed=seed)["Combined"] for seed in (91, 92))
     assert noise_ratio(frame.eyes["right"]["Combined"], reference, again) < 1.2
+
+
+def test_passes_that_do_not_carry_over_do_not_stop_the_probes():
+    """Vector is rendered with the others, and traced with them, but the target has none."""
+
+    class WithVector(Caster):
+        def picture(self, view, seed):
+            passes = super().picture(view, seed)
+            return passes | {"Vector": np.ones((*passes["Depth"].shape[:2], 4), np.float32)}
+
+    renderer = WithVector(ROOM, caster().cameras, noise=0.1, view_dependent=("mirror",))
+    frame = render_stereo_frame(renderer, settings())
+    assert frame.refinement.estimate is not None
+    assert "Vector" in frame.eyes["left"]
+    assert "Vector" not in frame.eyes["right"]
+
+
+def test_equal_eyes_stay_equal_whatever_the_surfaces_are():
+    frame = render_stereo_frame(caster(ipd=0.0, noise=0.1, view_dependent=("mirror",)), settings(fill="auto"))
+    assert not frame.traced.any()
+
+
+@pytest.mark.parametrize("blocked", [{"packed": "no OSL"}, {"packed": "no OSL", "card": "EEVEE"}])
+def test_without_a_hole_nothing_is_traced_by_a_method_that_cannot_be_used(blocked):
+    renderer = caster(SKY, view_dependent=("mirror",), blockers={"packed": None, "card": None} | blocked)
+    frame = render_stereo_frame(renderer, settings(fill="auto"))
+    assert frame.fill.method not in blocked
+    assert all(asked[0] not in blocked for asked in renderer.asked)
