@@ -21,7 +21,7 @@ from ..passes import DEPTH_PASS, Passes
 from ..pixel_filter import TABLE_SIZE, sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
-from .scene import evaluated
+from .scene import evaluated, rendered_layer
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
@@ -119,9 +119,16 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
     write_table(filter_table, np.broadcast_to(offsets[None, :, None], (1, TABLE_SIZE, 4)))
     kept = {
         name: getattr(render, name)
-        for name in ("resolution_x", "resolution_y", "resolution_percentage", "use_border", "pixel_aspect_x")
+        for name in (
+            "resolution_x",
+            "resolution_y",
+            "resolution_percentage",
+            "use_border",
+            "pixel_aspect_x",
+            "pixel_aspect_y",
+        )
     }
-    aspect_y, pixel_filter = render.pixel_aspect_y, scene.cycles.pixel_filter_type
+    pixel_filter = scene.cycles.pixel_filter_type
     packed = plain.copy()
     try:
         _set_lens(packed, evaluated(eye, scene).data)
@@ -138,9 +145,8 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
         scene.cycles.pixel_filter_type = pixel_filter
         for name, value in kept.items():
             setattr(render, name, value)
-        render.pixel_aspect_y = aspect_y
         # Else whoever asks for the evaluated camera next is given the packed one.
-        next(layer for layer in scene.view_layers if layer.use).update()
+        rendered_layer(scene).update()
 
 
 def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:

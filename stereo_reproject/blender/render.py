@@ -11,6 +11,7 @@ import bpy
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_render
 from ..passes import DEPTH_PASS, Passes
+from .scene import rendered_layer
 
 SKY_DEPTH = 1e9
 """Blender writes 1e10 where there is no surface; anything from here on is sky."""
@@ -41,7 +42,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     if "FINISHED" not in result or not path.exists():
         raise BadInputError("the render was cancelled, or its result could not be written: is the disk full?")
     seconds = time.perf_counter() - start
-    layer = next(layer.name for layer in scene.view_layers if layer.use)
+    layer = rendered_layer(scene).name
     passes: dict[str, Passes] = {}
     attributes: dict[str, str] = {}
     for view in views:

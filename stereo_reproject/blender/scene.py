@@ -102,7 +102,12 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
 
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
     """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
-    return item.evaluated_get(next(layer for layer in scene.view_layers if layer.use).depsgraph)
+    return item.evaluated_get(rendered_layer(scene).depsgraph)
+
+
+def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The one view layer that a working scene renders."""
+    return next(layer for layer in scene.view_layers if layer.use)
 
 
 def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:
