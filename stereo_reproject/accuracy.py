@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from .settings import StereoSettings
 
 
 @dataclass(frozen=True)
@@ -32,3 +34,12 @@ SETTINGS: dict[str, Accuracy] = {
     "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35, promise=1.05),
     "exact": Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0, promise=1.02),
 }
+
+
+def accuracy_of(settings: StereoSettings) -> Accuracy:
+    """What these settings ask for. A tolerance takes all else from the setting that promises next less."""
+    if settings.tolerance is None:
+        return SETTINGS[settings.accuracy]
+    promised = [accuracy for accuracy in SETTINGS.values() if accuracy.promise is not None]
+    looser = [accuracy for accuracy in promised if (accuracy.promise or 0.0) >= settings.tolerance]
+    return replace(looser[-1] if looser else promised[0], promise=settings.tolerance)

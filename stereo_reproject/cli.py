@@ -30,7 +30,6 @@ from .settings import (
     StereoSettings,
 )
 from .supervisor import Interrupts, Job, RunInterruptedError, run_worker
-from .work_folder import FILES
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
@@ -64,7 +63,7 @@ def _render(arguments: argparse.Namespace, console: Console, worker_command: Seq
         )
     console.end_stage()
     console.show(format_report_table(report))
-    console.show(f"files         {job.output}{os.sep}\n  {', '.join(FILES)}")
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(job.files)}")
     return 0
 
 
@@ -81,6 +80,7 @@ def _job(arguments: argparse.Namespace) -> Job:
     settings = StereoSettings(
         source=arguments.source,
         accuracy=arguments.accuracy,
+        tolerance=arguments.tolerance,
         fill=arguments.fill,
         grid_threshold=arguments.grid_threshold,
         interpolation=arguments.interpolation,
@@ -202,11 +202,18 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
     )
-    parser.add_argument(
+    accuracy = parser.add_mutually_exclusive_group()
+    accuracy.add_argument(
         "--accuracy",
         choices=ACCURACIES,
         default=StereoSettings.accuracy,
         help="how much of the other eye is traced anew where it cannot be taken over (%(default)s)",
+    )
+    accuracy.add_argument(
+        "--tolerance",
+        metavar="RATIO",
+        type=_value_of(StereoSettings, "tolerance", _number),
+        help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
     )
     parser.add_argument(
         "--fill",

@@ -10,3 +10,6 @@ Passes = dict[str, NDArray[np.float32]]
 
 COLOUR_PASS = "Combined"
 DEPTH_PASS = "Depth"
+
+EFFECTS_PASS = "Effects"
+"""(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""

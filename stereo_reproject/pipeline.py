@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import SETTINGS
+from .accuracy import accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
 from .fill import FillChoice, SourceCost, check_fill, choose_fill
@@ -94,7 +94,7 @@ def render_stereo_frame(
     when the settings cannot be met for this scene, StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
-    accuracy = SETTINGS[settings.accuracy]
+    accuracy = accuracy_of(settings)
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 

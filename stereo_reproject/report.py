@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
-from .settings import ACCURACIES, FILL_METHODS
+from .settings import ACCURACIES, CUSTOM, FILL_METHODS
 
 REPORT_SCHEMA = 1
 
@@ -78,7 +78,7 @@ _REQUIRED: dict[str, _Rule] = {
     "size": (_is_size, "[width, height] in pixels"),
     "samples": _COUNT,
     "blender": _TEXT,
-    "accuracy": (lambda value: value in ACCURACIES, f"one of {', '.join(ACCURACIES)}"),
+    "accuracy": (lambda value: value in (*ACCURACIES, CUSTOM), f"one of {', '.join((*ACCURACIES, CUSTOM))}"),
     "fill.method": (lambda value: value in FILL_METHODS[1:], f"one of {', '.join(FILL_METHODS[1:])}"),
     "fill.reason": _TEXT,
     "grid.cells": _COUNT,

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from .errors import BadInputError
 
 ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
+CUSTOM = "custom"
+"""The accuracy of a run that was given a tolerance."""
 FILL_METHODS = ("auto", "packed", "card", "full")
 EYES = ("left", "right")
 CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
@@ -82,7 +84,11 @@ class SceneOverrides:
 
 @dataclass(frozen=True)
 class StereoSettings:
-    """How the pair is made. grid_threshold is in arc minutes of binocular parallax. Raises BadInputError."""
+    """How the pair is made. Raises BadInputError.
+
+    tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
+    grid_threshold is in arc minutes of binocular parallax.
+    """
 
     source: str = "left"
     accuracy: str = "balanced"
@@ -91,10 +97,17 @@ class StereoSettings:
     interpolation: str = "linear"
     compare: bool = False
     scene: SceneOverrides = field(default_factory=SceneOverrides)
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         _check_choice("the source eye", self.source, EYES)
-        _check_choice("accuracy", self.accuracy, ACCURACIES)
+        if self.tolerance is None:
+            _check_choice("accuracy", self.accuracy, ACCURACIES)
+        else:
+            _check_float("the tolerance", self.tolerance, 1.0, above=True)
+            if self.accuracy not in (CUSTOM, StereoSettings.accuracy):
+                raise BadInputError("accuracy and tolerance are two ways to say the same; give one of them")
+            object.__setattr__(self, "accuracy", CUSTOM)
         _check_choice("fill", self.fill, FILL_METHODS)
         _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
         _check_float("the grid threshold", self.grid_threshold, 0.0)

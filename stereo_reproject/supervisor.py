@@ -6,7 +6,8 @@ removes the run's private folder, and only a complete result is moved into the o
 
 The worker (`python -m stereo_reproject.worker`)
 ------------------------------------------------
-stdin    one line of JSON: {"blend", "output", "work": absolute paths, "settings": StereoSettings as nested dicts}.
+stdin    one line of JSON: {"command": what to do, "blend", "output", "work": absolute paths, "settings": StereoSettings
+         as nested dicts}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "fraction": 0..1 or null, "detail": "optional text"}
@@ -31,9 +32,10 @@ import signal
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
@@ -42,7 +44,7 @@ from typing import Any
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
-from .work_folder import check_complete, publish, work_folder
+from .work_folder import FILES, check_complete, publish, work_folder
 
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
@@ -57,11 +59,16 @@ Event = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """One run: the absolute paths of the .blend and of the output folder, and how the pair is made."""
+    """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
+
+    files are those that the command (one of `worker.COMMANDS`) makes; without any, output may be None.
+    """
 
     blend: Path
-    output: Path
+    output: Path | None
     settings: StereoSettings
+    command: str = "render"
+    files: tuple[str, ...] = FILES
 
 
 class RunInterruptedError(StereoReprojectError):
@@ -119,7 +126,7 @@ def run_worker(
     then nothing of the run is left behind.
     """
     interrupts = interrupts or Interrupts()
-    with work_folder(job.output) as work:
+    with _work_folder(job) as work:
         interrupts.check()
         with _start(command or _worker_command(), work) as worker:
             worker.send(job)
@@ -127,10 +134,23 @@ def run_worker(
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
-        check_report(report)
-        check_complete(work / "out", done.get("files"))
-        publish(work, job.output, between_steps=interrupts.check)
+        if job.command == "render":
+            check_report(report)
+        if job.output is not None:
+            check_complete(work / "out", done.get("files"), job.files)
+            publish(work, job.output, job.files, between_steps=interrupts.check)
     return report
+
+
+@contextlib.contextmanager
+def _work_folder(job: Job) -> Iterator[Path]:
+    if job.output is not None:
+        with work_folder(job.output, job.files) as work:
+            yield work
+        return
+    # What leaves no files behind works where temporary files belong.
+    with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as parent, work_folder(Path(parent), ()) as work:
+        yield work
 
 
 def _worker_command() -> list[str]:
@@ -174,8 +194,9 @@ class _Worker:
     def send(self, job: Job) -> None:
         """Hand the job over. A worker that is dead already is found out by whoever listens."""
         message = {
+            "command": job.command,
             "blend": str(job.blend),
-            "output": str(job.output),
+            "output": None if job.output is None else str(job.output),
             "work": str(self._work),
             "settings": asdict(job.settings),
         }

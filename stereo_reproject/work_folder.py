@@ -18,13 +18,13 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
 
-# The report comes last: where it stands, the files beside it belong to it.
+# What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
 FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
 
 WORK_PREFIX = ".stereo_reproject-"
@@ -35,8 +35,8 @@ NAMELESS_SECONDS = 60.0
 
 
 @contextlib.contextmanager
-def work_folder(output: Path) -> Iterator[Path]:
-    """A private folder inside `output`, which is made if need be.
+def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
+    """A private folder inside `output`, which is made if need be and is to take these files.
 
     Afterwards the folder is gone, and `output` too if it was made here and is empty. Raises BadInputError if `output`
     cannot be used.
@@ -46,7 +46,7 @@ def work_folder(output: Path) -> Iterator[Path]:
     try:
         try:
             _make_folders(output, created)
-            _check_names_free(output)
+            _check_names_free(output, files)
             _remove_abandoned(output)
             work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
             (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
@@ -81,8 +81,8 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
         created.append(folder)
 
 
-def _check_names_free(output: Path) -> None:
-    for name in FILES:
+def _check_names_free(output: Path, files: Sequence[str]) -> None:
+    for name in files:
         if (output / name).is_dir():
             raise BadInputError(
                 f"{output / name} is a folder where a file is to be written; move it or choose another --output"
@@ -150,15 +150,15 @@ def _is_running(pid: int) -> bool:
     return True
 
 
-def check_complete(made: Path, names: Any) -> None:
-    """Raise StereoReprojectError unless all of FILES are in the folder `made` and among `names`, the worker's list."""
-    for name in FILES:
+def check_complete(made: Path, names: Any, files: Sequence[str] = FILES) -> None:
+    """Raise StereoReprojectError unless all of `files` are in the folder `made` and in `names`, the worker's list."""
+    for name in files:
         if not isinstance(names, list) or name not in names or not (made / name).is_file():
             raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
 
 
-def publish(work: Path, output: Path, *, between_steps: Callable[[], None]) -> None:
-    """Move the finished files from `work` into `output`, all of them or none.
+def publish(work: Path, output: Path, files: Sequence[str] = FILES, *, between_steps: Callable[[], None]) -> None:
+    """Move the finished files from `work` into `output`, all of them or none; the last of them vouches for the others.
 
     between_steps is called after each move; if it raises, the moves are undone and the exception goes on. Raises
     BadInputError if `output` cannot be written.
@@ -166,13 +166,13 @@ def publish(work: Path, output: Path, *, between_steps: Callable[[], None]) -> N
     made, old = work / "out", work / "old"
     moved: list[tuple[Path, Path]] = []
     try:
-        for name in FILES:
+        for name in files:
             _flush(made / name)
-        _check_names_free(output)
+        _check_names_free(output, files)
         # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
         # files that are not its own.
-        steps = [(output / name, old / name) for name in reversed(FILES) if os.path.lexists(output / name)]
-        steps += [(made / name, output / name) for name in FILES]
+        steps = [(output / name, old / name) for name in reversed(files) if os.path.lexists(output / name)]
+        steps += [(made / name, output / name) for name in files]
         for source, destination in steps:
             source.replace(destination)
             moved.append((source, destination))

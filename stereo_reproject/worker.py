@@ -69,19 +69,35 @@ def _end_with_parent() -> None:
 
 
 def run_job(job: dict[str, Any], emit: Emit) -> None:
-    """Render the pair of one frame into work/out and say so."""
+    """Do what the job's command says, and say what came of it."""
+    COMMANDS[job["command"]](job, emit)
+
+
+def _render(job: dict[str, Any], emit: Emit) -> None:
+    """Render the pair of one frame into work/out."""
     from .blender.frame import render_files
+
+    work = Path(job["work"])
+    scene, loaded = _open(job, emit)
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        report, files = render_files(scene, _settings(job["settings"]), work, load_seconds=loaded, on_stage=on_stage)
+    _finish(report, files, emit)
+
+
+COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render}
+
+
+def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
+    """The job's scene, and the seconds that loading it took."""
     from .blender.scene import open_blend
 
-    settings = _settings(job["settings"])
-    work = Path(job["work"])
     start = time.perf_counter()
     emit("stage", stage="load", fraction=None)
-    scene = open_blend(Path(job["blend"]))
-    loaded = time.perf_counter() - start
-    with _sample_progress(work / "blender.log", emit) as on_stage:
-        report, files = render_files(scene, settings, work, load_seconds=loaded, on_stage=on_stage)
-    for warning in report["warnings"]:
+    return open_blend(Path(job["blend"])), time.perf_counter() - start
+
+
+def _finish(report: dict[str, Any], files: list[str], emit: Emit) -> None:
+    for warning in report.get("warnings", ()):
         emit("warning", message=warning)
     emit("done", report=report, files=files)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from ..accuracy import SETTINGS
+from ..accuracy import accuracy_of
 from ..exr import write_eye, write_stereo
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
@@ -47,7 +47,7 @@ def render_files(
     start = time.perf_counter()
     _write_pictures(scene, settings, frame, out, facts["frame"])
     frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
-    report = {**facts, **_measurements(frame, settings.accuracy), "memory": {"peak_mb": memory}}
+    report = {**facts, **_measurements(frame, settings), "memory": {"peak_mb": memory}}
     if settings.compare:
         on_stage("compare")
         report["compare"] = compare_with_multiview(scene, settings, frame, out / "stereo.png", work)
@@ -83,7 +83,7 @@ def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSet
     }
 
 
-def _measurements(frame: StereoFrame, accuracy: str) -> dict[str, Any]:
+def _measurements(frame: StereoFrame, settings: StereoSettings) -> dict[str, Any]:
     source = frame.source_cost
     return {
         "fill": {
@@ -98,7 +98,7 @@ def _measurements(frame: StereoFrame, accuracy: str) -> dict[str, Any]:
             "triangles": frame.grid.triangles,
         },
         "fractions": traced_fractions(frame),
-        "estimate": _estimate(frame, SETTINGS[accuracy].promise),
+        "estimate": _estimate(frame, accuracy_of(settings).promise),
         "seconds": frame.seconds,
         "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
     }

@@ -30,6 +30,8 @@ NUMERIC = {
     "fill",
     "accuracy",
     "metrics",
+    "effects",
+    "probes",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.

@@ -1,0 +1,83 @@
+"""What a scene can call for beyond surfaces that look the same from everywhere, and what is done about each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntFlag
+
+
+class Effect(IntFlag):
+    """Bit flags: of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
+
+    GLOSSY = 1
+    TRANSMISSION = 2
+    ALPHA = 4
+    SUBSURFACE = 8
+    DIRECTIONAL_EMISSION = 16
+    VOLUME = 32
+    HAIR = 64
+    DEPTH_OF_FIELD = 128
+    MOTION_BLUR = 256
+    BUMP = 512
+    CAMERA_DEPENDENT = 1024
+    CATCHER = 2048
+    CAUSTICS = 4096
+    VIEW_LAYERS = 8192
+    DENOISING = 16384
+
+    @property
+    def label(self) -> str:
+        """The name that reports use."""
+        return str(self.name).lower().replace("_", "-")
+
+
+SEEN_DIFFERENTLY = (
+    Effect.GLOSSY
+    | Effect.TRANSMISSION
+    | Effect.ALPHA
+    | Effect.SUBSURFACE
+    | Effect.DIRECTIONAL_EMISSION
+    | Effect.VOLUME
+    | Effect.HAIR
+    | Effect.DEPTH_OF_FIELD
+    | Effect.MOTION_BLUR
+    | Effect.CAMERA_DEPENDENT
+    | Effect.CATCHER
+)
+"""Effects that may make a warped pixel wrong: where none of them is called for, no probe is traced."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Whether a scene calls for an effect: by what, in words (nothing: not called for), and how it is handled."""
+
+    effect: Effect
+    by: tuple[str, ...]
+    handling: str
+
+    @property
+    def called_for(self) -> bool:
+        return bool(self.by)
+
+
+@dataclass(frozen=True)
+class EffectsPlan:
+    """A finding for each effect, in `Effect`'s order, and what each visible material calls for, by its name."""
+
+    findings: tuple[Finding, ...]
+    materials: Mapping[str, Effect]
+
+    @property
+    def called_for(self) -> Effect:
+        result = Effect(0)
+        for finding in self.findings:
+            if finding.called_for:
+                result |= finding.effect
+        return result
+
+    @property
+    def view_dependent(self) -> tuple[str, ...]:
+        """What may look different from each eye, in words."""
+        found = (finding for finding in self.findings if finding.effect & SEEN_DIFFERENTLY)
+        return tuple(dict.fromkeys(by for finding in found for by in finding.by))
