@@ -15,7 +15,9 @@ class Accuracy:
     on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
     colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
     promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no probes.
-    probe_spacing: pixels along the side of the tiles that have a probe each.
+    probe_spacing: pixels along the side of the tiles that have a probe each. tile_limit: the noise ratio above which a
+    single tile is traced though the frame as a whole keeps its promise; promises_worst_tiles: whether that is promised
+    too, of the worst hundredth of the tiles.
     """
 
     silhouette_step: float
@@ -23,16 +25,25 @@ class Accuracy:
     colour_tolerance: float
     promise: float | None = None
     probe_spacing: int = 8
+    tile_limit: float = 2.0
+    promises_worst_tiles: bool = False
 
 
 SETTINGS: dict[str, Accuracy] = {
     "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=1.0),
     "preview": Accuracy(
-        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75, promise=1.25, probe_spacing=12
+        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75, promise=1.25, probe_spacing=12, tile_limit=3.0
     ),
     "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5, promise=1.1),
-    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35, promise=1.05),
-    "exact": Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0, promise=1.02),
+    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35, promise=1.05, tile_limit=1.5),
+    "exact": Accuracy(
+        silhouette_step=0.1,
+        silhouette_radius=2,
+        colour_tolerance=0.0,
+        promise=1.02,
+        tile_limit=1.2,
+        promises_worst_tiles=True,
+    ),
 }
 
 

@@ -49,11 +49,19 @@ def check_fill(asked: str, blockers: Mapping[str, str | None]) -> None:
         raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
 
 
-def choose_fill(asked: str, fraction: float, cost: SourceCost, blockers: Mapping[str, str | None]) -> FillChoice:
+def choose_fill(
+    asked: str, fraction: float, cost: SourceCost, blockers: Mapping[str, str | None], *, expected: float = 0.0
+) -> FillChoice:
     """The fill for a frame of which `fraction` is to be traced.
 
-    blockers names the methods with why they cannot be used here, or None.
+    blockers names the methods with why they cannot be used here, or None. expected is the share of the frame that will
+    then have to be traced as well: if that makes a full render the cheaper way, it is taken at once.
     """
+    if expected and asked == "auto":
+        whole = choose_fill(asked, fraction + expected, cost, blockers)
+        if whole.method == "full":
+            note = f"{100 * expected:.0f} % of the frame is expected to be refined"
+            return FillChoice("full", f"{whole.reason}; {note}", whole.predicted_seconds)
     predicted = {
         "packed": cost.fixed + PACKED_PER_PIXEL * fraction * cost.per_frame,
         "card": cost.fixed + min(CARD_PER_PIXEL + PACKED_PER_PIXEL * fraction, 1.1) * cost.per_frame,

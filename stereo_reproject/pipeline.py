@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from .accuracy import accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
-from .fill import FillChoice, SourceCost, check_fill, choose_fill
+from .fill import FillChoice, SourceCost, check_fill
 from .grid import Grid
 from .holes import Reason
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes
-from .probes import Probes
 from .reprojection import reproject
 from .settings import StereoSettings
-from .tracing import Refinement, plan_probes, plan_refinement, trace_holes, trace_more
+from .tracing import Means, Refinement, TargetEye
 
 
 class Renderer(Protocol):
@@ -29,6 +28,8 @@ class Renderer(Protocol):
     cameras: Mapping[str, Camera]
     view_dependent: tuple[str, ...]
     """What in the scene may look different from each eye, in words; without any no probe is traced."""
+    seed: int
+    """Of the scene's noise; the places of the probes follow from it."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole."""
@@ -90,8 +91,8 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, warp, fill, refine, composite. Raises BadInputError
-    when the settings cannot be met for this scene, StereoReprojectError when a render fails.
+    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite. Raises
+    BadInputError when the settings cannot be met for this scene, StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
     accuracy = accuracy_of(settings)
@@ -114,29 +115,38 @@ def render_stereo_frame(
     )
     reasons = reprojection.reasons
 
-    watch.lap("fill")
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
-    fill = choose_fill(settings.fill, float(np.mean(reasons > 0)), cost, blockers)
-    whole = fill.method == "full" and fill.predicted_seconds > 0.0
-    holes = np.ones(reasons.shape, bool) if whole else reasons > 0
-    effects = () if see_the_same(source_camera, target_camera) else renderer.view_dependent
-    probes = plan_probes(~holes, accuracy, fill.method, effects)
-    target, measured = trace_holes(renderer, fill.method, settings.target, reprojection.passes, holes, probes)
+    watched = bool(renderer.view_dependent) and not see_the_same(source_camera, target_camera)
+    means = Means(settings.fill, cost, blockers)
+    target = TargetEye(
+        renderer,
+        settings.target,
+        means,
+        reprojection.passes,
+        reasons > 0,
+        accuracy,
+        watched=watched,
+        seed=renderer.seed,
+    )
+    if target.wants_pilot:
+        watch.lap("pilot")
+        target.send_pilot()
+
+    watch.lap("fill")
+    fill = target.fill()
 
     watch.lap("refine")
-    untraced = ~holes if probes is None else ~(holes | probes.mask)
-    refinement = plan_refinement(measured, untraced, accuracy.promise, settings.fill, cost, blockers)
-    target = trace_more(renderer, refinement, settings.target, target)
+    refinement = target.refine()
 
     watch.lap("composite")
-    target, lost = contain(target)
+    finished, lost = contain(target.passes)
     watch.lap()
 
     return StereoFrame(
-        eyes={settings.source: source, settings.target: target},
-        reasons=_all_reasons(reasons, probes, refinement),
-        traced=holes | ~untraced | refinement.pixels,
+        eyes={settings.source: source, settings.target: finished},
+        reasons=_all_reasons(reasons, target.probed, refinement.pixels),
+        traced=target.traced,
         grid=reprojection.grid,
         fill=fill,
         refinement=refinement,
@@ -146,11 +156,12 @@ def render_stereo_frame(
     )
 
 
-def _all_reasons(reasons: NDArray[np.uint16], probes: Probes | None, refinement: Refinement) -> NDArray[np.uint16]:
+def _all_reasons(
+    reasons: NDArray[np.uint16], probed: NDArray[np.bool_], refined: NDArray[np.bool_]
+) -> NDArray[np.uint16]:
     result = reasons.copy()
-    if probes is not None:
-        result[probes.mask] |= Reason.PROBE.bit
-    result[refinement.pixels] |= Reason.REFINED.bit
+    result[probed] |= Reason.PROBE.bit
+    result[refined] |= Reason.REFINED.bit
     return result
 
 

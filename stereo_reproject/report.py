@@ -17,7 +17,7 @@ from .settings import ACCURACIES, CUSTOM, FILL_METHODS
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = ("load", "source", "warp", "fill", "refine", "composite", "write")
+IN_ORDER = ("load", "source", "warp", "pilot", "fill", "refine", "composite", "write")
 OUTSIDE_TOTAL = ("load", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (

@@ -1,9 +1,9 @@
-"""The traced part of a frame: the holes and the probes in one render, then what the probes ask for in another."""
+"""The traced part of a frame: holes and probes in one render, then what the probes ask for in another or two."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -13,13 +13,25 @@ from .accuracy import Accuracy
 from .composite import composite, filtered
 from .fill import FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
-from .probes import Estimate, Measured, Probes, choose_refined, measure, place_probes, refined_pixels
-
-BOOTSTRAP_SEED = 29
-PROBE_SEED = 17
+from .probes import Measured, measure, place_probes, with_refined
+from .refinement import AS_RENDERED, Estimate, choose_refined, estimate, expected_gain, local_noise
+from .risk import contrast_of
 
 CARD_SPACING = 3
 """How many times further apart probes are behind a card: each opens it for its whole filter, some 25 pixels."""
+
+PILOT_SPACING = 4
+"""How many times further apart the probes of a pilot are."""
+
+PILOT_FROM = 0.12
+"""Share of the frame that is to be traced anyway from which a pilot is worth its render call: with fewer holes, a frame
+that turns out to need everything has lost little."""
+
+ROUNDS = 2
+"""Refining renders at most."""
+
+WORTH_A_RENDER = 0.02
+"""Excess that another refining render must be expected to take away where the promise is kept without it."""
 
 
 class Tracer(Protocol):
@@ -30,77 +42,145 @@ class Tracer(Protocol):
     ) -> Passes: ...
 
 
-def plan_probes(
-    warped: NDArray[np.bool_], accuracy: Accuracy, method: str, view_dependent: Sequence[str]
-) -> Probes | None:
-    """Probes among the warped pixels (H, W), if anything was promised that the scene may break; else None."""
-    if accuracy.promise is None or not view_dependent or not warped.any() or method == "full":
-        return None
-    spacing = accuracy.probe_spacing * (CARD_SPACING if method == "card" else 1)
-    return place_probes(warped, spacing=spacing, seed=PROBE_SEED)
+@dataclass(frozen=True)
+class Means:
+    """How pixels may be traced: the fill that was asked for, what the source has cost, and why methods cannot be used
+    (by method, as for `choose_fill`)."""
 
+    asked: str
+    cost: SourceCost
+    blockers: Mapping[str, str | None]
 
-def trace_holes(
-    tracer: Tracer, method: str, view: str, warped: Passes, holes: NDArray[np.bool_], probes: Probes | None
-) -> tuple[Passes, Measured | None]:
-    """`warped` with the holes (H, W) traced, and what the probes, traced twice in the same render, say of the rest.
-
-    Probes are pixels of the result too: each becomes the mean of its two traces.
-    """
-    if probes is None:
-        return (composite(warped, tracer.trace(method, view, holes), holes) if holes.any() else warped), None
-    twins = probes.mask
-    wanted = holes | twins
-    traced = tracer.trace(method, view, wanted, twice=twins)
-    count = int(wanted.sum())
-    target = composite(warped, {name: image[:count] for name, image in traced.items()}, wanted)
-    once, again = target[COLOUR_PASS][twins], traced[COLOUR_PASS][count:]
-    measured = measure(probes, ~holes, warped[COLOUR_PASS][twins], once, again)
-    means = (name for name in target if name in traced and filtered(name))
-    mean = {name: 0.5 * (target[name][twins] + traced[name][count:]) for name in means}
-    return composite(target, mean, twins), measured
+    def choose(self, fraction: float, *, expected: float = 0.0) -> FillChoice:
+        return choose_fill(self.asked, fraction, self.cost, self.blockers, expected=expected)
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """What the probes ask for: (H, W) pixels to be traced as well, how, and the frame's noise ratio then.
+    """What was traced because the probes asked for it: (H, W) pixels, by which fills, and what is left of the error.
 
     Without probes there is no estimate, and nothing is asked for.
     """
 
     pixels: NDArray[np.bool_]
-    fill: FillChoice | None
-    estimate: Estimate | None
+    fills: tuple[FillChoice, ...] = ()
+    estimate: Estimate | None = None
+    measured: Measured | None = field(default=None, repr=False)
 
 
-def plan_refinement(
-    measured: Measured | None,
-    untraced: NDArray[np.bool_],
-    promise: float | None,
-    asked: str,
-    cost: SourceCost,
-    blockers: Mapping[str, str | None],
-) -> Refinement:
-    """As few tiles as bring the frame's estimated noise ratio down to `promise`, by the cheapest way to trace them.
+class TargetEye:
+    """The target eye while it is made: its passes, and (H, W) which pixels were traced, and which of them as probes.
 
-    untraced (H, W) are the pixels that are still warped. Where a full render is not clearly dearer, it is taken and
-    all of them are traced.
+    Starts as warped passes, of which the holes (H, W) are to be traced. Probes are traced where `watched`: where the
+    accuracy promises something that the scene may break.
     """
-    nothing = np.zeros_like(untraced)
-    if measured is None or promise is None:
-        return Refinement(nothing, None, None)
-    choice = choose_refined(measured, promise, seed=BOOTSTRAP_SEED)
-    pixels = refined_pixels(measured, choice.refined) & untraced
-    if not pixels.any():
-        return Refinement(nothing, None, choice.estimate)
-    fill = choose_fill(asked, float(np.mean(pixels)), cost, blockers)
-    if fill.method == "full":
-        return Refinement(untraced, fill, Estimate(1.0, 1.0, 1.0))
-    return Refinement(pixels, fill, choice.estimate)
 
+    def __init__(
+        self,
+        tracer: Tracer,
+        view: str,
+        means: Means,
+        warped: Passes,
+        holes: NDArray[np.bool_],
+        accuracy: Accuracy,
+        *,
+        watched: bool,
+        seed: int,
+    ) -> None:
+        self.passes = warped
+        self.traced = np.zeros_like(holes)
+        self.probed = np.zeros_like(holes)
+        self.pilot_share: float | None = None
+        self._tracer, self._view, self._means = tracer, view, means
+        self._holes = holes
+        self._accuracy = accuracy
+        self._promise = accuracy.promise if watched and not holes.all() else None
+        self._contrast = None if self._promise is None else contrast_of(warped[COLOUR_PASS], ~holes)
+        self._measured: Measured | None = None
+        self._seed = seed
 
-def trace_more(tracer: Tracer, refinement: Refinement, view: str, target: Passes) -> Passes:
-    """`target` with the pixels of the refinement traced."""
-    if refinement.fill is None:
-        return target
-    return composite(target, tracer.trace(refinement.fill.method, view, refinement.pixels), refinement.pixels)
+    @property
+    def wants_pilot(self) -> bool:
+        """Whether a few probes should go ahead: the frame may turn out to be cheaper to render whole."""
+        possible = self._means.asked == "auto" and not self._means.blockers.get("packed")
+        return self._promise is not None and possible and float(np.mean(self._holes)) >= PILOT_FROM
+
+    def send_pilot(self) -> None:
+        """Trace a few probes; `pilot_share` is then the share of the frame that they expect to be refined."""
+        assert self._promise is not None
+        nothing = np.zeros_like(self._holes)
+        measured = self._trace_probed("packed", nothing, self._accuracy.probe_spacing * PILOT_SPACING, self._seed)
+        # A few probes are sure of little, and one outlier among them must not decide for a full render.
+        chosen = choose_refined(measured, self._promise, sure=-1.0)
+        self.pilot_share = float(measured.pixels[chosen].sum() / self._holes.size)
+
+    def fill(self) -> FillChoice:
+        """Trace the holes, and in the same render the probes, if there are to be any."""
+        probes = 0.0 if self._promise is None else 2.0 / self._accuracy.probe_spacing**2
+        choice = self._means.choose(float(np.mean(self._holes)) + probes, expected=self.pilot_share or 0.0)
+        if choice.method == "full" and choice.predicted_seconds > 0.0:
+            self._holes = np.ones_like(self._holes)
+        if self._promise is None or choice.method == "full" or self._holes.all():
+            self._trace(choice.method, self._holes)
+            return choice
+        spacing = self._accuracy.probe_spacing * (CARD_SPACING if choice.method == "card" else 1)
+        self._measured = self._trace_probed(choice.method, self._holes, spacing, self._seed + 1)
+        return choice
+
+    def refine(self) -> Refinement:
+        """Trace as few tiles as bring the frame to what is promised, in at most ROUNDS renders, by the cheapest way.
+
+        Tiles that were traced tell more of their neighbours than a probe does: the second render is for what they
+        uncover. Where a full render is not clearly dearer, it is taken and all that is still warped is traced.
+        """
+        before, fills = self.traced, list[FillChoice]()
+        measured = self._measured
+        if measured is None or self._promise is None:
+            whole = self._promise is not None and bool(self.traced.all())
+            return Refinement(np.zeros_like(before), estimate=AS_RENDERED if whole else None)
+        while len(fills) < ROUNDS:
+            chosen = choose_refined(measured, self._promise, worst=self._accuracy.tile_limit)
+            pixels = measured.probes.pixels_of(chosen) & ~self.traced
+            if not pixels.any() or (fills and not self._worth_a_render(measured, chosen)):
+                break
+            fills.append(self._means.choose(float(np.mean(pixels))))
+            warped = self.passes[COLOUR_PASS]
+            if fills[-1].method == "full":
+                self._trace("full", ~self.traced)
+                return Refinement(self.traced & ~before, tuple(fills), AS_RENDERED, measured)
+            self._trace(fills[-1].method, pixels)
+            traced = self.passes[COLOUR_PASS]
+            measured = with_refined(measured, chosen, pixels, local_noise(measured), warped=warped, traced=traced)
+        return Refinement(self.traced & ~before, tuple(fills), estimate(measured), measured)
+
+    def _worth_a_render(self, measured: Measured, chosen: NDArray[np.bool_]) -> bool:
+        assert self._promise is not None
+        kept = estimate(measured).noise_ratio <= self._promise and not self._accuracy.promises_worst_tiles
+        return not kept or expected_gain(measured, chosen) > WORTH_A_RENDER
+
+    def _trace(self, method: str, pixels: NDArray[np.bool_]) -> None:
+        if pixels.any():
+            self.passes = composite(self.passes, self._tracer.trace(method, self._view, pixels), pixels)
+            self.traced = self.traced | pixels
+
+    def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> Measured:
+        """Trace the holes (H, W) once and probes among the rest twice, in one render; what the probes say of the rest.
+
+        Probes are pixels of the result too: each becomes the mean of its two traces.
+        """
+        assert self._contrast is not None
+        warped = ~(self.traced | self._holes)
+        probes = place_probes(warped, self._contrast, spacing=spacing, seed=seed)
+        twins = probes.mask
+        wanted = holes | twins
+        traced = self._tracer.trace(method, self._view, wanted, twice=twins)
+        count = int(wanted.sum())
+        before = self.passes[COLOUR_PASS][twins]
+        passes = composite(self.passes, {name: image[:count] for name, image in traced.items()}, wanted)
+        once, again = passes[COLOUR_PASS][twins], traced[COLOUR_PASS][count:]
+        means = (name for name in passes if name in traced and filtered(name))
+        self.passes = composite(
+            passes, {name: 0.5 * (passes[name][twins] + traced[name][count:]) for name in means}, twins
+        )
+        self.traced, self.probed = self.traced | wanted, self.probed | twins
+        return measure(probes, warped, self._contrast, before, once, again)

@@ -104,10 +104,10 @@ def _measurements(frame: StereoFrame, settings: StereoSettings) -> dict[str, Any
     }
 
 
-def _refine(frame: StereoFrame) -> dict[str, Any] | None:
+def _refine(frame: StereoFrame) -> list[dict[str, Any]] | None:
     """How what the probes asked for was traced; None where they asked for nothing."""
-    fill = frame.refinement.fill
-    return None if fill is None else {"method": fill.method, "reason": fill.reason}
+    fills = frame.refinement.fills
+    return [{"method": fill.method, "reason": fill.reason} for fill in fills] or None
 
 
 def _estimate(frame: StereoFrame, promise: float | None) -> dict[str, Any] | None:

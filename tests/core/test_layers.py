@@ -32,6 +32,8 @@ NUMERIC = {
     "metrics",
     "effects",
     "probes",
+    "risk",
+    "refinement",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.

@@ -1,0 +1,151 @@
+"""What is said of the finished frame, and which tiles are traced so that it keeps what was promised.
+
+A plain render of the whole eye differs from another by 2 var(a). So, with W the pixels that stay warped,
+
+    noise ratio^2 = 1 + sum over W of excess / sum over all of 2 noise.
+
+A tile is never judged by its own probe, only by those around it. So the probes of the tiles that stay are as good as
+drawn after the choice was made, and their sum is what is left, on average: nothing was picked because it looked good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .probes import Measured
+from .risk import box_sum
+
+NEIGHBOURS = 2
+"""Tiles each way that tell how wrong a tile is likely to be, for the frame as a whole."""
+
+NEAREST = 1
+"""The same for the tile itself: what is wrong in a small place is not to be averaged away."""
+
+CONFIDENT = 1.96
+"""Standard errors on either side that hold 95 %."""
+
+UNMOVED = 0.25
+"""Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
+
+SURE = 0.5
+"""Standard errors by which the estimate must be within the promise before refinement stops."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Noise ratio of the frame with its 95 % confidence interval."""
+
+    noise_ratio: float
+    low: float
+    high: float
+
+    @property
+    def excess(self) -> float:
+        """What is left of the mean squared error without noise, over that of noise: noise ratio^2 - 1."""
+        return self.noise_ratio**2 - 1.0
+
+
+AS_RENDERED = Estimate(1.0, 1.0, 1.0)
+"""Of an eye that was rendered whole, or whose probes saw no noise to compare with."""
+
+
+def estimate(measured: Measured) -> Estimate:
+    """The frame's noise ratio, with the tiles that are refined traced."""
+    if not measured.frame_noise:
+        return AS_RENDERED
+    excess, error = _remaining(measured, np.nonzero(measured.refined)[0])
+    low, high = excess[-1] - CONFIDENT * error[-1], excess[-1] + CONFIDENT * error[-1]
+    return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess[-1], low, high)))
+
+
+def choose_refined(
+    measured: Measured, promise: float, *, worst: float = np.inf, sure: float = SURE
+) -> NDArray[np.bool_]:
+    """(N,): the tiles to be traced beyond those that are.
+
+    As few, worst first, as bring the frame's noise ratio down to `promise` with some certainty; and every tile whose
+    own is likely to be above `worst`.
+    """
+    free = ~measured.refined
+    if not measured.frame_noise:
+        # Without noise there is no ratio to it: whatever is off at all is traced.
+        return free & (measured.excess > 0.0)
+    order = np.argsort(np.where(free, -_likely(measured, NEIGHBOURS)[0], np.inf), kind="stable")[: int(free.sum())]
+    excess, error = _remaining(measured, np.concatenate([np.nonzero(measured.refined)[0], order]))
+    bound = (excess + sure * error)[int(measured.refined.sum()) :]
+    reached = np.nonzero(bound <= promise**2 - 1.0)[0]
+    count = int(reached[0]) if reached.size else int(np.argmin(bound))
+    chosen = np.zeros(free.size, bool)
+    chosen[order[:count]] = True
+    return chosen | (free & _beyond(measured, worst)) if np.isfinite(worst) else chosen
+
+
+def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
+    """Excess of the frame over its noise that tracing the chosen tiles (N,) is likely to take away."""
+    if not measured.frame_noise:
+        return 0.0
+    likely = _likely(measured, NEAREST)[0] * measured.pixels
+    return float(likely[chosen].sum()) / measured.frame_noise
+
+
+def worst_tiles(measured: Measured) -> float:
+    """What `metrics.worst_tiles` is likely to be, but for chance: a second plain render too is above 1 by that."""
+    if not measured.frame_noise:
+        return 1.0
+    noise = local_noise(measured)
+    likely = np.where(measured.refined, 0.0, np.maximum(_likely(measured, NEAREST)[0], 0.0))
+    return float(np.percentile(np.sqrt(1.0 + likely / (2.0 * np.maximum(noise, np.median(noise)))), 99.0))
+
+
+def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
+    """(K + 1,) excess of the frame over its noise when the first k tiles of `order` (K,) are traced, and its standard
+    error: that of a ratio of two sums over the same probes (linearized), each tile a stratum."""
+    noise, weight = measured.frame_noise, measured.probes.weight
+    left = np.concatenate([[0.0], np.cumsum(measured.excess[order])])
+    excess = (measured.excess.sum() - left) / noise
+    share = 2.0 * measured.frame_pixels * weight * (measured.noise - measured.mean_noise) / weight.sum() / noise
+    own = measured.excess / noise
+    # sum over all of (own - excess share)^2, without `own` for the tiles that are traced
+    taken = own[order]
+    squares = np.sum(own**2) - np.concatenate([[0.0], np.cumsum(taken**2)])
+    products = np.sum(own * share) - np.concatenate([[0.0], np.cumsum(taken * share[order])])
+    variance = squares - 2.0 * excess * products + excess**2 * np.sum(share**2)
+    return excess, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
+    """(N,) excess of a pixel of each tile, judged by the risk of the tile and the excess over the risk of those around
+    it, its own left out; and the standard error of that."""
+    around = _around(measured, measured.excess, reach)
+    risk = np.maximum(_around(measured, measured.risk, reach), 1e-30)
+    pixels = np.maximum(_around(measured, measured.pixels, reach), 1.0)
+    # What a refined tile has is known; of the others each is known by one probe.
+    chance = _around(measured, np.where(measured.refined, 0.0, measured.excess) ** 2, reach)
+    per_pixel = (1.0 - UNMOVED) * measured.risk / risk / measured.pixels + UNMOVED / pixels
+    return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
+
+
+def _around(measured: Measured, values: NDArray, reach: int) -> NDArray[np.float64]:
+    """(N,): the sum of values (N,) over the tiles around each, without its own."""
+    tiles = measured.probes.tiles
+    grid = np.zeros(measured.probes.tile_grid)
+    grid[tiles] = values
+    return box_sum(grid, (reach, reach))[tiles] - values
+
+
+def local_noise(measured: Measured) -> NDArray[np.float64]:
+    """(N,): variance of one traced pixel around each tile."""
+    weight = measured.probes.weight
+    noise = weight * measured.noise
+    return (_around(measured, noise, NEIGHBOURS) + noise) / (_around(measured, weight, NEIGHBOURS) + weight)
+
+
+def _beyond(measured: Measured, worst: float) -> NDArray[np.bool_]:
+    """(N,): tiles that are likely to have a noise ratio above `worst`, as `metrics.worst_tiles` measures it."""
+    likely, error = _likely(measured, NEAREST)
+    noise = local_noise(measured)
+    allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, np.median(noise))
+    return (likely > allowed) & (likely > error)
