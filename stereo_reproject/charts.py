@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import BadInputError
-from .label_places import place_labels
+from .label_places import nearest, place_labels
 from .tradeoff import HEURISTIC, PEER, stage_order
 
 if TYPE_CHECKING:
@@ -182,14 +182,16 @@ def _wrapped(notes: Sequence[str]) -> str:
 
 def _source_note(prices: Mapping[str, Any]) -> str:
     seconds = prices["source"]["seconds"]
-    return f"The source eye was rendered once; its {seconds:.2f} s, with the sync of the scene, count in every run."
+    shared = f"The source eye was rendered once; its {seconds:.2f} s, with the sync of the scene, count in every run"
+    own = any(row["kind"] == HEURISTIC for row in prices["rows"])
+    return f"{shared}{', but the heuristic mask has a source with more passes of its own' if own else ''}."
 
 
 def _scale(axes: Axes, prices: Mapping[str, Any], points: Sequence[tuple[float, float]]) -> None:
     seconds = [x for x, _ in points]
     first = min(prices["source"]["seconds"], *seconds)
     span = max(max(seconds) - first, 1e-6)
-    axes.set_xlim(max(first - 0.05 * span, 0.0), max(seconds) + 0.12 * span)
+    axes.set_xlim(max(first - 0.1 * span, 0.0), max(seconds) + 0.12 * span)
     axes.set_xlabel("time of the pair, seconds")
     errors = [y for _, y in points]
     low, high = min(errors), max(errors)
@@ -268,8 +270,6 @@ def _percent(share: float) -> str:
 
 
 def _label(axes: Axes, text: str, point: tuple[float, float]) -> Annotation:
-    from matplotlib.patheffects import withStroke
-
     return axes.annotate(
         text,
         point,
@@ -279,7 +279,7 @@ def _label(axes: Axes, text: str, point: tuple[float, float]) -> Annotation:
         ha="left",
         va="bottom",
         zorder=5,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
     )
 
 
@@ -328,9 +328,9 @@ def _arrange(
     )
     for label, corner, pixel, size in zip(labels, corners, pixels, sizes, strict=True):
         label.set_position(tuple((corner - pixel) * 72.0 / DPI))
-        nearest = np.clip(pixel, corner, corner + size)
-        if np.hypot(*(nearest - pixel)) > NEAR:
-            _draw_leader(axes, label.xy, (nearest - pixel) * 72.0 / DPI)
+        offset = nearest(pixel, corner, size) - pixel
+        if np.hypot(*offset) > NEAR:
+            _draw_leader(axes, label.xy, offset * 72.0 / DPI)
 
 
 def _draw_leader(axes: Axes, point: tuple[float, float], offset: np.ndarray) -> None:
@@ -430,7 +430,7 @@ def _column(axes: Axes, x: float, heading: str, entries: Sequence[str]) -> None:
 
 def _write_seconds(axes: Axes, rows: Sequence[Mapping[str, Any]], used: Sequence[str]) -> None:
     """The seconds of each stage inside its part of the bar, where they fit."""
-    fits = 0.045 * axes.get_xlim()[1]
+    fits = 0.05 * axes.get_xlim()[1]
     for k, row in enumerate(rows):
         for name in used:
             seconds = row["seconds"].get(name, 0.0)

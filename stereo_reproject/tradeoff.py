@@ -29,6 +29,9 @@ PEER = "multiview"
 STAGES = ("source", "warp", "pilot", "fill", "probes", "refine", "composite")
 """The order in which stages are listed; one of another name comes after them."""
 
+TELLING = 0.005
+"""Difference in noise ratio that counts: what is less is the noise of the measure itself."""
+
 PROBE_TRACES = 2
 """How often a probe's pixel is traced."""
 
@@ -119,10 +122,13 @@ def stage_order(names: Iterable[str]) -> list[str]:
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Which points (seconds, error) no other beats: none is as good in both and better in one."""
+    """Which points (seconds, error) no other beats.
+
+    A faster one does when its error is not more by a TELLING difference, one as fast when its error is less.
+    """
 
     def beaten(seconds: float, error: float) -> bool:
-        return any(s <= seconds and e <= error and (s < seconds or e < error) for s, e in points)
+        return any((s < seconds and e <= error + TELLING) or (s == seconds and e < error) for s, e in points)
 
     return [math.isfinite(error) and not beaten(seconds, error) for seconds, error in points]
 
@@ -212,7 +218,7 @@ def format_price_table(prices: Mapping[str, Any]) -> str:
         lines.append(_line(row["name"], row["seconds"]["total"], row["speedup"], f"{figures}   {fill}", row["pareto"]))
     peer = prices["peer"]
     lines.append(_line(PEER, peer["seconds"], 1.0, f"{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"]))
-    lines.append("* no other is both as fast and as good; noise ratio: 1 = as good as rendering it again")
+    lines.append(f"* no other is as fast and, to within {TELLING:g}, as good; 1 = as good as rendering it again")
     return "\n".join(lines)
 
 

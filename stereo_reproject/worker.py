@@ -127,7 +127,7 @@ def _settings(fields: dict[str, Any]) -> StereoSettings:
 def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[..., None]]:
     """Tells the stages, with a detail where there is one, and within one how many samples are rendered.
 
-    As far as Blender's log says it: read from there, because a Python handler for Blender's render statistics stops 5.2 for good.
+    As far as Blender's log says it: read from there, because a Python handler for render statistics stops 5.2 for good.
     """
     import re
 

@@ -32,6 +32,8 @@ NUMERIC = {
     "metrics",
     "effects",
     "probes",
+    "heuristic",
+    "label_places",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.
