@@ -290,11 +290,13 @@ def charts():
 @pytest.mark.parametrize("rows", [ROWS, CROWDED, ROWS[:1]], ids=["usual", "crowded", "one"])
 def test_labels_of_the_chart_do_not_overlap(charts, rows):
     listed = prices(rows)
+    from stereo_reproject.tradeoff_chart import extent
+
     figure = charts.draw_tradeoff(listed)
     figure.draw_without_rendering()
     texts = [text for axes in figure.axes for text in axes.texts if text.get_text()]
     assert len(texts) == len(rows) + 2, "each run, the peer and the noise floor"
-    boxes = [charts._extent(text) for text in texts]
+    boxes = [extent(text) for text in texts]
     boxes = [(x, y, x + width, y + height) for x, y, width, height in boxes]
     for (a, b), (c, d) in itertools.combinations(zip(boxes, texts, strict=True), 2):
         assert apart(a, c) >= CLEAR, f"{b.get_text()} and {d.get_text()}"

@@ -44,7 +44,7 @@ SIZE = (128, 72)
 
 def tradeoff(scene, folder, *options, path=()):
     command = [sys.executable, "-m", "stereo_reproject", "tradeoff", str(scene), "--output", str(folder), *options]
-    python_path = os.pathsep.join(map(str, (*path, ROOT)))
+    python_path = os.pathsep.join(map(str, (*path, ROOT, os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": python_path, "PYTHONWARNINGS": "error"}
     return subprocess.run(
         command,
