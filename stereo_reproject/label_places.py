@@ -18,8 +18,8 @@ ATTEMPTS = 8
 
 # Prices of one place, in gaps of distance from the point. A leader is the line from a label to its point.
 OVERLAP, OUTSIDE, CROSSING, LINE, ALIGNED = 1000.0, 1000.0, 40.0, 3.0, 0.4
-MARGIN = 2.0
-"""Left free around each label."""
+MARGIN = np.array((6.0, 2.0))
+"""Left free beside each label, and above and below it."""
 
 Frame = tuple[float, float, float, float]
 
