@@ -30,6 +30,7 @@ from .settings import (
     StereoSettings,
 )
 from .supervisor import Interrupts, Job, RunInterruptedError, run_worker
+from .tradeoff import TRADEOFF_FILES, format_price_table
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
@@ -55,20 +56,36 @@ def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | N
 
 
 def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+    return _run(_job(arguments), arguments, console, worker_command, format_report_table)
+
+
+def _tradeoff(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+    settings = StereoSettings(source=arguments.source, scene=_overrides(arguments))
+    job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES)
+    return _run(job, arguments, console, worker_command, format_price_table)
+
+
+def _run(
+    job: Job,
+    arguments: argparse.Namespace,
+    console: Console,
+    worker_command: Sequence[str] | None,
+    table: Callable[[Any], str],
+) -> int:
+    """Have the job done, and show the table of what it reports and the files that it made."""
     console.quiet = arguments.quiet
-    job = _job(arguments)
     with Interrupts() as interrupts:
         report = run_worker(
             job, console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command
         )
     console.end_stage()
-    console.show(format_report_table(report))
+    console.show(table(report))
     console.show(f"files         {job.output}{os.sep}\n  {', '.join(job.files)}")
     return 0
 
 
-def _job(arguments: argparse.Namespace) -> Job:
-    overrides = SceneOverrides(
+def _overrides(arguments: argparse.Namespace) -> SceneOverrides:
+    return SceneOverrides(
         frame=arguments.frame,
         size=arguments.size,
         samples=arguments.samples,
@@ -77,6 +94,9 @@ def _job(arguments: argparse.Namespace) -> Job:
         convergence_distance=arguments.convergence,
         convergence_mode=arguments.mode,
     )
+
+
+def _job(arguments: argparse.Namespace) -> Job:
     settings = StereoSettings(
         source=arguments.source,
         accuracy=arguments.accuracy,
@@ -85,11 +105,16 @@ def _job(arguments: argparse.Namespace) -> Job:
         grid_threshold=arguments.grid_threshold,
         interpolation=arguments.interpolation,
         compare=arguments.compare,
-        scene=overrides,
+        scene=_overrides(arguments),
     )
+    return _scene_job(arguments, settings)
+
+
+def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
+    """The job for the scene and the output folder that were given; `what` is done as `Job` has it."""
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
-    return Job(_blend_file(arguments.scene), _absolute(arguments.output), settings)
+    return Job(_blend_file(arguments.scene), _absolute(arguments.output), settings, **what)
 
 
 def _absolute(name: str) -> Path:
@@ -186,7 +211,9 @@ def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callabl
     return convert
 
 
-def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """The scene, the output folder, and what replaces the scene's own values."""
+
     def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
 
@@ -202,6 +229,19 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
     )
+
+
+def _add_quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+
+
+def _add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene_arguments(parser)
+    _add_quiet(parser)
+
+
+def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene_arguments(parser)
     accuracy = parser.add_mutually_exclusive_group()
     accuracy.add_argument(
         "--accuracy",
@@ -238,7 +278,7 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+    _add_quiet(parser)
 
 
 COMMANDS = (
@@ -250,6 +290,13 @@ COMMANDS = (
         "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
         _add_render_arguments,
         _render,
+    ),
+    Command(
+        "tradeoff",
+        "Measure what every setting costs on one frame and how good it is, against other ways to make the pair.",
+        "  %(prog)s room.blend --output prices --size 640x360 --samples 64\n",
+        _add_tradeoff_arguments,
+        _tradeoff,
     ),
 )
 

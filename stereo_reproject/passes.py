@@ -11,5 +11,8 @@ Passes = dict[str, NDArray[np.float32]]
 COLOUR_PASS = "Combined"
 DEPTH_PASS = "Depth"
 
+MASKED_PASS = "Masked"
+"""(H, W, 1) of a source: 1 where its pixels must not be warped, 0 elsewhere. Few sources have it."""
+
 EFFECTS_PASS = "Effects"
 """(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import accuracy_of
+from .accuracy import Accuracy, accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
 from .fill import FillChoice, SourceCost, check_fill
@@ -87,15 +87,20 @@ class Stopwatch:
 
 
 def render_stereo_frame(
-    renderer: Renderer, settings: StereoSettings, *, on_stage: Callable[[str], None] = lambda _: None
+    renderer: Renderer,
+    settings: StereoSettings,
+    *,
+    on_stage: Callable[[str], None] = lambda _: None,
+    accuracy: Accuracy | None = None,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite. Raises
-    BadInputError when the settings cannot be met for this scene, StereoReprojectError when a render fails.
+    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite. accuracy takes
+    the place of the one that the settings name. Raises BadInputError when the settings cannot be met for this scene,
+    StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
-    accuracy = accuracy_of(settings)
+    accuracy = accuracy_of(settings) if accuracy is None else accuracy
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 

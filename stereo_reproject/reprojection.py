@@ -14,7 +14,7 @@ from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
 from .lookup import touches
 from .masks import dilate
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, MASKED_PASS, Passes
 from .silhouettes import differing, edge_band
 from .warp import Warp, forward_warp
 
@@ -61,6 +61,9 @@ def reproject(
     blurred = _source_silhouettes(source, disparity, steps, invalid, accuracy)
     edges = _target_silhouettes(warped, warp, reasons, target_camera, source_camera, accuracy)
     reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
+    if MASKED_PASS in source:
+        masked = source[MASKED_PASS][..., 0] > 0.0
+        reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
     if invalid.any():
         # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
         spoilt = dilate(invalid, 1) if interpolation == "cubic" else invalid

@@ -84,7 +84,21 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
     _finish(report, files, emit)
 
 
-COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render}
+def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
+    """Make every run of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
+    from .charts import check_charts
+
+    check_charts()
+    from .blender.price_list import render_prices
+
+    work = Path(job["work"])
+    scene, _ = _open(job, emit)
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        prices, files = render_prices(scene, _settings(job["settings"]), work, on_stage=on_stage)
+    _finish(prices, files, emit)
+
+
+COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render, "tradeoff": _tradeoff}
 
 
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
@@ -110,19 +124,19 @@ def _settings(fields: dict[str, Any]) -> StereoSettings:
 
 
 @contextlib.contextmanager
-def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[[str], None]]:
-    """Tells the stages, and within one how many samples are rendered, as far as Blender's log says it.
+def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[..., None]]:
+    """Tells the stages, with a detail where there is one, and within one how many samples are rendered.
 
-    Read from the log, because a Python handler for Blender's render statistics stops 5.2 for good.
+    As far as Blender's log says it: read from there, because a Python handler for render statistics stops 5.2 for good.
     """
     import re
 
-    stage = {"name": "load", "from": 0}
+    stage: dict[str, Any] = {"name": "load", "detail": "", "from": 0}
     ended = threading.Event()
 
-    def on_stage(name: str) -> None:
-        stage.update(name=name, **{"from": log.stat().st_size if log.exists() else 0})
-        emit("stage", stage=name, fraction=None)
+    def on_stage(name: str, detail: str = "") -> None:
+        stage.update(name=name, detail=detail, **{"from": log.stat().st_size if log.exists() else 0})
+        emit("stage", stage=name, fraction=None, detail=detail)
 
     def follow() -> None:
         while not ended.wait(0.25):
@@ -131,7 +145,7 @@ def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[[str], None]]:
                 samples = re.findall(rb"Sample (\d+)/(\d+)", file.read())
                 if samples:
                     done, total = map(int, samples[-1])
-                    emit("stage", stage=stage["name"], fraction=done / max(total, 1))
+                    emit("stage", stage=stage["name"], fraction=done / max(total, 1), detail=stage["detail"])
 
     thread = threading.Thread(target=follow, daemon=True)
     thread.start()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..composite import contain
 from ..metrics import noise_ratio, rmse, worst_tiles
@@ -23,28 +25,49 @@ PEER_SEED = 3_000_017
 AGAIN_SEED = 2_000_003
 
 
-def compare_with_multiview(
-    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, stereo_png: Path, folder: Path
-) -> dict[str, float | None]:
-    """The `compare` part of the report. `stereo_png` is the delivered pair, for FLIP on what people see.
+@dataclass(frozen=True)
+class Peer:
+    """Blender's multiview: its seconds, its target eye (H, W, 4), and that eye once more with another seed."""
 
-    The peer renders a scene copy of its own, so that it finds nothing synced by ours.
-    """
+    seconds: float
+    reference: NDArray[np.float32]
+    again: NDArray[np.float32]
+
+    @property
+    def noise_rmse(self) -> float:
+        return rmse(self.again, self.reference)
+
+    def judge(self, ours: NDArray[np.float32]) -> dict[str, float]:
+        """How far a target eye (H, W, 4) is from the peer's, as `metrics` has it."""
+        return {
+            "rmse": rmse(ours, self.reference),
+            "noise_ratio": noise_ratio(ours, self.reference, self.again),
+            "worst_tiles": worst_tiles(ours, self.reference, self.again),
+        }
+
+
+def render_peer(scene: bpy.types.Scene, settings: StereoSettings, folder: Path) -> Peer:
+    """Render the peer, in a scene copy of its own, so that it finds nothing synced by ours."""
     target = settings.target
     with working_scene(scene, settings.scene) as peer:
         seed = peer.cycles.seed
         both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
     reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
-    ours = colour(frame.eyes[target])
-    flip, noise_flip = _flips(scene, settings, reference, repeated, stereo_png, folder)
+    return Peer(both.seconds, reference, repeated)
+
+
+def compare_with_multiview(
+    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, stereo_png: Path, folder: Path
+) -> dict[str, float | None]:
+    """The `compare` part of the report. `stereo_png` is the delivered pair, for FLIP on what people see."""
+    peer = render_peer(scene, settings, folder)
+    flip, noise_flip = _flips(scene, settings, peer.reference, peer.again, stereo_png, folder)
     return {
-        "multiview_seconds": both.seconds,
-        "speedup": both.seconds / frame.seconds["total"],
-        "rmse": rmse(ours, reference),
-        "noise_rmse": rmse(repeated, reference),
-        "noise_ratio": noise_ratio(ours, reference, repeated),
-        "worst_tiles": worst_tiles(ours, reference, repeated),
+        "multiview_seconds": peer.seconds,
+        "speedup": peer.seconds / frame.seconds["total"],
+        "noise_rmse": peer.noise_rmse,
+        **peer.judge(colour(frame.eyes[settings.target])),
         "flip": flip,
         "noise_flip": noise_flip,
     }

@@ -182,6 +182,26 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
     assert settings == StereoSettings("right", "exact", "card", 0.5, "cubic", True, overrides)
 
 
+def test_tradeoff_takes_the_scene_and_leaves_accuracy_and_fill_to_its_runs(place, capsys):
+    argv = [
+        "tradeoff",
+        str(place / "room.blend"),
+        "--output",
+        str(place / "out"),
+        "--size",
+        "64x32",
+        "--source",
+        "right",
+    ]
+    assert cli.main(argv, worker_command=stub(place, "error 2")) == 2
+    job = json.loads((notes(place) / "job").read_text())
+    assert (job["command"], job["settings"]["source"]) == ("tradeoff", "right")
+    assert job["settings"]["scene"]["size"] == [64, 32]
+    capsys.readouterr()
+    assert cli.main([*argv, "--accuracy", "high"], worker_command=stub(place, "success")) == 2
+    assert_one_line(capsys.readouterr().err, "--accuracy")
+
+
 def test_what_is_left_out_comes_from_the_scene(place):
     assert render(place, "success") == 0
     job = json.loads((notes(place) / "job").read_text())

@@ -34,6 +34,8 @@ NUMERIC = {
     "probes",
     "risk",
     "refinement",
+    "heuristic",
+    "label_places",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.

@@ -1,0 +1,249 @@
+"""Every run of a price list on one scene, against one multiview: what `tradeoff` on the command line calls.
+
+What the runs share, they share so that each is as it would be alone. The source eye is the same for all of them, to the
+bit: it is rendered once, from a scene that nothing has synced, and every run counts its seconds. The peer and the
+heuristic mask, whose source has more passes, begin from a scene copy of their own, as unsynced as that. What only the
+first render of a process pays (reading textures, compiling the hole camera) is paid by a small render before all of
+them, and counts in none.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..charts import check_charts, draw_charts
+from ..errors import BadInputError, StereoReprojectError
+from ..fill import SourceCost
+from ..heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
+from ..holes import Reason
+from ..passes import MASKED_PASS, Passes
+from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..report import write_json
+from ..settings import StereoSettings
+from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, price_list, runs, split_probes, write_csv
+from .compare import Peer, render_peer
+from .frame import scene_facts
+from .renderer import BlenderRenderer
+from .scene import CYCLES, rendered_layer, scene_warnings, working_scene
+
+OnStage = Callable[[str, str], None]
+
+WARM_UP_SIZE = (64, 36)
+WARM_UP_SAMPLES = 1
+WARM_UP_SPACING = 8
+"""One in so many pixels is traced to warm up."""
+
+
+def render_prices(
+    scene: bpy.types.Scene, settings: StereoSettings, work: Path, *, on_stage: OnStage = lambda *_: None
+) -> tuple[dict[str, Any], list[str]]:
+    """Make all runs of one frame and write their files into work/out; what tradeoff.json holds, and the files' names.
+
+    on_stage is told each run's name, and the stage that begins in it. A run that the scene cannot have is left out, and
+    why is said. Raises BadInputError and StereoReprojectError.
+    """
+    check_charts()
+    out = work / "out"
+    out.mkdir(exist_ok=True)
+    on_stage("warm-up", "")
+    warm_up = _warm_up(scene, settings, work)
+    on_stage("multiview", "")
+    peer = render_peer(scene, settings, work)
+    facts, outcome = _render_runs(scene, settings, work, peer, on_stage)
+    facts["warm_up_seconds"] = warm_up
+    measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
+    prices = price_list(facts, measured, outcome.rows, outcome.left_out)
+    prices["warnings"] = scene_warnings(scene) + [f"{name} is left out: {why}" for name, why in outcome.left_out]
+    on_stage("write", "")
+    write_csv(out / "tradeoff.csv", prices)
+    draw_charts(prices, out)
+    write_json(out / "tradeoff.json", prices)
+    return prices, list(TRADEOFF_FILES)
+
+
+def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> float:
+    """Render a few pixels in every way that runs need; the seconds that it took."""
+    start = time.perf_counter()
+    small = replace(settings.scene, size=WARM_UP_SIZE, samples=WARM_UP_SAMPLES)
+    with working_scene(scene, small) as working:
+        renderer = BlenderRenderer(working, work)
+        source, _ = renderer.render_source(settings.source)
+        pixels = np.zeros(colour(source).shape[:2], bool)
+        pixels[::WARM_UP_SPACING, ::WARM_UP_SPACING] = True
+        for method, blocker in renderer.fill_blockers().items():
+            if not blocker:
+                renderer.trace(method, settings.target, pixels)
+    return time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class RenderedSource:
+    """The source eye that runs share: its view, what the renderer said of it, and the seconds of the whole call."""
+
+    view: str
+    passes: Passes
+    cost: SourceCost
+    seconds: float
+
+
+@dataclass
+class _Outcome:
+    """What became of the runs: rows, and those that are left out with the reason."""
+
+    rows: list[Row] = field(default_factory=list)
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+
+    def add(self, run: Run, make: Callable[[], Row]) -> None:
+        """A run that fails must not take the others with it."""
+        try:
+            self.rows.append(make())
+        except StereoReprojectError as error:
+            self.left_out.append((run.name, str(error)))
+
+
+def _render_runs(
+    scene: bpy.types.Scene, settings: StereoSettings, work: Path, peer: Peer, on_stage: OnStage
+) -> tuple[dict[str, Any], _Outcome]:
+    """The facts of the scene, and the rows in the order of `runs`. Raises StereoReprojectError when there are none."""
+    outcome = _Outcome()
+    with working_scene(scene, settings.scene) as working:
+        facts = scene_facts(scene, working, settings)
+        del facts["accuracy"]
+        seed = working.cycles.seed
+        on_stage("source", "")
+        source = _render_source(working, settings, work)
+        facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
+        for run in runs():
+            if run.kind != HEURISTIC:
+                # Renders leave their seed behind; each run begins with the scene's own, as it would alone.
+                working.cycles.seed = seed
+                renderer = SharedSourceRenderer(working, work, source)
+                outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage, shared=source.seconds))
+    for run in runs():
+        if run.kind == HEURISTIC:
+            with working_scene(scene, settings.scene) as working:
+                renderer = HeuristicRenderer(working, work)
+                outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage))
+    if not outcome.rows:
+        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
+    order = [run.name for run in runs()]
+    outcome.rows.sort(key=lambda row: order.index(row.name))
+    return facts, outcome
+
+
+def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
+    renderer = BlenderRenderer(working, work)
+    start = time.perf_counter()
+    passes, cost = renderer.render_source(settings.source)
+    return RenderedSource(settings.source, passes, cost, time.perf_counter() - start)
+
+
+class SharedSourceRenderer(BlenderRenderer):
+    """A renderer whose source was rendered before."""
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
+        super().__init__(scene, folder)
+        self._source = source
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        assert view == self._source.view
+        # What a run does to its source must not reach the next one.
+        return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
+
+
+class HeuristicRenderer(BlenderRenderer):
+    """A renderer whose source says which of its pixels are glossy or transparent: they are not to be warped."""
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """Raises BadInputError for an engine without the light passes that tell."""
+        if self.scene.render.engine != CYCLES:
+            raise BadInputError("only Cycles has the light passes of which the mask is made")
+        with _light_passes(self.scene) as added:
+            passes, cost = super().render_source(view)
+        passes[MASKED_PASS] = heuristic_mask(passes)
+        return {name: image for name, image in passes.items() if name not in added}, cost
+
+
+@contextmanager
+def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
+    """Glossy and transmission passes switched on; yields the names of those that were not."""
+    layer = rendered_layer(scene)
+    switches = {f"use_pass_{kind}_{part}": light_pass_names(kind, part) for kind in LIGHT_PASSES for part in PARTS}
+    off = {switch: names for switch, names in switches.items() if not getattr(layer, switch)}
+    try:
+        for switch in off:
+            setattr(layer, switch, True)
+        yield {name for names in off.values() for name in names}
+    finally:
+        for switch in off:
+            setattr(layer, switch, False)
+
+
+def _make(
+    run: Run,
+    renderer: BlenderRenderer,
+    settings: StereoSettings,
+    peer: Peer,
+    on_stage: OnStage,
+    *,
+    shared: float = 0.0,
+) -> Row:
+    """Make one run and measure it; `shared` are the seconds of its source that its own clock does not see.
+
+    Raises StereoReprojectError when it cannot be made.
+    """
+    blocker = renderer.fill_blockers().get(run.fill)
+    if blocker:
+        raise BadInputError(blocker)
+    frame = render_stereo_frame(
+        renderer,
+        run.settings(settings),
+        on_stage=lambda stage: on_stage(run.name, stage),
+        accuracy=run.accuracy,
+    )
+    seconds = _seconds(frame, shared)
+    fractions = traced_fractions(frame)
+    refined = frame.refinement.fill
+    return Row(
+        name=run.name,
+        kind=run.kind,
+        accuracy=run.accuracy_name,
+        seconds=seconds,
+        speedup=peer.seconds / sum(seconds.values()),
+        **peer.judge(colour(frame.eyes[settings.target])),
+        traced=fractions.pop("rerendered"),
+        fill=frame.fill.method,
+        refine_fill=None if refined is None else refined.method,
+        fractions=fractions,
+        estimate=_estimate(frame, run),
+    )
+
+
+def _seconds(frame: StereoFrame, shared: float) -> dict[str, float]:
+    """Seconds by stage, with those of the shared source, and the probes told from the holes."""
+    stages = {name: seconds for name, seconds in frame.seconds.items() if name != "total"}
+    stages["source"] += shared
+    probe = (frame.reasons & Reason.PROBE.bit) > 0
+    hole = (frame.reasons & ~(Reason.PROBE.bit | Reason.REFINED.bit)) > 0
+    return split_probes(stages, int(hole.sum()), int(probe.sum()))
+
+
+def _estimate(frame: StereoFrame, run: Run) -> dict[str, float | None] | None:
+    estimate = frame.refinement.estimate
+    if estimate is None:
+        return None
+    return {
+        "noise_ratio": estimate.noise_ratio,
+        "low": estimate.low,
+        "high": estimate.high,
+        "promise": run.accuracy.promise,
+    }

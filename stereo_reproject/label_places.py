@@ -1,0 +1,132 @@
+"""Where the labels of a chart's points go, so that none covers another, a point, or more of a line than it must."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+GAP = 7.0
+"""Distance of a label from its point; all lengths are in the units of the points, pixels as a rule."""
+
+REACH = (1.0, 2.2, 3.6, 5.2, 7.2, 9.6, 12.5, 16.0, 20.0, 25.0)
+"""The distances that are tried, in gaps."""
+
+DIRECTIONS = 24
+SWEEPS = 12
+ATTEMPTS = 8
+"""How often all labels are placed, each time in another order: the first to come has the choice."""
+
+# Prices of one place, in gaps of distance from the point. A leader is the line from a label to its point.
+OVERLAP, OUTSIDE, CROSSING, LINE, ALIGNED = 1000.0, 1000.0, 40.0, 3.0, 0.4
+MARGIN = np.array((6.0, 2.0))
+"""Left free beside each label, and above and below it."""
+
+Frame = tuple[float, float, float, float]
+
+
+def place_labels(
+    points: NDArray, sizes: NDArray, *, obstacles: NDArray, lines: NDArray, frame: Frame
+) -> NDArray[np.float64]:
+    """Lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
+
+    obstacles (K, 4) are boxes (left, bottom, right, top) that no label may cover, lines (L, 4) small boxes that it
+    should not; the labels stay inside `frame`. Each label takes its best place given all others, until none moves; of
+    several such ends the cheapest is taken.
+    """
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(ATTEMPTS):
+        ends.append(_settle(points, sizes, obstacles.reshape(-1, 4), lines.reshape(-1, 4), frame, rng))
+    return min(ends, key=lambda end: end[0])[1]
+
+
+def _settle(
+    points: NDArray, sizes: NDArray, obstacles: NDArray, lines: NDArray, frame: Frame, rng: np.random.Generator
+) -> tuple[float, NDArray]:
+    """The summed price and the corners (N, 2) of labels that came in a random order."""
+    corners, prices = np.full((len(points), 2), np.nan), np.zeros(len(points))
+    order = rng.permutation(len(points))
+    for _ in range(SWEEPS):
+        before = corners.copy()
+        for k in order:
+            placed = ~np.isnan(corners[:, 0]) & (np.arange(len(points)) != k)
+            solid = np.concatenate([obstacles, _boxes(corners[placed], sizes[placed])])
+            ends = nearest(points[placed], corners[placed], sizes[placed])
+            candidates, price = _candidates(points[k], sizes[k], frame)
+            price += _price(points[k], sizes[k], candidates, solid, lines)
+            price += _entangled(points[k], sizes[k], candidates, points[placed], ends)
+            best = np.argmin(price)
+            corners[k], prices[k] = candidates[best], price[best]
+        if np.array_equal(before, corners, equal_nan=True):
+            break
+    return float(prices.sum()), corners
+
+
+def nearest(points: NDArray, corners: NDArray, sizes: NDArray) -> NDArray:
+    """Where the leaders of the points (N, 2) reach their labels."""
+    return np.clip(points, corners, corners + sizes)
+
+
+def _boxes(corners: NDArray, size: NDArray) -> NDArray:
+    return np.concatenate([corners - MARGIN, corners + size + MARGIN], axis=1)
+
+
+def _candidates(point: NDArray, size: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
+    """Corners (M, 2) of the places around a point, and what each costs for itself."""
+    angle = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    direction /= np.abs(direction).max(axis=1, keepdims=True)
+    reach = np.repeat(REACH, DIRECTIONS)
+    direction = np.tile(direction, (len(REACH), 1))
+    corners = point + direction * (0.5 * size + GAP * reach[:, None]) - 0.5 * size
+    outside = np.maximum(np.subtract(frame[:2], corners), 0.0) + np.maximum(corners + size - frame[2:], 0.0)
+    aside = np.abs(direction).min(axis=1) > 1e-6
+    return corners, reach + ALIGNED * aside + OUTSIDE * size[1] * outside.sum(axis=1)
+
+
+def _price(point: NDArray, size: NDArray, corners: NDArray, solid: NDArray, lines: NDArray) -> NDArray:
+    """(M,): what the label would cover, and what its leader would run through, but for what the point lies in."""
+    boxes = _boxes(corners, size)
+    apart = ~((point > solid[:, :2]) & (point < solid[:, 2:])).all(axis=1)
+    starts = np.broadcast_to(point, corners.shape)
+    met = _meets(starts, nearest(starts, corners, size), solid[apart]).sum(axis=1)
+    covered = OVERLAP * _common(boxes, solid).sum(axis=1) + LINE * (_common(boxes, lines) > 0.0).sum(axis=1)
+    return covered + CROSSING * met
+
+
+def _entangled(point: NDArray, size: NDArray, corners: NDArray, others: NDArray, ends: NDArray) -> NDArray:
+    """(M,): how the label and its leader get in the way of the leaders from the other points to their ends."""
+    starts = np.broadcast_to(point, corners.shape)
+    crossed = _cross(starts, nearest(starts, corners, size), others, ends)
+    covered = _meets(others, ends, _boxes(corners, size)).T
+    return CROSSING * (crossed | covered).sum(axis=1)
+
+
+def _common(boxes: NDArray, others: NDArray) -> NDArray:
+    """(M, K): the area that each two boxes have in common."""
+    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
+    return np.maximum(high - low, 0.0).prod(axis=2)
+
+
+def _meets(starts: NDArray, ends: NDArray, boxes: NDArray) -> NDArray[np.bool_]:
+    """(M, K): whether each line from a start (M, 2) to its end runs through each box, by the method of slabs."""
+    start, step = starts[:, None], (ends - starts)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = (boxes[:, :2] - start) / step, (boxes[:, 2:] - start) / step
+    between = (start > boxes[:, :2]) & (start < boxes[:, 2:])
+    still = np.broadcast_to(step == 0.0, low.shape)
+    enter = np.where(still, np.where(between, -np.inf, np.inf), np.minimum(low, high)).max(axis=2)
+    leave = np.where(still, np.where(between, np.inf, -np.inf), np.maximum(low, high)).min(axis=2)
+    return (np.maximum(enter, 0.0) < np.minimum(leave, 1.0)) & (leave > enter)
+
+
+def _cross(a: NDArray, b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.bool_]:
+    """(M, K): whether the lines a to b (M, 2) and c to d (K, 2) cross."""
+
+    def side(start: NDArray, end: NDArray, place: NDArray) -> NDArray:
+        along, there = end - start, place - start
+        return along[..., 0] * there[..., 1] - along[..., 1] * there[..., 0] > 0.0
+
+    a, b, c, d = a[:, None], b[:, None], c[None], d[None]
+    return (side(a, b, c) != side(a, b, d)) & (side(c, d, a) != side(c, d, b))
