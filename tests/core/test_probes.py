@@ -40,10 +40,11 @@ class Frame:
         contrast = contrast_of(self.warped, ~self.holes)
         return place_probes(~self.holes, contrast, spacing=SPACING, seed=seed), contrast
 
-    def measured(self, seed=3, spoil=lambda w, a, b: None):
+    def measured(self, seed=3, spoil=None):
         probes, contrast = self.probes(seed)
         w, a, b = (image[probes.mask] for image in (self.warped, self.traced(), self.traced()))
-        spoil(w, a, b)
+        if spoil:
+            spoil(w, a, b)
         return measure(probes, ~self.holes, contrast, w, a, b)
 
     def refined(self, measured, chosen):
