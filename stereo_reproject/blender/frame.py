@@ -41,7 +41,7 @@ def render_files(
     out.mkdir(exist_ok=True)
     with working_scene(scene, settings.scene) as working:
         facts = _facts(scene, working, settings)
-        frame = render_stereo_frame(BlenderRenderer(working, work), settings, on_stage=on_stage)
+        frame = render_stereo_frame(BlenderRenderer(working, work, user_scene=scene), settings, on_stage=on_stage)
     memory = _peak_mb()
     on_stage("write")
     start = time.perf_counter()

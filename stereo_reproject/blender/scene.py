@@ -110,6 +110,16 @@ def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return next(layer for layer in scene.view_layers if layer.use)
 
 
+def focus_distance(scene: bpy.types.Scene) -> float:
+    """The depth in focus of a working scene's camera, in scene units."""
+    camera = evaluated(scene.camera, scene)
+    focus = camera.data.dof.focus_object
+    if focus is None:
+        return camera.data.dof.focus_distance
+    place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
+    return abs(place.z)
+
+
 def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:
     """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
     if frame != scene.frame_current:
