@@ -19,7 +19,8 @@ from typing import Any, NoReturn
 
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
-from .report import format_report_table
+from .inspection import format_inspection
+from .report import format_report_table, to_json
 from .settings import (
     ACCURACIES,
     CONVERGENCE_MODES,
@@ -29,7 +30,7 @@ from .settings import (
     SceneOverrides,
     StereoSettings,
 )
-from .supervisor import Interrupts, Job, RunInterruptedError, run_worker
+from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_worker
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
@@ -56,7 +57,9 @@ def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | N
 
 def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
     console.quiet = arguments.quiet
-    job = _job(arguments)
+    if not arguments.output:
+        raise BadInputError("--output is empty; name a folder for the result")
+    job = Job(_blend_file(arguments.scene), _absolute(arguments.output), _settings(arguments))
     with Interrupts() as interrupts:
         report = run_worker(
             job, console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command
@@ -67,7 +70,23 @@ def _render(arguments: argparse.Namespace, console: Console, worker_command: Seq
     return 0
 
 
-def _job(arguments: argparse.Namespace) -> Job:
+def _inspect(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+    command = "plan" if arguments.no_sketch else "inspect"
+    job = Job(_blend_file(arguments.scene), None, _settings(arguments), command, files=())
+
+    def on_event(event: Event) -> None:
+        # As JSON, nothing else may be on standard output.
+        if event["event"] == "warning" or not arguments.json:
+            console.on_event(event)
+
+    with Interrupts() as interrupts:
+        inspection = run_worker(job, on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command)
+    console.end_stage()
+    console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
+    return 0
+
+
+def _settings(arguments: argparse.Namespace) -> StereoSettings:
     overrides = SceneOverrides(
         frame=arguments.frame,
         size=arguments.size,
@@ -77,7 +96,7 @@ def _job(arguments: argparse.Namespace) -> Job:
         convergence_distance=arguments.convergence,
         convergence_mode=arguments.mode,
     )
-    settings = StereoSettings(
+    return StereoSettings(
         source=arguments.source,
         accuracy=arguments.accuracy,
         tolerance=arguments.tolerance,
@@ -87,9 +106,6 @@ def _job(arguments: argparse.Namespace) -> Job:
         compare=arguments.compare,
         scene=overrides,
     )
-    if not arguments.output:
-        raise BadInputError("--output is empty; name a folder for the result")
-    return Job(_blend_file(arguments.scene), _absolute(arguments.output), settings)
 
 
 def _absolute(name: str) -> Path:
@@ -187,11 +203,31 @@ def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callabl
 
 
 def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene to render")
+    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
+    _add_pair_arguments(parser)
+    parser.add_argument(
+        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+
+
+def _add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene to inspect")
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else on standard output")
+    parser.add_argument(
+        "--no-sketch", action="store_true", help="the plan alone: nothing is rendered, and no time predicted"
+    )
+    _add_pair_arguments(parser)
+    parser.set_defaults(compare=False)
+
+
+def _add_pair_arguments(parser: argparse.ArgumentParser) -> None:
+    """What replaces the scene's own settings, and how its pair is made."""
+
     def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
 
-    parser.add_argument("scene", metavar="SCENE.blend", help="the scene to render")
-    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
     override("--frame", "N", "frame", _whole_number, "frame to render")
     override("--size", "WxH", "size", _size, "size of one eye in pixels, such as 1920x1080")
     override("--samples", "N", "samples", _whole_number, "samples per pixel")
@@ -235,10 +271,6 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
         default=StereoSettings.interpolation,
         help="how colours are looked up between pixels; cubic is sharper (%(default)s)",
     )
-    parser.add_argument(
-        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
 
 
 COMMANDS = (
@@ -250,6 +282,13 @@ COMMANDS = (
         "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
         _add_render_arguments,
         _render,
+    ),
+    Command(
+        "inspect",
+        "Say which effects a scene calls for, how each is handled, and what its pair will cost; renders only a sketch.",
+        "  %(prog)s room.blend\n  %(prog)s room.blend --size 1920x1080 --samples 128 --json\n",
+        _add_inspect_arguments,
+        _inspect,
     ),
 )
 

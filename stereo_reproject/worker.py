@@ -84,7 +84,23 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
     _finish(report, files, emit)
 
 
-COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render}
+def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
+    """Say what the scene calls for, and what its pair will cost."""
+    from .blender.inspection import inspect_scene
+
+    work = Path(job["work"])
+    scene, _ = _open(job, emit)
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=on_stage)
+    _finish(inspection, [], emit)
+
+
+def _plan(job: dict[str, Any], emit: Emit) -> None:
+    """The same with nothing rendered, and so nothing predicted."""
+    _inspect(job, emit, sketch=False)
+
+
+COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render, "inspect": _inspect, "plan": _plan}
 
 
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:

@@ -40,7 +40,7 @@ def render_files(
     out = work / "out"
     out.mkdir(exist_ok=True)
     with working_scene(scene, settings.scene) as working:
-        facts = _facts(scene, working, settings)
+        facts = frame_facts(scene, working, settings)
         frame = render_stereo_frame(BlenderRenderer(working, work, user_scene=scene), settings, on_stage=on_stage)
     memory = _peak_mb()
     on_stage("write")
@@ -57,7 +57,8 @@ def render_files(
     return report, list(FILES)
 
 
-def _facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
+def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
+    """What is rendered, and with which settings, as reports tell it."""
     render = working.render
     region = frame_region(render)
     cycles = render.engine == "CYCLES"
