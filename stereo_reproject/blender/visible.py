@@ -106,14 +106,14 @@ def _seen(
 
 
 def _materials(item: bpy.types.Object) -> list[bpy.types.Material | None]:
-    """The materials that a face of the object has; of what has no faces, all of them."""
+    """The materials that a face of the object has; of what has no faces, or is not evaluated, all of them."""
     if item.type == "LIGHT":
         return []
-    materials: list[bpy.types.Material | None] = [slot.material for slot in item.material_slots]
-    if not materials:
-        return [None]
-    if item.type != "MESH" or len(materials) == 1 or not item.data.polygons:
+    materials: list[bpy.types.Material | None] = [slot.material for slot in item.material_slots] or [None]
+    if item.type != "MESH" or not item.is_evaluated:
         return materials
+    if not item.data.polygons:
+        return []
     indices = item.data.attributes.get("material_index")
     if indices is None:
         return materials[:1]
