@@ -72,7 +72,7 @@ def inspect_scene(
             on_stage("sketch")
             predicted = _predicted(renderer, settings, facts, scale, rows) if cycles else _predicted_whole(renderer)
     return {
-        **{key: value for key, value in facts.items() if key != "stereo"},
+        **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
         "schema": INSPECTION_SCHEMA,
         "effects": rows,
         "passes": passes,
