@@ -59,8 +59,11 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
 
 def _has_compositor(scene: bpy.types.Scene) -> bool:
     """Whether the compositing nodes do more than hand the render through."""
-    tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
-    if tree is None or not getattr(scene, "use_nodes", True):
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group
+    else:
+        tree = scene.node_tree if scene.use_nodes else None
+    if tree is None:
         return False
     passive = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
     return any(node.bl_idname not in passive for node in tree.nodes)

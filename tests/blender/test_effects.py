@@ -661,6 +661,21 @@ def test_an_instance_counts_where_it_stands(scene):
     assert by(scene, Effect.GLOSSY) == ()
 
 
+def test_an_instance_of_an_instance_counts(scene):
+    collection = bpy.data.collections.new("outer")
+    inner = bpy.data.objects.new("inner", None)
+    inner.instance_type, inner.instance_collection = "COLLECTION", hidden_collection(scene)
+    collection.objects.link(inner)
+    outer = add(scene, bpy.data.objects.new("outer", None))
+    outer.instance_type, outer.instance_collection = "COLLECTION", collection
+    outer.location = (0.0, 0.0, 5.0)
+    assert by(scene, Effect.GLOSSY) == ()
+    outer.location = AHEAD
+    assert by(scene, Effect.GLOSSY) == ("material 'polished' on 'Cube'",)
+    outer.hide_viewport = True
+    assert by(scene, Effect.GLOSSY) == ("material 'polished' on 'Cube'",)
+
+
 def scattering_group(collection):
     """Geometry nodes that put the collection in the place of what they are given."""
     group = bpy.data.node_groups.new("scatter", "GeometryNodeTree")

@@ -228,6 +228,24 @@ def test_a_border_is_sketched_too(mirror_scene, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("bathroom", Effect.GLOSSY),
+        ("volumetric-caustic", Effect.VOLUME),
+        ("fur-ball", Effect.HAIR),
+        ("bmw27", Effect.DEPTH_OF_FIELD),
+        ("meadow", Effect.ALPHA),
+    ],
+)
+def test_what_a_real_scene_calls_for(shared_scenes, empty_folder, name, effect):
+    finished = inspect(shared_scenes / name / f"{name}.blend", "--json", "--no-sketch", cwd=empty_folder)
+    assert finished.returncode == 0, finished.stderr
+    found = json.loads(finished.stdout)
+    assert effect_of(found, effect)["called_for"]
+    assert "CryptoMaterial" in found["passes"]
+
+
+@pytest.mark.parametrize(
     ("name", "interocular", "convergence", "effect"),
     [("bathroom", 0.065, 2.5, Effect.GLOSSY), ("classroom", 0.065, 6.5, Effect.GLOSSY)],
 )
