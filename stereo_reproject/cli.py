@@ -9,7 +9,6 @@ import argparse
 import contextlib
 import importlib.metadata
 import os
-import re
 import stat
 import tomllib
 from collections.abc import Callable, Sequence
@@ -17,19 +16,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .arguments import (
+    add_inspect_arguments,
+    add_render_arguments,
+    add_tradeoff_arguments,
+    overrides_of,
+    settings_of,
+)
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
-from .report import format_report_table
-from .settings import (
-    ACCURACIES,
-    CONVERGENCE_MODES,
-    EYES,
-    FILL_METHODS,
-    INTERPOLATIONS,
-    SceneOverrides,
-    StereoSettings,
-)
-from .supervisor import Interrupts, Job, RunInterruptedError, run_worker
+from .inspection import format_inspection
+from .report import format_report_table, to_json
+from .settings import StereoSettings
+from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
 
 INTERRUPTED_STATUS = 130
@@ -56,12 +55,12 @@ def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | N
 
 
 def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
-    return _run(_job(arguments), arguments, console, worker_command, format_report_table)
+    return _run(_scene_job(arguments, settings_of(arguments)), arguments, console, worker_command, format_report_table)
 
 
 def _tradeoff(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
-    settings = StereoSettings(source=arguments.source, scene=_overrides(arguments))
-    job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES)
+    settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
+    job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES, only=tuple(arguments.only))
     return _run(job, arguments, console, worker_command, format_price_table)
 
 
@@ -84,30 +83,20 @@ def _run(
     return 0
 
 
-def _overrides(arguments: argparse.Namespace) -> SceneOverrides:
-    return SceneOverrides(
-        frame=arguments.frame,
-        size=arguments.size,
-        samples=arguments.samples,
-        seed=arguments.seed,
-        interocular_distance=arguments.interocular,
-        convergence_distance=arguments.convergence,
-        convergence_mode=arguments.mode,
-    )
+def _inspect(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+    command = "plan" if arguments.no_sketch else "inspect"
+    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=())
 
+    def on_event(event: Event) -> None:
+        # As JSON, nothing else may be on standard output.
+        if event["event"] == "warning" or not arguments.json:
+            console.on_event(event)
 
-def _job(arguments: argparse.Namespace) -> Job:
-    settings = StereoSettings(
-        source=arguments.source,
-        accuracy=arguments.accuracy,
-        tolerance=arguments.tolerance,
-        fill=arguments.fill,
-        grid_threshold=arguments.grid_threshold,
-        interpolation=arguments.interpolation,
-        compare=arguments.compare,
-        scene=_overrides(arguments),
-    )
-    return _scene_job(arguments, settings)
+    with Interrupts() as interrupts:
+        inspection = run_worker(job, on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command)
+    console.end_stage()
+    console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
+    return 0
 
 
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
@@ -175,112 +164,6 @@ class Command:
     run: Callable[[argparse.Namespace, Console, Sequence[str] | None], int]
 
 
-def _whole_number(text: str) -> int:
-    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
-        raise ValueError("a whole number")
-    return int(text)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError("a number") from None
-
-
-def _size(text: str) -> tuple[int, int]:
-    if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
-        raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
-    width, height = re.split("[xX]", text)
-    return int(width), int(height)
-
-
-def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
-
-    def convert(text: str) -> Any:
-        try:
-            value = read(text)
-            settings(**{field: value})
-        except ValueError as wanted:
-            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}") from None
-        except BadInputError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-        return value
-
-    return convert
-
-
-def _add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """The scene, the output folder, and what replaces the scene's own values."""
-
-    def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
-        parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
-
-    parser.add_argument("scene", metavar="SCENE.blend", help="the scene to render")
-    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
-    override("--frame", "N", "frame", _whole_number, "frame to render")
-    override("--size", "WxH", "size", _size, "size of one eye in pixels, such as 1920x1080")
-    override("--samples", "N", "samples", _whole_number, "samples per pixel")
-    override("--seed", "N", "seed", _whole_number, "seed of the noise")
-    override("--interocular", "D", "interocular_distance", _number, "distance between the eyes, in scene units")
-    override("--convergence", "D", "convergence_distance", _number, "distance of zero parallax, in scene units")
-    parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
-    parser.add_argument(
-        "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
-    )
-
-
-def _add_quiet(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
-
-
-def _add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
-    _add_scene_arguments(parser)
-    _add_quiet(parser)
-
-
-def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
-    _add_scene_arguments(parser)
-    accuracy = parser.add_mutually_exclusive_group()
-    accuracy.add_argument(
-        "--accuracy",
-        choices=ACCURACIES,
-        default=StereoSettings.accuracy,
-        help="how much of the other eye is traced anew where it cannot be taken over (%(default)s)",
-    )
-    accuracy.add_argument(
-        "--tolerance",
-        metavar="RATIO",
-        type=_value_of(StereoSettings, "tolerance", _number),
-        help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
-    )
-    parser.add_argument(
-        "--fill",
-        choices=FILL_METHODS,
-        default=StereoSettings.fill,
-        help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
-        "whole eye; auto takes the cheapest (%(default)s)",
-    )
-    parser.add_argument(
-        "--grid-threshold",
-        metavar="ARCMIN",
-        type=_value_of(StereoSettings, "grid_threshold", _number),
-        default=StereoSettings.grid_threshold,
-        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
-    )
-    parser.add_argument(
-        "--interpolation",
-        choices=INTERPOLATIONS,
-        default=StereoSettings.interpolation,
-        help="how colours are looked up between pixels; cubic is sharper (%(default)s)",
-    )
-    parser.add_argument(
-        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
-    )
-    _add_quiet(parser)
-
-
 COMMANDS = (
     Command(
         "render",
@@ -288,14 +171,21 @@ COMMANDS = (
         "  %(prog)s room.blend --output out\n"
         "  %(prog)s room.blend --output out --size 1920x1080 --samples 128 --compare\n"
         "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
-        _add_render_arguments,
+        add_render_arguments,
         _render,
+    ),
+    Command(
+        "inspect",
+        "Say which effects a scene calls for, how each is handled, and what its pair will cost; renders only a sketch.",
+        "  %(prog)s room.blend\n  %(prog)s room.blend --size 1920x1080 --samples 128 --json\n",
+        add_inspect_arguments,
+        _inspect,
     ),
     Command(
         "tradeoff",
         "Measure what every setting costs on one frame and how good it is, against other ways to make the pair.",
         "  %(prog)s room.blend --output prices --size 640x360 --samples 64\n",
-        _add_tradeoff_arguments,
+        add_tradeoff_arguments,
         _tradeoff,
     ),
 )

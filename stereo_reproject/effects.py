@@ -48,6 +48,31 @@ SEEN_DIFFERENTLY = (
 """Effects that may make a warped pixel wrong: where none of them is called for, no probe is traced."""
 
 
+PROBED = "probes measure how wrong its warped pixels are, and the worst tiles are traced (draft: none are)"
+
+HANDLING: dict[Effect, str] = {
+    Effect.GLOSSY: f"reflections are warped with the surface that shows them; {PROBED}",
+    Effect.TRANSMISSION: f"what is seen through it is warped with its surface; {PROBED}",
+    Effect.ALPHA: f"what is seen through it is warped with the surface that the depth pass has; {PROBED}",
+    Effect.SUBSURFACE: f"warped with its surface; {PROBED}",
+    Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {PROBED}",
+    Effect.VOLUME: f"it has no depth and is warped with the surface behind it; {PROBED}",
+    Effect.HAIR: f"silhouettes of strands are traced, and what lies between is warped; {PROBED}",
+    Effect.DEPTH_OF_FIELD: f"what is blurred is warped by its sharp depth, and traced with the scene's lens; {PROBED}",
+    Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {PROBED}",
+    Effect.BUMP: "nothing: it looks the same to both eyes, and traced pixels filter it as a plain render does",
+    Effect.CAMERA_DEPENDENT: f"warped as the source eye sees it; {PROBED}",
+    Effect.CATCHER: f"warped with its surface, as transparent as it is for the source eye; {PROBED}",
+    Effect.CAUSTICS: "nothing: on matte surfaces they look the same to both eyes; other surfaces are probed themselves",
+    Effect.VIEW_LAYERS: "not done yet: only the first view layer in use is rendered",
+    Effect.DENOISING: "not done yet: both eyes are left as rendered, denoise them afterwards",
+}
+"""What is done with each effect that a scene calls for, when Cycles renders it."""
+
+NOT_CALLED_FOR = "not called for: nothing is done, and it costs nothing"
+RENDERED_WHOLE = "both eyes are rendered whole"
+
+
 @dataclass(frozen=True)
 class Finding:
     """Whether a scene calls for an effect: by what, in words (nothing: not called for), and how it is handled."""

@@ -142,10 +142,15 @@ def _strict(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no place in JSON")
 
 
+def to_json(data: Mapping[str, Any]) -> str:
+    """`data` as strict JSON, in lines."""
+    return json.dumps(_strict(data), indent=2, allow_nan=False)
+
+
 def write_json(path: Path | str, data: Mapping[str, Any]) -> None:
     """Write `data` as strict JSON under `path`, whole or not at all. Raises OSError."""
     path = Path(path)
-    text = json.dumps(_strict(data), indent=2, allow_nan=False) + "\n"
+    text = to_json(data) + "\n"
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with beside.open("w", encoding="utf-8", newline="\n") as file:

@@ -61,7 +61,8 @@ Event = dict[str, Any]
 class Job:
     """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
 
-    files are those that the command (one of `worker.COMMANDS`) makes; without any, output may be None.
+    files are those that the command (one of `worker.COMMANDS`) makes; without any, output may be None. only names the
+    runs that a price list is to have; without any it has all.
     """
 
     blend: Path
@@ -69,6 +70,7 @@ class Job:
     settings: StereoSettings
     command: str = "render"
     files: tuple[str, ...] = FILES
+    only: tuple[str, ...] = ()
 
 
 class RunInterruptedError(StereoReprojectError):
@@ -199,6 +201,7 @@ class _Worker:
             "output": None if job.output is None else str(job.output),
             "work": str(self._work),
             "settings": asdict(job.settings),
+            "only": list(job.only),
         }
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):

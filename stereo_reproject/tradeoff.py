@@ -69,6 +69,11 @@ def runs() -> tuple[Run, ...]:
     )
 
 
+def chosen_runs(only: Sequence[str] = ()) -> tuple[Run, ...]:
+    """The runs of these names, in the order of `runs`; without any, all of them."""
+    return tuple(run for run in runs() if not only or run.name in only)
+
+
 @dataclass(frozen=True)
 class Row:
     """What was measured of one run.
@@ -103,12 +108,9 @@ class Row:
 
 
 def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[str, float]:
-    """Seconds by stage, with the fill's divided between its holes and its probes by the pixels that each traced.
-
-    Probes that have a stage of their own, the pilot, are no part of the fill.
-    """
+    """Seconds by stage, with the fill's divided between its holes and its probes by the pixels that each traced."""
     result = dict(seconds)
-    if probes > 0 and "pilot" not in result:
+    if probes > 0:
         traced = PROBE_TRACES * probes
         result["probes"] = result["fill"] * traced / (holes + traced)
         result["fill"] -= result["probes"]

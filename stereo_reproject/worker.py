@@ -85,7 +85,7 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
-    """Make every run of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
+    """Make the runs of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
     from .charts import check_charts
 
     check_charts()
@@ -93,12 +93,34 @@ def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
 
     work = Path(job["work"])
     scene, _ = _open(job, emit)
+    settings, only = _settings(job["settings"]), job["only"]
     with _sample_progress(work / "blender.log", emit) as on_stage:
-        prices, files = render_prices(scene, _settings(job["settings"]), work, on_stage=on_stage)
+        prices, files = render_prices(scene, settings, work, only=only, on_stage=on_stage)
     _finish(prices, files, emit)
 
 
-COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {"render": _render, "tradeoff": _tradeoff}
+def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
+    """Say what the scene calls for, and what its pair will cost."""
+    from .blender.inspection import inspect_scene
+
+    work = Path(job["work"])
+    scene, _ = _open(job, emit)
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=on_stage)
+    _finish(inspection, [], emit)
+
+
+def _plan(job: dict[str, Any], emit: Emit) -> None:
+    """The same with nothing rendered, and so nothing predicted."""
+    _inspect(job, emit, sketch=False)
+
+
+COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
+    "render": _render,
+    "tradeoff": _tradeoff,
+    "inspect": _inspect,
+    "plan": _plan,
+}
 
 
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:

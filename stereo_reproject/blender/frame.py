@@ -40,8 +40,8 @@ def render_files(
     out = work / "out"
     out.mkdir(exist_ok=True)
     with working_scene(scene, settings.scene) as working:
-        facts = scene_facts(scene, working, settings)
-        frame = render_stereo_frame(BlenderRenderer(working, work), settings, on_stage=on_stage)
+        facts = frame_facts(scene, working, settings)
+        frame = render_stereo_frame(BlenderRenderer(working, work, user_scene=scene), settings, on_stage=on_stage)
     memory = _peak_mb()
     on_stage("write")
     start = time.perf_counter()
@@ -57,8 +57,8 @@ def render_files(
     return report, list(FILES)
 
 
-def scene_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
-    """What a report says of the scene and of how it is rendered; `working` is its copy."""
+def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
+    """What is rendered, and with which settings, as reports tell it."""
     render = working.render
     region = frame_region(render)
     cycles = render.engine == "CYCLES"

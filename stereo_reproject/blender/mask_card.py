@@ -23,7 +23,7 @@ from ..pixel_filter import filter_support
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
-from .scene import evaluated
+from .scene import evaluated, focus_distance
 
 NAME = "Stereo Reproject mask"
 
@@ -92,7 +92,7 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
     """The target's view plane, at a depth at which each pixel's rays meet: the focus, or just behind the near clip."""
     camera = evaluated(scene.camera, scene)
     eye = stereo_cameras(camera, scene.render)[view]
-    depth = _focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
+    depth = focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
     scale = 1.0 if isinstance(eye, OrthographicCamera) else depth
     plane = eye.plane
     low, high = plane.bottom, plane.top
@@ -100,15 +100,6 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
     mesh.from_pydata([(x * scale, y * scale, -depth) for x, y in corners], [], [(0, 1, 2, 3)])
     uv = mesh.uv_layers.new(name="UVMap")
     uv.data.foreach_set("uv", [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0])
-
-
-def _focus_distance(scene: bpy.types.Scene) -> float:
-    camera = evaluated(scene.camera, scene)
-    focus = camera.data.dof.focus_object
-    if focus is None:
-        return camera.data.dof.focus_distance
-    place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
-    return abs(place.z)
 
 
 def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> None:

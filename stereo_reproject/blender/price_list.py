@@ -10,7 +10,7 @@ them, and counts in none.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -29,9 +29,9 @@ from ..passes import MASKED_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import write_json
 from ..settings import StereoSettings
-from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, price_list, runs, split_probes, write_csv
+from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
 from .compare import Peer, render_peer
-from .frame import scene_facts
+from .frame import frame_facts
 from .renderer import BlenderRenderer
 from .scene import CYCLES, rendered_layer, scene_warnings, working_scene
 
@@ -44,12 +44,17 @@ WARM_UP_SPACING = 8
 
 
 def render_prices(
-    scene: bpy.types.Scene, settings: StereoSettings, work: Path, *, on_stage: OnStage = lambda *_: None
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    only: Sequence[str] = (),
+    on_stage: OnStage = lambda *_: None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Make all runs of one frame and write their files into work/out; what tradeoff.json holds, and the files' names.
+    """Make the runs of one frame, all or `only` those named, and write their files into work/out.
 
-    on_stage is told each run's name, and the stage that begins in it. A run that the scene cannot have is left out, and
-    why is said. Raises BadInputError and StereoReprojectError.
+    Returns what tradeoff.json holds, and the files' names. on_stage is told each run's name, and the stage that begins
+    in it. A run that the scene cannot have is left out, and why is said. Raises BadInputError and StereoReprojectError.
     """
     check_charts()
     out = work / "out"
@@ -58,7 +63,7 @@ def render_prices(
     warm_up = _warm_up(scene, settings, work)
     on_stage("multiview", "")
     peer = render_peer(scene, settings, work)
-    facts, outcome = _render_runs(scene, settings, work, peer, on_stage)
+    facts, outcome = _render_runs(scene, settings, work, peer, chosen_runs(only), on_stage)
     facts["warm_up_seconds"] = warm_up
     measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
@@ -111,31 +116,36 @@ class _Outcome:
 
 
 def _render_runs(
-    scene: bpy.types.Scene, settings: StereoSettings, work: Path, peer: Peer, on_stage: OnStage
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    peer: Peer,
+    chosen: Sequence[Run],
+    on_stage: OnStage,
 ) -> tuple[dict[str, Any], _Outcome]:
-    """The facts of the scene, and the rows in the order of `runs`. Raises StereoReprojectError when there are none."""
+    """The facts of the scene, and the rows in the runs' order. Raises StereoReprojectError when there are none."""
     outcome = _Outcome()
     with working_scene(scene, settings.scene) as working:
-        facts = scene_facts(scene, working, settings)
+        facts = frame_facts(scene, working, settings)
         del facts["accuracy"]
         seed = working.cycles.seed
         on_stage("source", "")
         source = _render_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
-        for run in runs():
+        for run in chosen:
             if run.kind != HEURISTIC:
                 # Renders leave their seed behind; each run begins with the scene's own, as it would alone.
                 working.cycles.seed = seed
                 renderer = SharedSourceRenderer(working, work, source)
                 outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage, shared=source.seconds))
-    for run in runs():
+    for run in chosen:
         if run.kind == HEURISTIC:
             with working_scene(scene, settings.scene) as working:
                 renderer = HeuristicRenderer(working, work)
                 outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage))
     if not outcome.rows:
         raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
-    order = [run.name for run in runs()]
+    order = [run.name for run in chosen]
     outcome.rows.sort(key=lambda row: order.index(row.name))
     return facts, outcome
 
@@ -212,7 +222,7 @@ def _make(
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)
-    refined = frame.refinement.fill
+    refined = frame.refinement.fills
     return Row(
         name=run.name,
         kind=run.kind,
@@ -222,7 +232,7 @@ def _make(
         **peer.judge(colour(frame.eyes[settings.target])),
         traced=fractions.pop("rerendered"),
         fill=frame.fill.method,
-        refine_fill=None if refined is None else refined.method,
+        refine_fill=refined[-1].method if refined else None,
         fractions=fractions,
         estimate=_estimate(frame, run),
     )

@@ -19,11 +19,15 @@ SKY_DEPTH = 1e9
 
 @dataclass(frozen=True)
 class Rendered:
-    """Passes by view name; seconds of the render call, and those of it that Cycles spent on syncing the scene."""
+    """Passes by view name; seconds of the render call, and those of it that Cycles spent on syncing the scene.
+
+    attributes are the texts in the header of the file that Blender wrote.
+    """
 
     views: dict[str, Passes]
     seconds: float
     sync_seconds: float
+    attributes: dict[str, str]
 
 
 def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *, seed: int | None = None) -> Rendered:
@@ -51,7 +55,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     path.unlink()
     sync = _seconds(attributes.get(f"cycles.{layer}.synchronization_time", ""))
     # For several views, Cycles counts the other views' render time as synchronization.
-    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0)
+    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0, attributes)
 
 
 def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:

@@ -8,33 +8,53 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects_pass import CRYPTOMATTE, effects_pass
 from ..fill import SourceCost
-from ..passes import Passes
-from .effects import view_dependent_effects
+from ..passes import EFFECTS_PASS, Passes
+from .cryptomatte import cryptomatte
+from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
-from .render import render_views
+from .render import Rendered, render_views
 from .rig import stereo_cameras
-from .scene import evaluated
+from .scene import CYCLES, evaluated, rendered_layer
 
 FILL_SEED = 1_000_003
 """Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
 
 
 class BlenderRenderer:
-    """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages."""
+    """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages.
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path) -> None:
+    user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
         self.scene = scene
         self.folder = folder
         self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
-        self.view_dependent = view_dependent_effects(scene)
+        self.plan = plan_effects(scene, user_scene=user_scene)
         self.seed = scene.cycles.seed
         self._traces = 0
 
+    @property
+    def view_dependent(self) -> tuple[str, ...]:
+        """What may look different from each eye, in words."""
+        return self.plan.view_dependent
+
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
-        return rendered.views[view], SourceCost(rendered.seconds, rendered.sync_seconds)
+        """The source eye, whole, with the pass of effects if there are any that the eyes see differently."""
+        if not self.view_dependent or self.scene.render.engine != CYCLES:
+            rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+            return rendered.views[view], _cost(rendered)
+        with cryptomatte(self.scene) as kept:
+            rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        passes = rendered.views[view]
+        layer = rendered_layer(self.scene).name
+        effects = effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer)
+        if not kept:
+            passes = {name: image for name, image in passes.items() if not name.startswith(CRYPTOMATTE)}
+        return (passes if effects is None else {**passes, EFFECTS_PASS: effects}), _cost(rendered)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return {
@@ -62,6 +82,10 @@ class BlenderRenderer:
         """A seed that no render of this frame has had: noise that is there already must not come twice."""
         self._traces += 1
         return shifted_seed(self.seed, FILL_SEED * self._traces)
+
+
+def _cost(rendered: Rendered) -> SourceCost:
+    return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
 def render_target(renderer: BlenderRenderer, view: str, pixels: NDArray[np.bool_], *, seed: int) -> Passes:

@@ -59,8 +59,11 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
 
 def _has_compositor(scene: bpy.types.Scene) -> bool:
     """Whether the compositing nodes do more than hand the render through."""
-    tree = getattr(scene, "compositing_node_group", None) or getattr(scene, "node_tree", None)
-    if tree is None or not getattr(scene, "use_nodes", True):
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group
+    else:
+        tree = scene.node_tree if scene.use_nodes else None
+    if tree is None:
         return False
     passive = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
     return any(node.bl_idname not in passive for node in tree.nodes)
@@ -108,6 +111,16 @@ def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     """The one view layer that a working scene renders."""
     return next(layer for layer in scene.view_layers if layer.use)
+
+
+def focus_distance(scene: bpy.types.Scene) -> float:
+    """The depth in focus of a working scene's camera, in scene units."""
+    camera = evaluated(scene.camera, scene)
+    focus = camera.data.dof.focus_object
+    if focus is None:
+        return camera.data.dof.focus_distance
+    place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
+    return abs(place.z)
 
 
 def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:

@@ -739,3 +739,57 @@ def test_parent_process_never_imports_blender(place):
     code = "import sys; from stereo_reproject import cli; sys.exit(any(n in sys.modules for n in ('bpy', 'numpy')))"
     finished = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
     assert finished.returncode == 0
+
+
+# Inspecting
+
+
+def inspect(place, *options, behaviour="inspection"):
+    """Exit status of an inspection within this process."""
+    argv = ["inspect", str(place / "room.blend"), *options]
+    return cli.main(argv, worker_command=stub(place, behaviour))
+
+
+def test_an_inspection_is_printed_as_a_table_and_leaves_nothing(place, capsys):
+    before = sorted(place.iterdir())
+    assert inspect(place) == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("room, frame 1, 64x32, 4 samples, balanced, CYCLES on CPU\n")
+    assert "curves 'Fur" in printed.out
+    assert printed.err == "stereo_reproject: warning: the scene denoises\n"
+    assert sorted(place.iterdir()) == before
+    assert not Path((notes(place) / "temporary").read_text()).exists()
+
+
+def test_an_inspection_as_json_is_nothing_but_json(place, capsys):
+    assert inspect(place, "--json") == 0
+    printed = capsys.readouterr()
+    assert printed.out.isascii()
+    assert json.loads(printed.out)["effects"][0]["by"] == ["curves 'Fur \u00e4'"]
+    assert printed.err == "stereo_reproject: warning: the scene denoises\n"
+
+
+@pytest.mark.parametrize(("options", "command"), [([], "inspect"), (["--no-sketch"], "plan")])
+def test_what_an_inspection_asks_of_the_worker(place, options, command):
+    assert inspect(place, *options, "--size", "64x32", "--accuracy", "high", "--fill", "card", "--seed", "7") == 0
+    job = json.loads((notes(place) / "job").read_text())
+    assert job["command"] == command
+    assert job["output"] is None
+    assert job["settings"]["scene"] == {**vars(SceneOverrides()), "size": [64, 32], "seed": 7}
+    assert (job["settings"]["accuracy"], job["settings"]["fill"]) == ("high", "card")
+
+
+def test_render_and_inspect_take_the_same_options_for_the_pair():
+    def options(command):
+        text = run_module(command, "--help").stdout
+        return set(re.findall(r"--[a-z-]+", text.partition("options:")[2].partition("examples:")[0]))
+
+    assert options("render") - options("inspect") == {"--output", "--compare", "--quiet"}
+    assert options("inspect") - options("render") == {"--json", "--no-sketch"}
+
+
+def test_an_inspection_that_fails_says_so_in_one_line(place, capsys):
+    assert inspect(place, behaviour="error 2") == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == "stereo_reproject: error: room.blend has no camera; add one\n"

@@ -31,6 +31,8 @@ NUMERIC = {
     "accuracy",
     "metrics",
     "effects",
+    "effects_pass",
+    "frustum",
     "probes",
     "risk",
     "refinement",

@@ -152,9 +152,10 @@ def test_probes_and_holes_share_the_seconds_of_the_fill():
     assert split_probes(seconds, holes=1000, probes=0) == seconds
 
 
-def test_probes_of_a_stage_of_their_own_are_no_part_of_the_fill():
+def test_a_pilot_is_a_stage_of_its_own():
     seconds = {"source": 5.0, "pilot": 1.0, "fill": 3.0}
-    assert split_probes(seconds, holes=1000, probes=250) == seconds
+    split = {"source": 5.0, "pilot": 1.0, "fill": 2.0, "probes": 1.0}
+    assert split_probes(seconds, holes=1000, probes=250) == split
 
 
 def test_a_stage_of_another_name_comes_last():

@@ -57,7 +57,7 @@ def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method):
 def test_a_mirror_is_found_and_traced(scene, tmp_path):
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, tmp_path)
-        assert renderer.view_dependent == ("material 'mirror'",)
+        assert renderer.view_dependent == ("material 'mirror' on 'Sphere'",)
         frame = render_stereo_frame(renderer, StereoSettings(fill="packed"))
         everything = np.ones(SIZE[::-1], bool)
         traces = [renderer.trace("full", "right", everything)[COLOUR_PASS] for _ in range(2)]

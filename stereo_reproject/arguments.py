@@ -1,0 +1,182 @@
+"""The options of the command line, each with its check, and what they come to: settings."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable
+from typing import Any
+
+from .errors import BadInputError
+from .settings import (
+    ACCURACIES,
+    CONVERGENCE_MODES,
+    EYES,
+    FILL_METHODS,
+    INTERPOLATIONS,
+    SceneOverrides,
+    StereoSettings,
+)
+from .tradeoff import runs
+
+
+def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
+    """What the options replace of the scene's own values."""
+    return SceneOverrides(
+        frame=arguments.frame,
+        size=arguments.size,
+        samples=arguments.samples,
+        seed=arguments.seed,
+        interocular_distance=arguments.interocular,
+        convergence_distance=arguments.convergence,
+        convergence_mode=arguments.mode,
+    )
+
+
+def settings_of(arguments: argparse.Namespace) -> StereoSettings:
+    """How the pair is to be made."""
+    return StereoSettings(
+        source=arguments.source,
+        accuracy=arguments.accuracy,
+        tolerance=arguments.tolerance,
+        fill=arguments.fill,
+        grid_threshold=arguments.grid_threshold,
+        interpolation=arguments.interpolation,
+        compare=arguments.compare,
+        scene=overrides_of(arguments),
+    )
+
+
+def add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    _add_pair(parser)
+    parser.add_argument(
+        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
+    )
+    _add_quiet(parser)
+
+
+def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else on standard output")
+    parser.add_argument(
+        "--no-sketch", action="store_true", help="the plan alone: nothing is rendered, and no time predicted"
+    )
+    _add_pair(parser)
+    parser.set_defaults(compare=False)
+
+
+def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    names = [run.name for run in runs()]
+    parser.add_argument(
+        "--only",
+        metavar="RUN",
+        nargs="+",
+        choices=names,
+        default=[],
+        help=f"only these of its runs: {', '.join(names)}",
+    )
+    _add_quiet(parser)
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
+
+
+def _add_quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    """The scene, and what replaces its own values."""
+
+    def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
+
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
+    override("--frame", "N", "frame", _whole_number, "frame to render")
+    override("--size", "WxH", "size", _size, "size of one eye in pixels, such as 1920x1080")
+    override("--samples", "N", "samples", _whole_number, "samples per pixel")
+    override("--seed", "N", "seed", _whole_number, "seed of the noise")
+    override("--interocular", "D", "interocular_distance", _number, "distance between the eyes, in scene units")
+    override("--convergence", "D", "convergence_distance", _number, "distance of zero parallax, in scene units")
+    parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
+    parser.add_argument(
+        "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
+    )
+
+
+def _add_pair(parser: argparse.ArgumentParser) -> None:
+    """How the pair is made."""
+    accuracy = parser.add_mutually_exclusive_group()
+    accuracy.add_argument(
+        "--accuracy",
+        choices=ACCURACIES,
+        default=StereoSettings.accuracy,
+        help="how much of the other eye is traced anew where it cannot be taken over (%(default)s)",
+    )
+    accuracy.add_argument(
+        "--tolerance",
+        metavar="RATIO",
+        type=_value_of(StereoSettings, "tolerance", _number),
+        help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
+    )
+    parser.add_argument(
+        "--fill",
+        choices=FILL_METHODS,
+        default=StereoSettings.fill,
+        help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
+        "whole eye; auto takes the cheapest (%(default)s)",
+    )
+    parser.add_argument(
+        "--grid-threshold",
+        metavar="ARCMIN",
+        type=_value_of(StereoSettings, "grid_threshold", _number),
+        default=StereoSettings.grid_threshold,
+        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
+    )
+    parser.add_argument(
+        "--interpolation",
+        choices=INTERPOLATIONS,
+        default=StereoSettings.interpolation,
+        help="how colours are looked up between pixels; cubic is sharper (%(default)s)",
+    )
+
+
+def _whole_number(text: str) -> int:
+    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
+        raise ValueError("a whole number")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError("a number") from None
+
+
+def _size(text: str) -> tuple[int, int]:
+    if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
+        raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
+    width, height = re.split("[xX]", text)
+    return int(width), int(height)
+
+
+def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
+
+    def convert(text: str) -> Any:
+        try:
+            value = read(text)
+            settings(**{field: value})
+        except ValueError as wanted:
+            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}") from None
+        except BadInputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return value
+
+    return convert

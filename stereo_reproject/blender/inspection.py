@@ -1,0 +1,205 @@
+"""A scene inspected: its effects plan, and from a sketch what its pair will cost; nothing is rendered in full."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..accuracy import accuracy_of
+from ..camera import see_the_same
+from ..composite import contain
+from ..effects import SEEN_DIFFERENTLY, Effect
+from ..effects_pass import CRYPTOMATTE
+from ..fill import check_fill, choose_fill
+from ..holes import Reason
+from ..inspection import INSPECTION_SCHEMA, effects_rows
+from ..passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from ..prediction import (
+    Prediction,
+    Sketch,
+    effect_shares,
+    predict,
+    predict_holes,
+    predict_source,
+    prediction_fields,
+    shown_differently,
+    sketch_accuracy,
+)
+from ..reprojection import reproject
+from ..settings import StereoSettings
+from .frame import frame_facts
+from .renderer import BlenderRenderer
+from .scene import CYCLES, SMALLEST, rendered_layer, scene_warnings, working_scene
+
+SKETCH_WIDTH = 480
+"""Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
+
+MORE_SAMPLES = 4
+"""Samples that the second render of a sketch has on top of the first one's, at most."""
+
+NO_PASSES = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
+"""Switches that are named already, or that switch no pass on."""
+
+
+def inspect_scene(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    sketch: bool = True,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """What `inspect` prints of the scene, as JSON has it; without a sketch nothing is rendered or predicted.
+
+    work is a private folder. Raises BadInputError and StereoReprojectError.
+    """
+    on_stage("plan")
+    with working_scene(scene, settings.scene) as working:
+        facts = frame_facts(scene, working, settings)
+        cycles = working.render.engine == CYCLES
+        scale = _make_small(working, facts["size"]) if sketch and cycles else 1.0
+        renderer = BlenderRenderer(working, work, user_scene=scene)
+        check_fill(settings.fill, renderer.fill_blockers())
+        rows = effects_rows(renderer.plan)
+        passes = _passes(working, renderer)
+        predicted = None
+        if sketch:
+            on_stage("sketch")
+            predicted = _predicted(renderer, settings, facts, scale, rows) if cycles else _predicted_whole(renderer)
+    return {
+        **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
+        "schema": INSPECTION_SCHEMA,
+        "effects": rows,
+        "passes": passes,
+        "predicted": predicted,
+        "warnings": scene_warnings(scene),
+    }
+
+
+def _make_small(working: bpy.types.Scene, size: list[int]) -> float:
+    """Have the working scene rendered as small as a sketch; its width over that of the picture."""
+    render = working.render
+    scale = max(min(SKETCH_WIDTH / size[0], 0.5), min(SMALLEST / min(size), 1.0))
+    percentage = render.resolution_percentage / 100.0
+    # Rounded up: a border must not lose its last pixels.
+    render.resolution_x, render.resolution_y = (
+        int(np.ceil(side * percentage * scale)) for side in (render.resolution_x, render.resolution_y)
+    )
+    render.resolution_percentage = 100
+    return scale
+
+
+def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
+    """What the source is rendered with: colour, depth, what the user has asked for, and what the plan needs."""
+    layer = rendered_layer(working)
+    asked = [*_switched_on(layer), *_switched_on(layer.cycles)] if hasattr(layer, "cycles") else _switched_on(layer)
+    ours = [CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
+    if layer.use_pass_cryptomatte_material:
+        ours = []
+    names = [COLOUR_PASS, DEPTH_PASS, *asked, *(aov.name for aov in layer.aovs), *ours]
+    return list(dict.fromkeys(names))
+
+
+def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
+    switches = [prop for prop in owner.bl_rna.properties if prop.identifier.startswith("use_pass_")]
+    return [prop.name for prop in switches if prop.identifier not in NO_PASSES and getattr(owner, prop.identifier)]
+
+
+def _predicted_whole(renderer: BlenderRenderer) -> dict[str, Any]:
+    """EEVEE: both eyes are rendered, as multiview does; there is nothing to be sketched."""
+    reason = renderer.fill_blockers()["packed"]
+    return {
+        "rests_on": f"how it is done: {reason}, so both eyes are rendered whole",
+        "fill": {"method": "full", "reason": reason, "seconds": None},
+        "total_seconds": None,
+        "gain": {"low": 1.0, "high": 1.0},
+    }
+
+
+def _predicted(
+    renderer: BlenderRenderer, settings: StereoSettings, facts: dict[str, Any], scale: float, rows: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """The prediction; the rows of the effects get their share of the picture, and what tracing that would cost."""
+    sketch, source, reasons = _sketch(renderer, settings, scale, facts["samples"])
+    width, height = facts["size"]
+    cost = predict_source(sketch, width * height, facts["samples"])
+    depth = source[DEPTH_PASS]
+    blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
+    check_fill(settings.fill, blockers)
+    called_for = renderer.plan.called_for
+    if see_the_same(*renderer.cameras.values()):
+        called_for &= ~SEEN_DIFFERENTLY
+    flags = source.get(EFFECTS_PASS)
+    prediction = predict(
+        cost,
+        sketch.warp_seconds * width * height / sketch.pixels,
+        predict_holes(reasons, scale),
+        accuracy_of(settings),
+        settings.fill,
+        blockers,
+        shown_differently(called_for, flags),
+    )
+    _add_shares(rows, effect_shares(called_for, flags), prediction, settings.fill, blockers)
+    region = "x".join(map(str, reasons.shape[::-1]))
+    few, more = sketch.samples
+    rests_on = f"sketches of {region} pixels with {few} and {more} samples, which took {sum(sketch.seconds):.1f} s"
+    return {
+        **prediction_fields(prediction, rests_on),
+        "sketch": {
+            "size": list(reasons.shape[::-1]),
+            "samples": list(sketch.samples),
+            "seconds": list(sketch.seconds),
+        },
+    }
+
+
+def _add_shares(
+    rows: list[dict[str, Any]],
+    shares: dict[Effect, float],
+    prediction: Prediction,
+    asked: str,
+    blockers: dict[str, str | None],
+) -> None:
+    by_label = {effect.label: share for effect, share in shares.items()}
+    for row in rows:
+        share = by_label.get(row["effect"])
+        if share is not None:
+            seconds = choose_fill(asked, share, prediction.source, blockers).predicted_seconds
+            row.update(share=share, seconds_at_most=seconds)
+
+
+def _sketch(
+    renderer: BlenderRenderer, settings: StereoSettings, scale: float, samples: int
+) -> tuple[Sketch, Passes, np.ndarray]:
+    """Render the source eye twice, as a sketch, and warp it: what that took, its passes, and its holes (H, W)."""
+    counts = (1, 1 + min(max(samples // 16, 1), MORE_SAMPLES))
+    costs = []
+    passes: Passes = {}
+    for count in counts:
+        renderer.scene.cycles.samples = count
+        for layer in renderer.scene.view_layers:
+            layer.samples = 0
+        passes, cost = renderer.render_source(settings.source)
+        costs.append(cost)
+    source, invalid = contain(passes)
+    eyes = renderer.cameras[settings.source], renderer.cameras[settings.target]
+    accuracy = accuracy_of(settings)
+    start = time.perf_counter()
+    reproject(source, *eyes, accuracy=accuracy, invalid=invalid, grid_threshold=settings.grid_threshold)
+    warp_seconds = time.perf_counter() - start
+    exact = reproject(
+        source,
+        *eyes,
+        accuracy=sketch_accuracy(accuracy, scale),
+        invalid=invalid,
+        grid_threshold=settings.grid_threshold,
+    )
+    reasons = exact.reasons & ~Reason.INVALID.bit
+    seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
+    sketch = Sketch(reasons.size, scale, counts, (seconds[0], seconds[1]), (syncs[0], syncs[1]), warp_seconds)
+    return sketch, source, reasons

@@ -1,0 +1,165 @@
+"""Node trees followed backwards: from a socket to what feeds it, through reroutes, muted nodes and groups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+Groups = tuple[bpy.types.Node, ...]
+"""The group nodes that one is inside of, the outermost first."""
+
+Value = float | tuple[float, ...]
+
+AS_CAMERA_RAYS_SEE = {
+    "Is Camera Ray": 1.0,
+    "Is Shadow Ray": 0.0,
+    "Is Diffuse Ray": 0.0,
+    "Is Glossy Ray": 0.0,
+    "Is Singular Ray": 0.0,
+    "Is Reflection Ray": 0.0,
+    "Is Transmission Ray": 0.0,
+    "Is Volume Scatter Ray": 0.0,
+    "Ray Depth": 0.0,
+    "Diffuse Depth": 0.0,
+    "Glossy Depth": 0.0,
+    "Transmission Depth": 0.0,
+    "Portal Depth": 0.0,
+}
+"""Light Path where a camera ray meets a surface: the same for both eyes. What reflections and shadows are told instead
+belongs to the surface that reflects or is lit."""
+
+CAMERA_DEPENDENT_OUTPUTS: dict[str, tuple[str, ...] | None] = {
+    "ShaderNodeLightPath": ("Ray Length", "Transparent Depth"),
+    "ShaderNodeTexCoord": ("Camera", "Window", "Reflection"),
+    "ShaderNodeNewGeometry": ("Incoming",),
+    "ShaderNodeHairInfo": ("Tangent Normal",),
+    "ShaderNodeLayerWeight": None,
+    "ShaderNodeFresnel": None,
+    "ShaderNodeCameraData": None,
+    "ShaderNodeScript": None,
+    "ShaderNodeShaderToRGB": None,
+}
+"""Nodes that tell a shader where it is seen from, and by which outputs (None: by all of them)."""
+
+WORLD_OUTPUTS: dict[str, tuple[str, ...] | None] = {
+    "ShaderNodeTexCoord": ("Camera", "Window"),
+    "ShaderNodeCameraData": None,
+    "ShaderNodeScript": None,
+}
+"""The same in a world, of which both eyes see the same in the same direction, whatever is made of that direction."""
+
+GROUPS = (bpy.types.ShaderNodeGroup, bpy.types.ShaderNodeCustomGroup)
+
+
+def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types.NodeSocket | None, Groups]:
+    """What feeds an input: an output of the node that does something, or the unlinked input whose own value counts.
+
+    None where a muted node or an empty group lets nothing through. With it come the groups that one is then inside of.
+    """
+    current: bpy.types.NodeSocket | None = socket
+    while current is not None:
+        if not current.is_output:
+            link = next((link for link in current.links if _works(link)), None)
+            if link is None:
+                return current, groups
+            current = link.from_socket
+            continue
+        node = current.node
+        if node.mute:
+            current = next((link.from_socket for link in node.internal_links if link.to_socket == current), None)
+        elif node.bl_idname == "NodeReroute":
+            current = node.inputs[0]
+        elif isinstance(node, GROUPS):
+            current, groups = _group_result(node, current.identifier), (*groups, node)
+        elif node.bl_idname == "NodeGroupInput" and groups:
+            current, groups = _by_identifier(groups[-1].inputs, current.identifier), groups[:-1]
+        else:
+            return current, groups
+    return None, groups
+
+
+def _works(link: bpy.types.NodeLink) -> bool:
+    return link.is_valid and not link.is_muted and link.from_socket.enabled
+
+
+def _group_result(node: bpy.types.Node, identifier: str) -> bpy.types.NodeSocket | None:
+    tree = node.node_tree
+    if tree is None:
+        return None
+    results = [inner for inner in tree.nodes if inner.bl_idname == "NodeGroupOutput"]
+    result = next((inner for inner in results if inner.is_active_output), None)
+    return None if result is None else _by_identifier(result.inputs, identifier)
+
+
+def _by_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket | None:
+    return next((socket for socket in sockets if socket.identifier == identifier), None)
+
+
+def constant(socket: bpy.types.NodeSocket, groups: Groups = ()) -> Value | None:
+    """The socket's value where it is the same all over the surface, as camera rays see it; None where it may vary."""
+    source, _ = origin(socket, groups)
+    if source is None:
+        return None
+    if source.is_output:
+        if source.node.bl_idname == "ShaderNodeLightPath":
+            return AS_CAMERA_RAYS_SEE.get(source.name)
+        if source.node.bl_idname not in ("ShaderNodeValue", "ShaderNodeRGB"):
+            return None
+    value = getattr(source, "default_value", None)
+    if isinstance(value, (bool, int, float)):
+        return float(value)
+    return tuple(value) if source.type in ("RGBA", "VECTOR") and value is not None else None
+
+
+def is_constant(socket: bpy.types.NodeSocket, groups: Groups, wanted: float, *, slack: float = 1e-5) -> bool:
+    """Whether the socket is this number all over the surface (a colour: black for 0); 1e-5 is Cycles' own slack."""
+    value = constant(socket, groups)
+    if value is None:
+        return False
+    if isinstance(value, tuple):
+        return wanted == 0.0 and max(value[:3]) <= slack
+    return abs(value - wanted) <= slack
+
+
+def is_fed(socket: bpy.types.NodeSocket, groups: Groups = ()) -> bool:
+    """Whether a node feeds the socket."""
+    source, _ = origin(socket, groups)
+    return source is not None and source.is_output
+
+
+def upstream(sockets: list[bpy.types.NodeSocket], groups: Groups = ()) -> Iterator[tuple[bpy.types.NodeSocket, Groups]]:
+    """Each output that takes part in feeding the sockets, once, with the groups that its node is inside of."""
+    waiting = [(socket, groups) for socket in sockets]
+    met = set()
+    while waiting:
+        source, inside = origin(*waiting.pop())
+        if source is None or not source.is_output:
+            continue
+        key = (source.node.as_pointer(), source.identifier, *(group.as_pointer() for group in inside))
+        if key in met:
+            continue
+        met.add(key)
+        yield source, inside
+        waiting.extend((socket, inside) for socket in source.node.inputs if socket.enabled)
+
+
+def depends_on_camera(
+    sockets: list[bpy.types.NodeSocket],
+    groups: Groups = (),
+    outputs: dict[str, tuple[str, ...] | None] = CAMERA_DEPENDENT_OUTPUTS,
+) -> bool:
+    """Whether what feeds the sockets may be something else for either eye at the same point."""
+    return any(_tells(source, outputs) for source, _ in upstream(sockets, groups))
+
+
+def _tells(source: bpy.types.NodeSocket, outputs: dict[str, tuple[str, ...] | None]) -> bool:
+    node = source.node
+    if node.bl_idname == "ShaderNodeVectorTransform":
+        return "CAMERA" in (node.convert_from, node.convert_to)
+    if node.bl_idname == "ShaderNodeWireframe":
+        return node.use_pixel_size
+    if node.bl_idname not in outputs:
+        return False
+    names = outputs[node.bl_idname]
+    return names is None or source.name in names

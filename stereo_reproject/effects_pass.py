@@ -1,0 +1,62 @@
+"""The pass of effects: what each pixel's materials call for, read off the cryptomatte that Cycles renders for free.
+
+Source: Psyop, "Cryptomatte specification" 1.2: ranks of (hash, coverage), two to a pass, the largest coverage first; a
+hash is 32 bits that are stored as a float, and the file's header says which name each of them stands for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .effects import Effect
+from .passes import Passes
+
+CRYPTOMATTE = "CryptoMaterial"
+"""How the names of Blender's passes of materials begin."""
+
+LEAST_COVERAGE = 0.1
+"""Share of a pixel from which a material counts as seen there."""
+
+
+def effects_pass(
+    passes: Passes, attributes: Mapping[str, str], materials: Mapping[str, Effect], *, layer: str
+) -> NDArray[np.float32] | None:
+    """(H, W, 1) `Effect` flags: the union over the materials that cover at least a tenth of the pixel.
+
+    passes hold the cryptomatte of the view layer called `layer`, attributes are the file's; materials tell what each
+    calls for, by name. None where the file does not say which hash is whose.
+    """
+    manifest = _manifest(attributes, f"{layer}.{CRYPTOMATTE}")
+    levels = [image for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4]
+    if manifest is None or not levels:
+        return None
+    known = {_hash(manifest, name): effects for name, effects in materials.items()}
+    flags = np.zeros(levels[0].shape[:2], np.int32)
+    for image in levels:
+        for rank in (0, 2):
+            hashes = np.ascontiguousarray(image[..., rank]).view(np.uint32)
+            flags |= np.where(image[..., rank + 1] >= LEAST_COVERAGE, _look_up(hashes, known), 0)
+    return flags[..., None].astype(np.float32)
+
+
+def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
+    for key, value in attributes.items():
+        if value == name and (found := re.fullmatch(r"(cryptomatte/[^/]+/)name", key)):
+            return attributes.get(f"{found[1]}manifest")
+    return None
+
+
+def _hash(manifest: str, name: str) -> int | None:
+    # Blender escapes no quotation mark: as JSON, the manifest may be broken by a single name.
+    found = re.search(re.escape(f'"{name}":"') + '([0-9a-f]{8})"', manifest)
+    return int(found[1], 16) if found else None
+
+
+def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> NDArray[np.int32]:
+    values, place = np.unique(hashes, return_inverse=True)
+    flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
+    return flags[place.reshape(hashes.shape)]

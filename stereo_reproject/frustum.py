@@ -1,0 +1,56 @@
+"""What a camera may see of a box: its view as a set of half spaces, widened for a lens that is not a point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera, OrthographicCamera
+
+PIXELS_BEYOND = 4.0
+"""Pixels that count as seen beyond the frame's edge: the reach of any usual pixel filter, and rounding."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Depths between which a camera sees, and for depth of field its aperture's radius and the depth in focus."""
+
+    near: float = 0.0
+    far: float = float("inf")
+    aperture: float = 0.0
+    focus: float = float("inf")
+
+
+class Frustum:
+    """The view of one camera, as half spaces in the world."""
+
+    def __init__(self, camera: Camera, lens: Lens) -> None:
+        plane = camera.plane
+        beyond_x = PIXELS_BEYOND * (plane.right - plane.left) / camera.width
+        beyond_y = PIXELS_BEYOND * (plane.top - plane.bottom) / camera.height
+        radius = lens.aperture
+        # A ray from the lens's rim through a point in focus is this much off its centre's ray, for each unit of depth.
+        slope = radius / lens.focus if radius > 0.0 else 0.0
+        edges = (
+            ((1.0, 0.0), plane.right + beyond_x),
+            ((-1.0, 0.0), -plane.left + beyond_x),
+            ((0.0, 1.0), plane.top + beyond_y),
+            ((0.0, -1.0), -plane.bottom + beyond_y),
+        )
+        # Outside of a side: n . (x, y) + w z > c, with z < 0 ahead; depth is -z.
+        flat = isinstance(camera, OrthographicCamera)
+        sides = [(*n, 0.0 if flat else e + slope, radius + (e if flat else 0.0)) for n, e in edges]
+        sides.append((0.0, 0.0, 1.0, -lens.near))
+        if np.isfinite(lens.far):
+            sides.append((0.0, 0.0, -1.0, lens.far))
+        self._normals = np.array([side[:3] for side in sides])
+        self._limits = np.array([side[3] for side in sides])
+        self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
+
+    def may_meet(self, corners: NDArray) -> bool:
+        """False only if all corners (N, 3), in the world, of a convex body lie outside one side of the view."""
+        local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
+        outside = local @ self._normals.T > self._limits
+        return not outside.all(axis=0).any()

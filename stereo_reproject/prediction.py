@@ -1,0 +1,182 @@
+"""What a pair will cost before it is rendered, from a sketch of it: small, with few samples.
+
+What probes will ask for is not known beforehand. So the prediction is a range: from the holes and probes alone to all
+that is called for and may be seen differently by each eye.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .accuracy import Accuracy
+from .effects import SEEN_DIFFERENTLY, Effect
+from .fill import FillChoice, SourceCost, choose_fill
+from .holes import Reason
+from .tracing import CARD_SPACING
+
+OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
+"""Effects that no material shows: any pixel may have them."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Two renders of the source eye as a sketch, of `pixels` each, with a few samples and a few more.
+
+    samples, seconds and sync_seconds are of the first and the second; warp_seconds is what warping the sketch took.
+    scale is the sketch's width over the picture's.
+    """
+
+    pixels: int
+    scale: float
+    samples: tuple[int, int]
+    seconds: tuple[float, float]
+    sync_seconds: tuple[float, float]
+    warp_seconds: float
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Shares of the target's pixels by reason, and of all that are holes, at the picture's own size."""
+
+    disoccluded: float
+    outside: float
+    silhouette: float
+    total: float
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Seconds and shares that are predicted; total, refine and gain are (least, most)."""
+
+    source: SourceCost
+    warp: float
+    holes: Holes
+    probes: float
+    called_for: float
+    fill: FillChoice
+    fill_seconds: float
+    refine: tuple[float, float]
+
+    @property
+    def multiview(self) -> float:
+        """Blender's own multiview renders both eyes, and syncs the scene once."""
+        return self.source.seconds + self.source.per_frame
+
+    @property
+    def total(self) -> tuple[float, float]:
+        least = self.source.seconds + self.warp + self.fill_seconds
+        return least + self.refine[0], least + self.refine[1]
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        least, most = self.total
+        return self.multiview / most, self.multiview / least
+
+
+def sketch_accuracy(accuracy: Accuracy, scale: float) -> Accuracy:
+    """The accuracy with which a sketch is warped to count the holes of a picture 1 / scale times as wide.
+
+    Steps in disparity are as much smaller in pixels. The sketch's noise tells nothing about which silhouettes look the
+    same on both sides: all are counted.
+    """
+    return replace(accuracy, silhouette_step=accuracy.silhouette_step * scale, colour_tolerance=0.0)
+
+
+def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
+    """The cost of the source eye at its own size: what a call takes apart from its samples stays, samples add up."""
+    first, second = (s - sync for s, sync in zip(sketch.seconds, sketch.sync_seconds, strict=True))
+    few, more = sketch.samples
+    per_sample = (second - first) / (sketch.pixels * (more - few))
+    if per_sample <= 0.0:
+        # Lost among what a call costs anyway.
+        per_sample = max(second, 0.0) / (sketch.pixels * more)
+    fixed = max(first - per_sample * sketch.pixels * few, 0.0)
+    sync = sketch.sync_seconds[0]
+    return SourceCost(sync + fixed + per_sample * pixels * samples, sync)
+
+
+def predict_holes(reasons: NDArray[np.uint16], scale: float) -> Holes:
+    """Shares at the picture's size, from the sketch's `holes.Reason` flags (H, W).
+
+    What is disoccluded or outside keeps its share of the picture; a band along silhouettes keeps its pixels.
+    """
+    lost = (reasons & (Reason.DISOCCLUDED.bit | Reason.OUTSIDE.bit)) > 0
+    edges = (reasons & Reason.SILHOUETTE.bit) > 0
+    band = scale * float(np.mean(edges & ~lost))
+    shares = [float(np.mean((reasons & reason.bit) > 0)) for reason in (Reason.DISOCCLUDED, Reason.OUTSIDE)]
+    return Holes(shares[0], shares[1], band, min(float(np.mean(lost)) + band, 1.0))
+
+
+def effect_shares(called_for: Effect, flags: NDArray | None) -> dict[Effect, float]:
+    """Share of the picture in which each effect that is called for may be seen; flags (H, W) are of the sketch.
+
+    Without flags, nobody knows where: all of it.
+    """
+    return {effect: _share(effect, flags) for effect in called_for & SEEN_DIFFERENTLY}
+
+
+def _share(effects: Effect, flags: NDArray | None) -> float:
+    if flags is None or effects & OF_THE_WHOLE_FRAME:
+        return 1.0
+    return float(np.mean((flags.astype(np.int32) & effects.value) > 0))
+
+
+def shown_differently(called_for: Effect, flags: NDArray | None) -> float:
+    """Share of the picture in which anything may look different from each eye."""
+    differently = called_for & SEEN_DIFFERENTLY
+    return _share(differently, flags) if differently else 0.0
+
+
+def predict(
+    cost: SourceCost,
+    warp_seconds: float,
+    holes: Holes,
+    accuracy: Accuracy,
+    asked: str,
+    blockers: Mapping[str, str | None],
+    shown: float,
+) -> Prediction:
+    """The way of a frame, in predicted seconds; shown is the share of the picture that may be seen differently."""
+    fill = choose_fill(asked, holes.total, cost, blockers)
+    rest = 1.0 - holes.total
+    if fill.method == "full" or accuracy.promise is None or shown == 0.0:
+        return Prediction(cost, warp_seconds, holes, 0.0, shown * rest, fill, fill.predicted_seconds, (0.0, 0.0))
+    spacing = accuracy.probe_spacing * (CARD_SPACING if fill.method == "card" else 1)
+    probes = 2.0 * rest / spacing**2
+    traced = choose_fill(fill.method, min(holes.total + probes, 1.0), cost, blockers).predicted_seconds
+    refine = choose_fill(asked, shown * rest, cost, blockers).predicted_seconds
+    return Prediction(cost, warp_seconds, holes, probes, shown * rest, fill, traced, (0.0, refine))
+
+
+def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
+    """A prediction as JSON has it; rests_on says in words what it was drawn from."""
+    holes = prediction.holes
+    least, most = prediction.total
+    low, high = prediction.gain
+    return {
+        "rests_on": rests_on,
+        "source_seconds": prediction.source.seconds,
+        "warp_seconds": prediction.warp,
+        "fill": {
+            "method": prediction.fill.method,
+            "reason": prediction.fill.reason,
+            "seconds": prediction.fill_seconds,
+        },
+        "refine_seconds": {"low": prediction.refine[0], "high": prediction.refine[1]},
+        "total_seconds": {"low": least, "high": most},
+        "multiview_seconds": prediction.multiview,
+        "gain": {"low": low, "high": high},
+        "fractions": {
+            "disoccluded": holes.disoccluded,
+            "outside": holes.outside,
+            "silhouette": holes.silhouette,
+            "holes": holes.total,
+            "probes": prediction.probes,
+            "called_for": prediction.called_for,
+        },
+    }
