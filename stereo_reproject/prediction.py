@@ -27,16 +27,13 @@ OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
 class Sketch:
     """Two renders of the source eye as a sketch, of `pixels` each, with a few samples and a few more.
 
-    samples, seconds and sync_seconds are of the first and the second; warp_seconds is what warping the sketch took.
-    scale is the sketch's width over the picture's.
+    samples, seconds and sync_seconds are of the first and the second.
     """
 
     pixels: int
-    scale: float
     samples: tuple[int, int]
     seconds: tuple[float, float]
     sync_seconds: tuple[float, float]
-    warp_seconds: float
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
-from ..accuracy import accuracy_of
+from ..accuracy import Accuracy, accuracy_of
 from ..camera import see_the_same
 from ..composite import contain
 from ..effects import SEEN_DIFFERENTLY, Effect
 from ..effects_pass import CRYPTOMATTE
-from ..fill import check_fill, choose_fill
-from ..holes import Reason
+from ..fill import SourceCost, check_fill, choose_fill
 from ..inspection import INSPECTION_SCHEMA, effects_rows
 from ..passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ..prediction import (
@@ -125,19 +125,16 @@ def _predicted(
     renderer: BlenderRenderer, settings: StereoSettings, facts: dict[str, Any], scale: float, rows: list[dict[str, Any]]
 ) -> dict[str, Any]:
     """The prediction; the rows of the effects get their share of the picture, and what tracing that would cost."""
-    sketch, source, reasons = _sketch(renderer, settings, scale, facts["samples"])
-    width, height = facts["size"]
-    cost = predict_source(sketch, width * height, facts["samples"])
-    depth = source[DEPTH_PASS]
-    blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
-    check_fill(settings.fill, blockers)
-    called_for = renderer.plan.called_for
-    if see_the_same(*renderer.cameras.values()):
-        called_for &= ~SEEN_DIFFERENTLY
-    flags = source.get(EFFECTS_PASS)
+    source, costs, samples = _render_sketch(renderer, settings, facts["samples"])
+    reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
+    seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
+    sketch = Sketch(reasons.size, samples, (seconds[0], seconds[1]), (syncs[0], syncs[1]))
+    pixels = facts["size"][0] * facts["size"][1]
+    blockers = _blockers(renderer, settings, source)
+    called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
     prediction = predict(
-        cost,
-        sketch.warp_seconds * width * height / sketch.pixels,
+        predict_source(sketch, pixels, facts["samples"]),
+        warp_seconds * pixels / reasons.size,
         predict_holes(reasons, scale),
         accuracy_of(settings),
         settings.fill,
@@ -145,17 +142,26 @@ def _predicted(
         shown_differently(called_for, flags),
     )
     _add_shares(rows, effect_shares(called_for, flags), prediction, settings.fill, blockers)
-    region = "x".join(map(str, reasons.shape[::-1]))
-    few, more = sketch.samples
-    rests_on = f"sketches of {region} pixels with {few} and {more} samples, which took {sum(sketch.seconds):.1f} s"
+    size = list(reasons.shape[::-1])
+    what = f"sketches of {size[0]}x{size[1]} pixels with {samples[0]} and {samples[1]} samples"
     return {
-        **prediction_fields(prediction, rests_on),
-        "sketch": {
-            "size": list(reasons.shape[::-1]),
-            "samples": list(sketch.samples),
-            "seconds": list(sketch.seconds),
-        },
+        **prediction_fields(prediction, f"{what}, which took {sum(seconds):.1f} s"),
+        "sketch": {"size": size, "samples": list(samples), "seconds": seconds},
     }
+
+
+def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passes) -> dict[str, str | None]:
+    depth = source[DEPTH_PASS]
+    blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
+    check_fill(settings.fill, blockers)
+    return blockers
+
+
+def _seen_differently(renderer: BlenderRenderer) -> Effect:
+    """What is called for and may look different from each eye: nothing, where both stand in the same place."""
+    if see_the_same(*renderer.cameras.values()):
+        return Effect(0)
+    return renderer.plan.called_for & SEEN_DIFFERENTLY
 
 
 def _add_shares(
@@ -173,33 +179,36 @@ def _add_shares(
             row.update(share=share, seconds_at_most=seconds)
 
 
-def _sketch(
-    renderer: BlenderRenderer, settings: StereoSettings, scale: float, samples: int
-) -> tuple[Sketch, Passes, np.ndarray]:
-    """Render the source eye twice, as a sketch, and warp it: what that took, its passes, and its holes (H, W)."""
+def _render_sketch(
+    renderer: BlenderRenderer, settings: StereoSettings, samples: int
+) -> tuple[Passes, list[SourceCost], tuple[int, int]]:
+    """The source eye as a sketch, rendered with a sample and then with a few: the passes, and both costs and counts."""
     counts = (1, 1 + min(max(samples // 16, 1), MORE_SAMPLES))
     costs = []
     passes: Passes = {}
     for count in counts:
         renderer.scene.cycles.samples = count
-        for layer in renderer.scene.view_layers:
-            layer.samples = 0
+        rendered_layer(renderer.scene).samples = 0
         passes, cost = renderer.render_source(settings.source)
         costs.append(cost)
+    return passes, costs, counts
+
+
+def _warp_sketch(
+    renderer: BlenderRenderer, settings: StereoSettings, passes: Passes, scale: float
+) -> tuple[NDArray[np.uint16], float]:
+    """The `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
     source, invalid = contain(passes)
-    eyes = renderer.cameras[settings.source], renderer.cameras[settings.target]
+    source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
+
+    def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
+        threshold = settings.grid_threshold
+        return reproject(
+            source, source_camera, target_camera, accuracy=accuracy, invalid=invalid, grid_threshold=threshold
+        ).reasons
+
     accuracy = accuracy_of(settings)
     start = time.perf_counter()
-    reproject(source, *eyes, accuracy=accuracy, invalid=invalid, grid_threshold=settings.grid_threshold)
-    warp_seconds = time.perf_counter() - start
-    exact = reproject(
-        source,
-        *eyes,
-        accuracy=sketch_accuracy(accuracy, scale),
-        invalid=invalid,
-        grid_threshold=settings.grid_threshold,
-    )
-    reasons = exact.reasons & ~Reason.INVALID.bit
-    seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
-    sketch = Sketch(reasons.size, scale, counts, (seconds[0], seconds[1]), (syncs[0], syncs[1]), warp_seconds)
-    return sketch, source, reasons
+    warp(accuracy)
+    seconds = time.perf_counter() - start
+    return warp(sketch_accuracy(accuracy, scale)), seconds

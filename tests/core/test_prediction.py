@@ -26,7 +26,7 @@ BALANCED = SETTINGS["balanced"]
 def sketch(*, sync, call, per_sample, pixels=1000, samples=(1, 5)):
     """As it would be measured, were each call to cost `call`, and each sample of a pixel `per_sample`."""
     seconds = tuple(sync + call + per_sample * pixels * count for count in samples)
-    return Sketch(pixels, 0.25, samples, (seconds[0], seconds[1]), (sync, sync), warp_seconds=0.1)
+    return Sketch(pixels, samples, (seconds[0], seconds[1]), (sync, sync))
 
 
 def test_the_cost_of_the_source_is_extrapolated():
@@ -36,7 +36,7 @@ def test_the_cost_of_the_source_is_extrapolated():
 
 
 def test_a_sketch_whose_samples_cost_less_than_chance_stays_positive():
-    measured = Sketch(1000, 0.25, (1, 5), (2.6, 2.5), (2.0, 2.0), 0.1)
+    measured = Sketch(1000, (1, 5), (2.6, 2.5), (2.0, 2.0))
     cost = predict_source(measured, pixels=16000, samples=64)
     assert cost.per_frame >= 0.5
     assert np.isfinite(cost.seconds)
