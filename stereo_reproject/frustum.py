@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,3 +55,19 @@ class Frustum:
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
         return not outside.all(axis=0).any()
+
+
+def covered_by(boxes: Sequence[NDArray], camera: Camera) -> NDArray[np.bool_]:
+    """(H, W): the pixels that the bounds of the boxes' corners (8, 3) in the world cover; all, if one is not ahead."""
+    result = np.zeros((camera.height, camera.width), bool)
+    camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
+    for corners in boxes:
+        if not np.isfinite(corners).all():
+            return np.ones_like(result)
+        local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+        if (local[:, 2] >= 0.0).any():
+            return np.ones_like(result)
+        x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
+        left, top = (max(int(np.floor(np.min(values))), 0) for values in (x, y))
+        result[top : max(int(np.ceil(np.max(y))), 0), left : max(int(np.ceil(np.max(x))), 0)] = True
+    return result

@@ -16,3 +16,8 @@ MASKED_PASS = "Masked"
 
 EFFECTS_PASS = "Effects"
 """(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""
+
+
+def without_ours(passes: Passes) -> Passes:
+    """What of the passes is the user's."""
+    return {name: image for name, image in passes.items() if name not in (EFFECTS_PASS, MASKED_PASS)}

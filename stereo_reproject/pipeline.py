@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
+from .effects import Effect, EffectsPlan, effects_of
 from .fill import FillChoice, SourceCost, check_fill
+from .frustum import Lens
 from .grid import Grid
 from .holes import Reason
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
+from .price import Price, next_better, price_of
 from .reprojection import reproject
 from .settings import StereoSettings
 from .tracing import Means, Refinement, TargetEye
@@ -26,8 +30,12 @@ class Renderer(Protocol):
     """What the pipeline asks of whoever renders; `stereo_reproject.blender.renderer` is the one that ships."""
 
     cameras: Mapping[str, Camera]
-    view_dependent: tuple[str, ...]
-    """What in the scene may look different from each eye, in words; without any no probe is traced."""
+    plan: EffectsPlan
+    """What the scene calls for; where nothing in it may look different from each eye, no probe is traced."""
+    lens: Lens
+    """Both eyes'."""
+    volumes: Sequence[NDArray]
+    """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
     """Of the scene's noise; the places of the probes follow from it."""
 
@@ -54,7 +62,8 @@ class StereoFrame:
     """A finished pair, and how it came about.
 
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
-    which are more than those with a reason where a full render was the cheapest.
+    which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
+    cost; price is what the next better accuracy would have.
     """
 
     eyes: dict[str, Passes]
@@ -63,8 +72,11 @@ class StereoFrame:
     grid: Grid
     fill: FillChoice
     refinement: Refinement
+    pilot_share: float | None
     seconds: dict[str, float]
     source_cost: SourceCost
+    accounts: dict[Effect, Account]
+    price: Price
     invalid_pixels: dict[str, int]
 
 
@@ -117,23 +129,15 @@ def render_stereo_frame(
         invalid=invalid,
         grid_threshold=settings.grid_threshold,
         interpolation=settings.interpolation,
+        lens=renderer.lens,
+        volumes=renderer.volumes,
     )
-    reasons = reprojection.reasons
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
-    watched = bool(renderer.view_dependent) and not see_the_same(source_camera, target_camera)
     means = Means(settings.fill, cost, blockers)
-    target = TargetEye(
-        renderer,
-        settings.target,
-        means,
-        reprojection.passes,
-        reasons > 0,
-        accuracy,
-        watched=watched,
-        seed=renderer.seed,
-    )
+    watched = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
+    target = TargetEye(renderer, settings.target, means, reprojection, accuracy, watched=watched, seed=renderer.seed)
     if target.wants_pilot:
         watch.lap("pilot")
         target.send_pilot()
@@ -148,15 +152,21 @@ def render_stereo_frame(
     finished, lost = contain(target.passes)
     watch.lap()
 
+    seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
+    reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)
+    shown = effects_of(finished)
     return StereoFrame(
-        eyes={settings.source: source, settings.target: finished},
-        reasons=_all_reasons(reasons, target.probed, refinement.pixels),
+        eyes={settings.source: without_ours(source), settings.target: without_ours(finished)},
+        reasons=reasons,
         traced=target.traced,
         grid=reprojection.grid,
         fill=fill,
         refinement=refinement,
-        seconds={**watch.seconds, "total": sum(watch.seconds.values())},
+        pilot_share=target.pilot_share,
+        seconds=seconds,
         source_cost=cost,
+        accounts=accounts(renderer.plan.called_for, shown, reasons, seconds, refinement.measured),
+        price=price_of(next_better(accuracy), reprojection, refinement.measured, means, seconds),
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
     )
 

@@ -196,7 +196,29 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
     kept = "kept" if estimate["kept"] else "not kept"
     promise = _number(estimate["promise"], ".2f")
-    return [f"estimate      noise ratio {ratio} ({low} to {high}), from probes; at most {promise} promised: {kept}"]
+    told = f"estimate      noise ratio {ratio} ({low} to {high}), from {estimate['from']}"
+    lines = [f"{told}; at most {promise} promised: {kept}"]
+    if estimate["worst_tiles_promise"] is not None:
+        worst, limit = (_number(estimate[name], ".2f") for name in ("worst_tiles", "worst_tiles_promise"))
+        lines.append(f"              worst tiles {worst}; at most {limit} promised, but for chance")
+    return lines
+
+
+def _effects_lines(report: Mapping[str, Any]) -> list[str]:
+    called_for = [row for row in report.get("effects") or () if row["called_for"] and row["fraction"] > 0.0]
+    if not called_for:
+        return []
+    lines = ["effects       traced because of them"]
+    return lines + [f"  {row['effect']:<20}{100 * row['fraction']:6.2f} %{row['seconds']:8.2f} s" for row in called_for]
+
+
+def _price_lines(report: Mapping[str, Any]) -> list[str]:
+    price = report.get("price")
+    if not price:
+        return []
+    more = _number(price["more_seconds"], "+.1f")
+    at_least = "" if price["complete"] else " at least"
+    return [f"price         {price['accuracy']}:{at_least} {more} s, {100 * price['traced']:.1f} % traced, predicted"]
 
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
@@ -226,7 +248,9 @@ def format_report_table(report: Mapping[str, Any]) -> str:
         *_seconds_lines(report),
         *_traced_lines(report),
         f"fill          {report['fill']['method']}: {report['fill']['reason']}",
+        *_effects_lines(report),
         *_estimate_lines(report),
+        *_price_lines(report),
         *_gain_lines(report),
     ]
     if peak is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy
 from .camera import Camera, disparity_per_nearness
 from .composite import warp_passes
+from .defocus import blurred_edges, circle_of_confusion, nearest_side
+from .effects import Effect, effects_of
+from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
 from .lookup import touches
@@ -17,6 +21,8 @@ from .masks import dilate
 from .passes import COLOUR_PASS, DEPTH_PASS, MASKED_PASS, Passes
 from .silhouettes import differing, edge_band
 from .warp import Warp, forward_warp
+
+PINHOLE = Lens()
 
 TOUCHED = 0.02
 """Share of a looked-up colour that may come from a pixel that should not be looked up."""
@@ -30,6 +36,11 @@ class Reprojection:
     reasons: NDArray[np.uint16]
     grid: Grid
     warp: Warp
+    marking: Marking
+
+    def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
+        """The flags that another accuracy would set, of the same warp."""
+        return self.marking.reasons(self.passes, self.warp, accuracy)
 
 
 def reproject(
@@ -41,11 +52,14 @@ def reproject(
     invalid: NDArray[np.bool_],
     grid_threshold: float = 1.0,
     interpolation: str = "linear",
+    lens: Lens = PINHOLE,
+    volumes: Sequence[NDArray] = (),
 ) -> Reprojection:
-    """Warp the source into the target and flag what is to be traced.
+    """Warp the source into the target and flag what is known beforehand to need tracing.
 
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
-    whose colour is no number; grid_threshold is in arc minutes.
+    whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
+    boxes in the world that hold the scene's volumes, infinite for one that is everywhere.
     """
     depth = source[DEPTH_PASS][..., 0]
     grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
@@ -56,19 +70,50 @@ def reproject(
     )
     warped = warp_passes(source, warp, source_camera, target_camera, interpolation=interpolation)
 
-    reasons = empty_reasons(warp, source_camera, target_camera)
-    answered = reasons == 0
-    blurred = _source_silhouettes(source, disparity, steps, invalid, accuracy)
-    edges = _target_silhouettes(warped, warp, reasons, target_camera, source_camera, accuracy)
-    reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
-    if MASKED_PASS in source:
-        masked = source[MASKED_PASS][..., 0] > 0.0
-        reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
-    if invalid.any():
-        # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
-        spoilt = dilate(invalid, 1) if interpolation == "cubic" else invalid
-        reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
-    return Reprojection(warped, reasons, grid, warp)
+    marking = Marking(source, source_camera, target_camera, disparity, steps, invalid, interpolation, lens, volumes)
+    return Reprojection(warped, marking.reasons(warped, warp, accuracy), grid, warp, marking)
+
+
+@dataclass(frozen=True)
+class Marking:
+    """All that flagging pixels needs, but for what was warped and how accurate it is to be."""
+
+    source: Passes
+    source_camera: Camera
+    target_camera: Camera
+    disparity: NDArray[np.float32]
+    steps: Steps
+    invalid: NDArray[np.bool_]
+    interpolation: str
+    lens: Lens
+    volumes: Sequence[NDArray]
+
+    def reasons(self, warped: Passes, warp: Warp, accuracy: Accuracy) -> NDArray[np.uint16]:
+        """(H, W) `Reason` flags of the target's pixels."""
+        reasons = empty_reasons(warp, self.source_camera, self.target_camera)
+        answered = reasons == 0
+        blurred = _source_silhouettes(self, accuracy)
+        target = _TargetEdges(self, warped, warp)
+        edges = target.silhouettes(reasons, accuracy)
+        reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
+        if self.lens.aperture > 0.0:
+            reasons[answered & target.out_of_focus(accuracy)] |= Reason.DEFOCUS.bit
+        if len(self.volumes):
+            empty = np.isposinf(warped[DEPTH_PASS][..., 0])
+            reasons[answered & empty & covered_by(self.volumes, self.target_camera)] |= Reason.VOLUME.bit
+        if MASKED_PASS in self.source:
+            masked = self.source[MASKED_PASS][..., 0] > 0.0
+            reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
+        if self.invalid.any():
+            # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
+            spoilt = dilate(self.invalid, 1) if self.interpolation == "cubic" else self.invalid
+            reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
+        return reasons
+
+
+def _strands(passes: Passes) -> NDArray[np.bool_]:
+    """(H, W): hair, which may be thinner than a pixel: its one depth does not tell which side a pixel's colour is."""
+    return (effects_of(passes) & Effect.HAIR.value) > 0
 
 
 def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
@@ -77,30 +122,43 @@ def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.floa
     return (nearness * disparity_per_nearness(camera, other)).astype(np.float32)
 
 
-def _source_silhouettes(
-    source: Passes, disparity: NDArray, steps: Steps, invalid: NDArray[np.bool_], accuracy: Accuracy
-) -> NDArray[np.bool_]:
+def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool_]:
     """(H, W) source pixels that mix what the two sides of an edge show."""
-    band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-    unknown = invalid | ~np.isfinite(disparity)
-    return differing(band, disparity, source[COLOUR_PASS], tolerance=accuracy.colour_tolerance, unknown=unknown)
+    band = edge_band(marking.steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+    unknown = marking.invalid | ~np.isfinite(marking.disparity) | _strands(marking.source)
+    colour = marking.source[COLOUR_PASS]
+    return differing(band, marking.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
 
 
-def _target_silhouettes(
-    warped: Passes,
-    warp: Warp,
-    empty: NDArray[np.uint16],
-    target_camera: Camera,
-    source_camera: Camera,
-    accuracy: Accuracy,
-) -> NDArray[np.bool_]:
-    """(H, W) target pixels that a plain render would filter over an edge, judged by the warped depth.
+class _TargetEdges:
+    """Edges of the target eye, judged by the warped depth: what a plain render would filter or blur over them."""
 
-    Beside a disoccluded pixel the other side's colour is not known yet: there the band is always traced.
-    """
-    disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target_camera, source_camera)
-    steps = disparity_steps(disparity.astype(np.float32))
-    band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-    edges = differing(band, disparity, warped[COLOUR_PASS], tolerance=accuracy.colour_tolerance, unknown=~warp.covered)
-    uncovered = (empty & Reason.DISOCCLUDED.bit) > 0
-    return edges | dilate(uncovered, accuracy.silhouette_radius)
+    def __init__(self, marking: Marking, warped: Passes, warp: Warp) -> None:
+        self._marking, self._warped, self._warp = marking, warped, warp
+        source, target = marking.source_camera, marking.target_camera
+        self._disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target, source)
+        self._steps = disparity_steps(self._disparity.astype(np.float32))
+
+    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy) -> NDArray[np.bool_]:
+        """(H, W). Beside a disoccluded pixel the other side's colour is not known yet: there the band is always
+        traced."""
+        band = edge_band(self._steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        unknown = ~self._warp.covered | _strands(self._warped)
+        colour = self._warped[COLOUR_PASS]
+        edges = differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
+        return edges | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+
+    def out_of_focus(self, accuracy: Accuracy) -> NDArray[np.bool_]:
+        """(H, W): what the blur of an edge mixes, as far as that shows."""
+        camera = self._marking.target_camera
+        nearness = nearest_side(np.where(self._warp.covered, self._warp.nearness, -np.inf).astype(np.float32))
+        with np.errstate(divide="ignore"):
+            depth = camera.depth_from_nearness(np.maximum(nearness, 0.0))
+        return blurred_edges(
+            self._steps,
+            circle_of_confusion(depth, camera, self._marking.lens),
+            self._warped[COLOUR_PASS],
+            self._warp.covered,
+            threshold=accuracy.silhouette_step,
+            tolerance=accuracy.colour_tolerance,
+        )

@@ -35,13 +35,17 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     The noise is told by how far a pixel is from its 3 x 3 mean; what of it that mean still has is taken out of the
     signal.
     """
-    toned = tone(colour)
+    toned, mean = tone(colour), mean_of(colour, known)
     weight = known.astype(np.float32)
-    mean = _mean(toned, weight, (SMOOTHED, SMOOTHED))
     pixels = (2 * SMOOTHED + 1) ** 2
     noise = _mean(np.mean((toned - mean) ** 2, axis=-1) * pixels / (pixels - 1.0), weight, REACH)
     variance = np.mean(_mean(mean**2, weight, REACH) - _mean(mean, weight, REACH) ** 2, axis=-1)
     return Contrast(np.maximum(variance - noise / pixels, 0.0) * weight, noise)
+
+
+def mean_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, 3): the mean of the known pixels in the 3 x 3 around each, after `tone`."""
+    return _mean(tone(colour), known.astype(np.float32), (SMOOTHED, SMOOTHED))
 
 
 def _mean(image: NDArray, weight: NDArray[np.float32], reach: tuple[int, int]) -> NDArray[np.float32]:

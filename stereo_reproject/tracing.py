@@ -15,6 +15,7 @@ from .fill import FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
 from .probes import Measured, measure, place_probes, with_refined
 from .refinement import AS_RENDERED, Estimate, choose_refined, estimate, expected_gain, local_noise
+from .reprojection import Reprojection
 from .risk import contrast_of
 
 CARD_SPACING = 3
@@ -59,20 +60,22 @@ class Means:
 class Refinement:
     """What was traced because the probes asked for it: (H, W) pixels, by which fills, and what is left of the error.
 
-    Without probes there is no estimate, and nothing is asked for.
+    Without probes there is no estimate, and nothing is asked for. whole: all of the target was traced in the end, and
+    so it is as good as rendered.
     """
 
     pixels: NDArray[np.bool_]
     fills: tuple[FillChoice, ...] = ()
     estimate: Estimate | None = None
     measured: Measured | None = field(default=None, repr=False)
+    whole: bool = False
 
 
 class TargetEye:
     """The target eye while it is made: its passes, and (H, W) which pixels were traced, and which of them as probes.
 
-    Starts as warped passes, of which the holes (H, W) are to be traced. Probes are traced where `watched`: where the
-    accuracy promises something that the scene may break.
+    Starts as what was warped, of which the pixels with a reason are to be traced. Probes are traced where it is
+    `watched`, because the scene may break what the accuracy promises.
     """
 
     def __init__(
@@ -80,14 +83,14 @@ class TargetEye:
         tracer: Tracer,
         view: str,
         means: Means,
-        warped: Passes,
-        holes: NDArray[np.bool_],
+        reprojection: Reprojection,
         accuracy: Accuracy,
         *,
         watched: bool,
         seed: int,
     ) -> None:
-        self.passes = warped
+        holes = reprojection.reasons > 0
+        self.passes = warped = reprojection.passes
         self.traced = np.zeros_like(holes)
         self.probed = np.zeros_like(holes)
         self.pilot_share: float | None = None
@@ -137,7 +140,7 @@ class TargetEye:
         measured = self._measured
         if measured is None or self._promise is None:
             whole = self._promise is not None and bool(self.traced.all())
-            return Refinement(np.zeros_like(before), estimate=AS_RENDERED if whole else None)
+            return Refinement(np.zeros_like(before), estimate=AS_RENDERED if whole else None, whole=whole)
         while len(fills) < ROUNDS:
             chosen = choose_refined(measured, self._promise, worst=self._accuracy.tile_limit)
             pixels = measured.probes.pixels_of(chosen) & ~self.traced
@@ -147,7 +150,7 @@ class TargetEye:
             warped = self.passes[COLOUR_PASS]
             if fills[-1].method == "full":
                 self._trace("full", ~self.traced)
-                return Refinement(self.traced & ~before, tuple(fills), AS_RENDERED, measured)
+                return Refinement(self.traced & ~before, tuple(fills), AS_RENDERED, measured, whole=True)
             self._trace(fills[-1].method, pixels)
             traced = self.passes[COLOUR_PASS]
             measured = with_refined(measured, chosen, pixels, local_noise(measured), warped=warped, traced=traced)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..accuracy import accuracy_of
+from ..effects import EffectsPlan
+from ..estimates import effects_fields, estimate_fields
 from ..exr import write_eye, write_stereo
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
@@ -41,13 +44,14 @@ def render_files(
     out.mkdir(exist_ok=True)
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
-        frame = render_stereo_frame(BlenderRenderer(working, work, user_scene=scene), settings, on_stage=on_stage)
+        renderer = BlenderRenderer(working, work, user_scene=scene)
+        frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
     memory = _peak_mb()
     on_stage("write")
     start = time.perf_counter()
     _write_pictures(scene, settings, frame, out, facts["frame"])
     frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
-    report = {**facts, **_measurements(frame, settings), "memory": {"peak_mb": memory}}
+    report = {**facts, **_measurements(frame, renderer.plan, settings), "memory": {"peak_mb": memory}}
     if settings.compare:
         on_stage("compare")
         report["compare"] = compare_with_multiview(scene, settings, frame, out / "stereo.png", work)
@@ -84,45 +88,26 @@ def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: Ster
     }
 
 
-def _measurements(frame: StereoFrame, settings: StereoSettings) -> dict[str, Any]:
-    source = frame.source_cost
+def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSettings) -> dict[str, Any]:
+    source, price = frame.source_cost, frame.price
     return {
         "fill": {
             "method": frame.fill.method,
             "reason": frame.fill.reason,
             "predicted_seconds": frame.fill.predicted_seconds,
         },
-        "refine": _refine(frame),
+        "refine": [{"method": fill.method, "reason": fill.reason} for fill in frame.refinement.fills] or None,
         "grid": {
             "cells": frame.grid.cells,
             "subdivided": int(frame.grid.subdivided.sum()),
             "triangles": frame.grid.triangles,
         },
         "fractions": traced_fractions(frame),
-        "estimate": _estimate(frame, accuracy_of(settings).promise),
+        "effects": effects_fields(plan, frame.accounts),
+        "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
+        "price": asdict(price),
         "seconds": frame.seconds,
         "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
-    }
-
-
-def _refine(frame: StereoFrame) -> list[dict[str, Any]] | None:
-    """How what the probes asked for was traced; None where they asked for nothing."""
-    fills = frame.refinement.fills
-    return [{"method": fill.method, "reason": fill.reason} for fill in fills] or None
-
-
-def _estimate(frame: StereoFrame, promise: float | None) -> dict[str, Any] | None:
-    """What the probes say of the finished target; None where none were traced."""
-    estimate = frame.refinement.estimate
-    if estimate is None:
-        return None
-    return {
-        "noise_ratio": estimate.noise_ratio,
-        "low": estimate.low,
-        "high": estimate.high,
-        "excess": estimate.excess,
-        "promise": promise,
-        "kept": promise is not None and estimate.noise_ratio <= promise,
     }
 
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects import Effect
 from ..effects_pass import CRYPTOMATTE, effects_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, Passes
@@ -18,6 +19,7 @@ from .mask_card import card_blocker, trace_card
 from .render import Rendered, render_views
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, rendered_layer
+from .visible import lens_of, volume_boxes
 
 FILL_SEED = 1_000_003
 """Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
@@ -34,6 +36,8 @@ class BlenderRenderer:
         self.folder = folder
         self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.plan = plan_effects(scene, user_scene=user_scene)
+        self.lens = lens_of(scene)
+        self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
         self._traces = 0
 

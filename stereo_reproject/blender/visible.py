@@ -11,16 +11,21 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..camera import Camera
+from ..effects import Effect
 from ..frustum import Frustum, Lens
-from .materials import Shadings
+from .materials import Shadings, world_shading
 from .scene import evaluated, focus_distance, rendered_layer
 
 SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
 """Types of objects that a render may show."""
 
 STRANDS = {"CURVES", "POINTCLOUD"}
+
+EVERYWHERE = np.full((8, 3), np.inf)
+"""The corners of a box that may be anywhere."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings:
     rendered = set(_rendered_objects(layer.layer_collection))
     # With the shutter open, what is out of view may come into it.
     moves = scene.render.use_motion_blur
-    frustums = () if moves else tuple(Frustum(camera, _lens(scene)) for camera in cameras)
+    frustums = () if moves else tuple(Frustum(camera, lens_of(scene)) for camera in cameras)
     met: set[str] = set()
     known: dict[tuple[str, int, str], Seen] = {}
     found: dict[Seen, None] = {}
@@ -64,6 +69,31 @@ def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings:
         if item.name in rendered and (item.name not in met or _differs_in_render(item)):
             found.update(dict.fromkeys(_in_doubt(item, layer, shadings)))
     return list(found)
+
+
+def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
+    """Corners (8, 3), in the world, of a box around each volume; infinite where Blender's bounds may not hold it."""
+    layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
+    rendered = set(_rendered_objects(layer.layer_collection))
+    boxes: list[NDArray[np.float64]] = []
+    world = layer.world_override or scene.world
+    if world is not None and world_shading(world, scene.render.engine) & Effect.VOLUME:
+        boxes.append(EVERYWHERE)
+    for instance in layer.depsgraph.object_instances:
+        item, parent = instance.object, instance.parent if instance.is_instance else None
+        if not _is_rendered(item, parent, rendered, layer):
+            continue
+        materials = (slot.material for slot in item.material_slots if slot.material is not None)
+        if item.type != "VOLUME" and not any(shadings.of(material).effects & Effect.VOLUME for material in materials):
+            continue
+        certain = _seen(item, parent, layer, shadings).bounded and not scene.render.use_motion_blur
+        boxes.append(_corners(instance) if certain else EVERYWHERE)
+    return tuple(boxes)
+
+
+def _corners(instance: bpy.types.DepsgraphObjectInstance) -> NDArray[np.float64]:
+    matrix = np.array(instance.matrix_world, np.float64)
+    return np.array(instance.object.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
@@ -133,8 +163,7 @@ def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
 def _in_view(instance: bpy.types.DepsgraphObjectInstance, seen: Seen, frustums: tuple[Frustum, ...]) -> bool:
     if not frustums or not seen.bounded:
         return True
-    matrix = np.array(instance.matrix_world, np.float64)
-    corners = np.array(instance.object.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    corners = _corners(instance)
     return any(frustum.may_meet(corners) for frustum in frustums)
 
 
@@ -171,7 +200,8 @@ def _brought_along(item: bpy.types.Object, met: set[str]) -> Iterator[bpy.types.
             yield from _brought_along(member, met)
 
 
-def _lens(scene: bpy.types.Scene) -> Lens:
+def lens_of(scene: bpy.types.Scene) -> Lens:
+    """Both eyes' lens."""
     camera = evaluated(scene.camera, scene)
     data = camera.data
     if not data.dof.use_dof:

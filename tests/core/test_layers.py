@@ -37,6 +37,7 @@ NUMERIC = {
     "risk",
     "refinement",
     "heuristic",
+    "defocus",
     "label_places",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}

@@ -10,13 +10,15 @@ import pytest
 
 from stereo_reproject.accuracy import Accuracy
 from stereo_reproject.composite import contain
+from stereo_reproject.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.fill import SourceCost
+from stereo_reproject.frustum import Lens
 from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
-from stereo_reproject.reprojection import reproject
+from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
 
 from .analytic import (
@@ -100,6 +102,12 @@ class Caster:
 
     view_dependent: tuple = ()
     seed: int = 0
+    lens: Lens = PINHOLE
+    volumes: tuple = ()
+
+    @property
+    def plan(self):
+        return EffectsPlan((Finding(Effect.GLOSSY, self.view_dependent, "probed"),), {})
 
     def trace(self, method, view, pixels, *, twice=None):
         self.asked.append((method, view, pixels.copy()))

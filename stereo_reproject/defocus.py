@@ -1,0 +1,99 @@
+"""Edges out of focus: a blurred foreground mixes with what is behind it far beyond the pixels beside the edge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import Camera, PerspectiveCamera
+from .frustum import Lens
+from .holes import Steps
+from .risk import contrast_of, mean_of
+from .silhouettes import ALIKE
+
+SMALLEST = 1.0
+"""Radius of a circle of confusion, in pixels, from which an edge is more than a silhouette."""
+
+RADII = (2, 4, 8, 16, 32)
+"""Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
+
+MISPLACED = 0.5
+"""Share of the step in disparity by which what is seen through a blurred edge is off: it is warped with either side."""
+
+
+def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[np.float32]:
+    """(H, W) radius in pixels of the blur of a point at `depth` (H, W), from the lens's aperture; 0 without one."""
+    if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
+        return np.zeros(depth.shape, np.float32)
+    pixels_per_slope = camera.width / (camera.plane.right - camera.plane.left)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        blur = lens.aperture * np.abs(1.0 / depth - 1.0 / lens.focus) * pixels_per_slope
+    return np.nan_to_num(blur, nan=0.0, posinf=RADII[-1]).astype(np.float32)
+
+
+def blurred_edges(
+    steps: Steps,
+    radius: NDArray[np.float32],
+    colour: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    *,
+    threshold: float,
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """(H, W): pixels that an edge's blur reaches and whose colour is off by more than the noise when it is warped.
+
+    steps are those in disparity; radius (H, W) that of the blur at the nearer side; colour (H, W, >= 3) is scene-linear
+    and known (H, W) where it is set. What the eye sees there is off by up to half of the step, and so the colour by
+    that much of its gradient. tolerance is in standard deviations of the noise.
+    """
+    edges = steps.beside(threshold) & (radius >= SMALLEST)
+    if not edges.any():
+        return edges
+    step = np.where(edges, np.minimum(_largest_step(steps), 2.0 * radius), 0.0)
+    reached = np.zeros_like(step)
+    below = 0.0
+    for reach in RADII:
+        among = (radius > below) & ((radius <= reach) if reach != RADII[-1] else True)
+        if (edges & among).any():
+            reached = np.maximum(reached, _spread(np.where(among, step, 0.0), reach))
+        below = reach
+    error = (MISPLACED * reached * _gradient(colour, known)) ** 2
+    noise = contrast_of(colour, known).noise
+    return (reached > 0.0) & known & (error > np.maximum(tolerance**2 * noise, ALIKE**2))
+
+
+def _largest_step(steps: Steps) -> NDArray[np.float32]:
+    """(H, W): the largest step to one of the four neighbours, or from one of them to its own."""
+    height, width = steps.right.shape[0], steps.down.shape[1]
+    result = np.zeros((height, width), np.float32)
+    result[:, :-1] = steps.right
+    result[:, 1:] = np.maximum(result[:, 1:], steps.right)
+    result[:-1] = np.maximum(result[:-1], steps.down)
+    result[1:] = np.maximum(result[1:], steps.down)
+    return _spread(result, 1)
+
+
+def _spread(image: NDArray, reach: int) -> NDArray:
+    """(H, W): the largest value within `reach` pixels, in a square."""
+    for axis in (0, 1):
+        moved = np.moveaxis(image, axis, 0)
+        result = moved.copy()
+        for shift in range(1, min(reach, moved.shape[0] - 1) + 1):
+            result[shift:] = np.maximum(result[shift:], moved[:-shift])
+            result[:-shift] = np.maximum(result[:-shift], moved[shift:])
+        image = np.moveaxis(result, 0, axis)
+    return image
+
+
+def _gradient(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W) change of colour from a pixel to the next in its row, after tone mapping, with the noise averaged."""
+    mean = mean_of(colour, known)
+    result = np.zeros(mean.shape[:2], np.float32)
+    both = known[:, 2:] & known[:, :-2]
+    result[:, 1:-1] = np.where(both, np.sqrt(np.mean((mean[:, 2:] - mean[:, :-2]) ** 2, axis=-1)) / 2.0, 0.0)
+    return result
+
+
+def nearest_side(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W): the largest within a pixel, which beside an edge is that of the nearer side where values are nearness."""
+    return _spread(values, 1)

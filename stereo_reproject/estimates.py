@@ -1,0 +1,58 @@
+"""What a report says of effects and of the estimate: plain values for report.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .accounting import Account
+from .accuracy import Accuracy
+from .effects import Effect, EffectsPlan
+from .refinement import worst_tiles
+from .tracing import Refinement
+
+
+def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, Account]) -> list[dict[str, Any]]:
+    """Per effect: called for or not, by what, how it is handled, and what of the frame is on its account."""
+    rows = []
+    for finding in plan.findings:
+        account = accounts.get(finding.effect)
+        rows.append(
+            {
+                "effect": finding.effect.label,
+                "called_for": finding.called_for,
+                "by": list(finding.by),
+                "handling": finding.handling,
+                "fraction": 0.0 if account is None else account.fraction,
+                "seconds": 0.0 if account is None else account.seconds,
+                "excess": None if account is None else account.excess,
+            }
+        )
+    return rows
+
+
+def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any] | None:
+    """What the probes say of the finished target, and whether that is what was promised; None where none were traced.
+
+    probes counts those of the tiles that stayed warped, from which the figures are; tiles is the side of one in pixels.
+    """
+    estimate, measured = refinement.estimate, refinement.measured
+    if estimate is None:
+        return None
+    whole = measured is None or refinement.whole
+    worst = 1.0 if whole else worst_tiles(measured)
+    promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
+    kept = accuracy.promise is not None and estimate.noise_ratio <= accuracy.promise
+    return {
+        "noise_ratio": estimate.noise_ratio,
+        "low": estimate.low,
+        "high": estimate.high,
+        "excess": estimate.excess,
+        "promise": accuracy.promise,
+        "worst_tiles": worst,
+        "worst_tiles_promise": promised,
+        "kept": kept and (promised is None or worst <= promised),
+        "probes": 0 if whole else int((~measured.refined).sum()),
+        "tiles": None if measured is None else measured.probes.spacing,
+        "from": "rendered whole" if whole else "probes",
+    }
