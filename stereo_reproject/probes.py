@@ -180,8 +180,11 @@ def _optimism(measured: Measured, rng: np.random.Generator) -> NDArray:
     order, seen = _remaining(measured, weights)
     own = measured.weight * measured.excess
     true = own.sum() - np.concatenate([[0.0], np.cumsum(own[order])])
-    # Without a choice there is no optimism; what is left of a resample's own chance is taken out.
-    return (true - true[0]) - (seen - seen[0])
+    # Without a choice there is no optimism: what is left of a resample's own chance is taken out. Of that chance the
+    # tiles that remain have the share of their squares (Poisson weights), and none when nothing remains.
+    squares = np.concatenate([[0.0], np.cumsum(own[order] ** 2)])
+    share = 1.0 - squares / max(squares[-1], 1e-30)
+    return (true - seen) - share * (true[0] - seen[0])
 
 
 def _total_noise(measured: Measured) -> float:
