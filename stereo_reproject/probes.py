@@ -24,6 +24,10 @@ RESAMPLES = 1000
 OPTIMISM_RESAMPLES = 40
 CONFIDENCE = 0.95
 
+LOUDEST = 25.0
+"""How many times the others' mean noise a probe's may be. One firefly in one trace is more than that of a whole frame:
+taken as it is, nothing would seem wrong beside it."""
+
 AIM = 0.8
 """Share of the promised excess that refinement leaves: the rest is for what a sparse set of probes cannot tell."""
 
@@ -89,11 +93,16 @@ def measure(probes: Probes, warped: NDArray[np.bool_], w: NDArray, a: NDArray, b
     known = np.isfinite(w).all(axis=-1) & np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
     error = np.mean((w - a) * (w - b), axis=-1)
-    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
+    noise = _capped(np.mean((a - b) ** 2, axis=-1) / 2.0)
     s = probes.spacing
     edges = [np.arange(0, size, s) for size in warped.shape]
     count = np.add.reduceat(np.add.reduceat(warped.astype(np.int64), edges[0], axis=0), edges[1], axis=1)
     return Measured(probes, error - noise, noise, count[probes.tiles].astype(np.float64), int((~warped).sum()))
+
+
+def _capped(noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    others = (noise.sum() - noise) / max(noise.size - 1, 1)
+    return np.where(others > 0.0, np.minimum(noise, LOUDEST * others), noise)
 
 
 @dataclass(frozen=True)
