@@ -1,9 +1,9 @@
 """What reads ray differentials looks the same in traced pixels as in a plain render (Wissmann et al., section 3.4).
 
-A packed pixel has strangers for neighbours, and must yet carry the footprint of one pixel of the target. In Cycles it is
-read by Bump, whose height is sampled one footprint away; by Wireframe in pixels; and by image textures only where they
-are tiled and have mip levels (from 5.2 on), not where they are read whole, as the one here is: that it comes out right
-says that a packed pixel is filtered as a plain one is, not that its footprint is right. Bevel and AO read none.
+A packed pixel has strangers for neighbours, and must yet carry the footprint of one pixel of the target. In Cycles it
+is read by Bump, whose height is sampled one footprint away; by Wireframe in pixels; and by image textures only where
+they are tiled and have mip levels (in newer versions), not where they are read whole, as the one here is: that it comes
+out right says that a packed pixel is filtered as a plain one is, not that its footprint is right. Bevel reads none.
 """
 
 import math
@@ -183,7 +183,7 @@ def test_traced_pixels_have_the_footprint_of_plain_ones(case, trace):
 
 
 def test_another_footprint_would_be_seen(case):
-    """The same picture with half the footprint: rendered at twice the size and averaged, which also makes it less noisy.
+    """The same picture with half the footprint: rendered at twice the size and averaged, and so less noisy.
 
     Without the terms of hole_camera.osl that keep the derivatives, packed pixels came to 19 (bump) and 21 (wireframe);
     with four times the derivatives to 4.0 and 25.
