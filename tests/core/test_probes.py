@@ -191,6 +191,19 @@ def test_a_warped_firefly_refines_no_wall():
     assert measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0)).sum() <= 25 * SPACING**2
 
 
+def test_a_firefly_counts_for_no_more_than_a_few_probes():
+    """In a frame with little noise one of them is more than all the rest, and would hide what is wrong elsewhere."""
+    rng = np.random.default_rng(5)
+    probes = place_probes(np.ones((160, 240), bool), spacing=SPACING, seed=1)
+    a, b = (0.4 + rng.normal(0.0, 0.01, (probes.rows.size, 3)) for _ in range(2))
+    w = a.mean() + np.where(np.arange(probes.rows.size) % 4 == 0, 0.05, 0.0)[:, None] + np.zeros(3)
+    quiet = estimate(measure(probes, np.ones((160, 240), bool), w, a, b), seed=1)
+    a[7] = 1000.0
+    disturbed = estimate(measure(probes, np.ones((160, 240), bool), w, a, b), seed=1)
+    assert quiet.noise_ratio > 1.5
+    assert disturbed.noise_ratio > 0.9 * quiet.noise_ratio
+
+
 def test_a_trace_that_is_no_number_says_nothing():
     def spoil(w, a, b):
         a[5] = np.nan

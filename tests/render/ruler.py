@@ -1,0 +1,77 @@
+"""How good a frame is, held against several plain renders of the same eye: over the frame, and where an effect is."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_reproject.blender.renderer import BlenderRenderer
+from stereo_reproject.blender.rig import stereo_cameras
+from stereo_reproject.blender.scene import working_scene
+from stereo_reproject.camera import Camera
+from stereo_reproject.metrics import tone
+from stereo_reproject.pipeline import StereoFrame, render_stereo_frame
+from stereo_reproject.settings import SceneOverrides, StereoSettings
+from tests.blender.toolbox import colour, evaluated_camera, px_from_world, render_plain
+
+TARGET = "right"
+
+PLAIN_SEEDS = (101, 102, 103, 104)
+"""Of the plain renders: with four, the noise of the ruler itself is a quarter of a render's."""
+
+
+def measured_noise_ratio(ours: NDArray, renders: NDArray, *, where: NDArray[np.bool_] | None = None) -> float:
+    """rmse(ours, A) / rmse(B, A), A and B running over all the plain `renders` (N, H, W, 3) and all pairs of them.
+
+    ours (H, W, 3). Only pixels in `where` (H, W) count. The expectation is that of `metrics.noise_ratio`,
+    sqrt((bias^2 + var(ours) + var) / 2 var), and both terms are averaged over more noise.
+    """
+    where = np.ones(ours.shape[:2], bool) if where is None else where
+    plain = tone(renders)[:, where].astype(np.float64)
+    variance = plain.var(axis=0, ddof=1).mean()
+    from_mean = np.mean((tone(ours)[where] - plain.mean(axis=0)) ** 2)
+    error = from_mean + variance * (1.0 - 1.0 / len(plain))
+    if variance == 0.0:
+        return 1.0 if error == 0.0 else math.inf
+    return math.sqrt(error / (2.0 * variance))
+
+
+def plain_renders(
+    scene: bpy.types.Scene, folder: Path, *, view: str = TARGET, seeds: tuple[int, ...] = PLAIN_SEEDS
+) -> NDArray[np.float32]:
+    """(N, H, W, 3): the view as Blender's own multiview renders it, once per seed; the scene's seed stays."""
+    before = scene.cycles.seed
+    renders = [colour(render_plain(scene, folder, seed=seed, views=(view,))[view]) for seed in seeds]
+    scene.cycles.seed = before
+    return np.stack(renders)
+
+
+def render_frame(scene: bpy.types.Scene, folder: Path, **settings) -> StereoFrame:
+    """The pair of the scene as it stands, in this process."""
+    with working_scene(scene, SceneOverrides()) as working:
+        return render_stereo_frame(BlenderRenderer(working, folder), StereoSettings(**settings))
+
+
+def on_screen(
+    scene: bpy.types.Scene, objects: list[bpy.types.Object], *, grow: int = 0, view: str = TARGET
+) -> NDArray[np.bool_]:
+    """(H, W): the pixels of the boxes around the objects, as the view sees them, and `grow` more on every side."""
+    camera = stereo_cameras(evaluated_camera(scene), scene.render)[view]
+    result = np.zeros((camera.height, camera.width), bool)
+    for item in objects:
+        x, y = _corners(camera, item)
+        top, left = (max(math.floor(values.min()) - grow, 0) for values in (y, x))
+        bottom, right = (max(math.ceil(values.max()) + grow, 0) for values in (y, x))
+        result[top:bottom, left:right] = True
+    return result
+
+
+def _corners(camera: Camera, item: bpy.types.Object) -> tuple[NDArray, NDArray]:
+    matrix = np.array(item.matrix_world, np.float64)
+    corners = np.array([corner[:] for corner in item.bound_box]) @ matrix[:3, :3].T + matrix[:3, 3]
+    x, y, _ = px_from_world(camera, corners)
+    return x, y
