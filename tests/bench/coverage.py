@@ -29,8 +29,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.settings import FILL_METHODS, SceneOverrides, StereoSettings
-from tests.bench.truth import References, Truth, binomial_interval
+from tests.bench.truth import GROUPS, References, Truth, binomial_interval
 
 SCENES = {
     "bathroom": (0.065, 2.5),
@@ -143,20 +144,20 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
     from stereo_reproject.composite import contain
     from stereo_reproject.pipeline import colour
 
-    renders = max(math.ceil(options.reference_samples / options.samples), 16)
+    renders = max(math.ceil(options.reference_samples / options.samples), 2 * GROUPS)
     width, height = options.size
     key = f"{name}-{width}x{height}-{options.samples}-seed{REFERENCE_SEED}-{renders}-{bpy.app.version_string}.npz"
-    stored = None if options.cache is None else options.cache / key.replace(" ", "-")
-    if stored is not None and stored.exists():
-        return References.load(stored)
+    kept = None if options.cache is None else options.cache / key.replace(" ", "-")
+    if kept is not None and kept.exists():
+        return References.load(kept)
     references = References.none(width, height)
     view = StereoSettings().target
     for number in range(renders):
         rendered = render_views(working, (view,), folder, seed=REFERENCE_SEED + number)
         references.add(colour(contain(rendered.views[view])[0]))
-    if stored is not None:
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        references.save(stored)
+    if kept is not None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        references.save(kept)
     return references
 
 
@@ -227,16 +228,29 @@ def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Ru
     return runs
 
 
+def stored(run: Run) -> dict[str, Any]:
+    """The run for a JSON file, which knows no NaN."""
+    fields = asdict(run) | {"covered": run.covered, "nearly_covered": run.nearly_covered, "z": run.z}
+    return {name: None if value != value else value for name, value in fields.items()}
+
+
 def main() -> None:
     options = parse()
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    runs = measure(options, lambda text: print(text, file=stream, flush=True))
-    if options.json is not None:
-        options.json.write_text(json.dumps([asdict(run) | {"covered": run.covered, "z": run.z} for run in runs]))
+    try:
+        runs = measure(options, lambda text: print(text, file=stream, flush=True))
+        status = 0
+    except StereoReprojectError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        runs, status = [], error.exit_status
+    if options.json is not None and status == 0:
+        options.json.write_text(json.dumps([stored(run) for run in runs], indent=1))
     told = [run.covered for run in runs if run.estimate is not None]
+    if status == 0 and (not told or np.mean(told) < MARK):
+        status = 1
     # Blender's own clean-up at exit may not come to an end in 4.5.
-    os._exit(0 if told and np.mean(told) >= MARK else 1)
+    os._exit(status)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 """The statistics behind the coverage script: the true excess of a picture from plain renders, and its own error."""
 
+import json
+
 import numpy as np
 import pytest
 
-from tests.bench.coverage import Run, parse, summary
+from tests.bench.coverage import Run, parse, stored, summary
 from tests.bench.truth import References, binomial_interval
 
 SIZE = (36, 48)
@@ -103,6 +105,13 @@ def test_a_run_without_an_estimate_is_told_and_not_counted():
     assert summary("scene", [run(0.0, 0.9, 1.1), none]).startswith("scene: 1 of 1 covered, 100 %")
     assert summary("scene", [run(0.0, 0.9, 1.1), none]).endswith("1 without an estimate")
     assert summary("scene", [none]) == "scene: nothing to count; 1 without an estimate"
+
+
+def test_a_run_without_an_estimate_can_be_written_as_json():
+    fields = stored(Run("scene", "balanced", 2, 1.0))
+    assert fields["estimate"] is fields["low"] is fields["z"] is None
+    assert fields["covered"] is False
+    assert json.loads(json.dumps(fields, allow_nan=False)) == fields
 
 
 @pytest.mark.parametrize(("hits", "trials"), [(0, 40), (36, 40), (40, 40), (5, 10)])
