@@ -3,6 +3,7 @@
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
 # make bench      time the warp
+# make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make clean      remove everything that the others made, environments included
 #
 # Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
@@ -16,6 +17,9 @@ DEMO_SCENE ?= demo/cornell-box/cornell-box.blend
 DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x480 --samples 32 --compare
 DEMO_OUTPUT ?= demo-output
 
+SCENES ?= ../shared/scenes
+COVERAGE_OPTIONS ?=
+
 INSTALLED := $(VENV)/.installed
 TEST_INSTALLED := $(VENV)/.test-installed
 LINT_INSTALLED := $(LINT_VENV)/.installed
@@ -23,7 +27,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test lint lint-tools extension bench clean
+.PHONY: demo test lint lint-tools extension bench coverage clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -44,6 +48,9 @@ extension: $(INSTALLED)
 
 bench: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/warp.py
+
+coverage: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/coverage.py --scenes $(SCENES) $(COVERAGE_OPTIONS)
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .ruff_cache

@@ -1,0 +1,94 @@
+"""How far a finished picture is from the truth beyond noise, by many plain renders of the same view.
+
+What is estimated is noise_ratio = sqrt(E|ours - A|^2 / E|B - A|^2) after tone mapping, over plain renders A and B with
+the run's own sample count; excess is noise_ratio^2 - 1. Tone mapping is not linear: the mean of tone-mapped renders of
+16 samples is not a tone-mapped render of 1024. So the reference is K renders of the run's sample count, each of them
+tone-mapped. With m their mean and s^2 their variance (K - 1 in the denominator), per pixel and channel,
+
+    mean over k of |ours - A_k|^2    = (ours - m)^2 + s^2 (K - 1) / K,
+    mean over pairs |A_k - A_l|^2    = 2 s^2,
+
+both of which have, for the given picture, exactly the expectations that the noise ratio is made of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_reproject.metrics import tone
+
+GROUPS = 8
+"""Renders are summed by group, so that leaving out one group at a time shows how far chance moves the result."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The excess of one picture, and the standard error that it has because the references are only so many."""
+
+    excess: float
+    standard_error: float
+
+    @property
+    def noise_ratio(self) -> float:
+        return float(np.sqrt(max(1.0 + self.excess, 0.0)))
+
+
+class References:
+    """Running sums over plain renders: count (G,), total and squares (G, H, W, 3) of the tone-mapped colours."""
+
+    def __init__(self, count: NDArray, total: NDArray, squares: NDArray) -> None:
+        self.count, self.total, self.squares = count, total, squares
+
+    @classmethod
+    def none(cls, width: int, height: int) -> References:
+        shape = (GROUPS, height, width, 3)
+        return cls(np.zeros(GROUPS, np.int64), np.zeros(shape), np.zeros(shape))
+
+    def add(self, picture: NDArray) -> None:
+        """picture (H, W, >= 3): scene-linear colours of one more render."""
+        toned = tone(picture).astype(np.float64)
+        group = int(self.count.sum()) % GROUPS
+        self.count[group] += 1
+        self.total[group] += toned
+        self.squares[group] += toned**2
+
+    def truth(self, ours: NDArray) -> Truth:
+        """The excess of `ours` (H, W, >= 3), scene-linear, with its jackknife standard error over the groups."""
+        toned = tone(ours).astype(np.float64)
+        whole = self.count.sum(), self.total.sum(axis=0), self.squares.sum(axis=0)
+        without = [
+            _excess(toned, whole[0] - count, whole[1] - total, whole[2] - squares)
+            for count, total, squares in zip(self.count, self.total, self.squares, strict=True)
+        ]
+        spread = np.sum((np.array(without) - np.mean(without)) ** 2)
+        return Truth(_excess(toned, *whole), float(np.sqrt((GROUPS - 1) / GROUPS * spread)))
+
+    def save(self, path: Path) -> None:
+        # Written whole under another name first: a run that was interrupted leaves no half cache.
+        part = path.with_suffix(".part.npz")
+        np.savez(part, count=self.count, total=self.total, squares=self.squares)
+        part.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> References:
+        with np.load(path) as stored:
+            return cls(stored["count"], stored["total"], stored["squares"])
+
+
+def _excess(ours: NDArray, count: int, total: NDArray, squares: NDArray) -> float:
+    mean = total / count
+    variance = (squares - count * mean**2) / (count - 1)
+    error = np.mean((ours - mean) ** 2 + variance * (count - 1) / count)
+    return float(error / (2.0 * np.mean(variance)) - 1.0)
+
+
+def binomial_interval(hits: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval for the share that `hits` of `trials` is a sample of."""
+    z2 = 1.96**2
+    centre = (hits + z2 / 2.0) / (trials + z2)
+    half = np.sqrt(z2 * (hits * (trials - hits) / trials + z2 / 4.0)) / (trials + z2)
+    return float(centre - half), float(centre + half)
