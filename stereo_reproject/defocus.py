@@ -94,6 +94,24 @@ def _gradient(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
     return result
 
 
-def nearest_side(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W): the largest within a pixel, which beside an edge is that of the nearer side where values are nearness."""
-    return _spread(values, 1)
+def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:
+    """(H, W): of the pixels around each, the blur of the nearest, which is the one of larger disparity (H, W)."""
+    near = np.where(np.isfinite(disparity), disparity, -np.inf)
+    nearest, result = near.copy(), blur.copy()
+    for axis in (0, 1):
+        for shift in (1, -1):
+            beside, its_blur = np.roll(near, shift, axis), np.roll(blur, shift, axis)
+            nearer = beside > nearest
+            nearest, result = np.where(nearer, beside, nearest), np.where(nearer, its_blur, result)
+    return result
+
+
+def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
+    """The steps, less where they lie out of focus.
+
+    Depth is that of one ray through the lens: where blur (H, W) is the circle of confusion's radius, it belongs to a
+    point up to so many pixels away, and the slope of a surface makes steps of it.
+    """
+    right = 1.0 + np.maximum(blur[:, 1:], blur[:, :-1])
+    down = 1.0 + np.maximum(blur[1:], blur[:-1])
+    return Steps(steps.right / right, steps.down / down)

@@ -166,7 +166,7 @@ def render_stereo_frame(
         seconds=seconds,
         source_cost=cost,
         accounts=accounts(renderer.plan.called_for, shown, reasons, seconds, refinement.measured),
-        price=price_of(next_better(accuracy), reprojection, refinement.measured, means, seconds),
+        price=price_of(next_better(accuracy), reprojection, refinement, means, seconds),
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
     )
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .accuracy import SETTINGS, Accuracy
-from .probes import Measured
 from .refinement import choose_refined
 from .reprojection import Reprojection
-from .tracing import Means
+from .tracing import Means, Refinement
 
 WHOLE = "full"
 """What is beyond the best of the settings: the target rendered whole."""
@@ -36,13 +35,15 @@ def next_better(accuracy: Accuracy) -> str:
 
 
 def price_of(
-    name: str, reprojection: Reprojection, measured: Measured | None, means: Means, seconds: dict[str, float]
+    name: str, reprojection: Reprojection, refinement: Refinement, means: Means, seconds: dict[str, float]
 ) -> Price:
     """What the accuracy called `name` would have cost this frame.
 
-    measured is what its probes have told, seconds those of the stages. Fills take as much longer or shorter than is
-    predicted as this frame's did.
+    refinement holds what its probes have told, seconds those of the stages.
     """
+    if refinement.whole:
+        return Price(WHOLE, seconds["total"], 0.0, 1.0, complete=True)
+    measured = refinement.measured
     spent = {"fill": seconds.get("fill", 0.0), "refine": seconds.get("refine", 0.0)}
     apart = seconds["total"] - sum(spent.values())
     if name == WHOLE:

@@ -23,6 +23,10 @@ from .risk import Contrast
 EVEN = 0.5
 """Share of a probe's chance that is spread evenly over its tile: no pixel stands for more than the rest allows."""
 
+LOUDEST = 25.0
+"""How many times the others' mean noise a probe's may be. One firefly in one trace is more than the noise of a whole
+frame: taken as it is, nothing would seem wrong beside it."""
+
 NOISE_AS_RISK = 0.5
 """Weight of noise beside contrast in a tile's risk: where nothing is to be seen, tiles differ by little else."""
 
@@ -136,7 +140,7 @@ def measure(
     known = np.isfinite(w).all(axis=-1) & np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
     error = np.mean((w - a) * (w - b), axis=-1)
-    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
+    noise = _capped(np.mean((a - b) ** 2, axis=-1) / 2.0)
     risk = contrast.signal + NOISE_AS_RISK * contrast.noise
     return Measured(
         probes=probes,
@@ -147,6 +151,11 @@ def measure(
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
     )
+
+
+def _capped(noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    others = (noise.sum() - noise) / max(noise.size - 1, 1)
+    return np.where(others > 0.0, np.minimum(noise, LOUDEST * others), noise)
 
 
 def with_refined(

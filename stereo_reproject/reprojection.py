@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy
 from .camera import Camera, disparity_per_nearness
 from .composite import warp_passes
-from .defocus import blurred_edges, circle_of_confusion, nearest_side
+from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .effects import Effect, effects_of
 from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
@@ -96,9 +96,10 @@ class Marking:
         target = _TargetEdges(self, warped, warp)
         edges = target.silhouettes(reasons, accuracy)
         reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
-        if self.lens.aperture > 0.0:
+        promised = accuracy.promise is not None
+        if promised and self.lens.aperture > 0.0:
             reasons[answered & target.out_of_focus(accuracy)] |= Reason.DEFOCUS.bit
-        if len(self.volumes):
+        if promised and len(self.volumes):
             empty = np.isposinf(warped[DEPTH_PASS][..., 0])
             reasons[answered & empty & covered_by(self.volumes, self.target_camera)] |= Reason.VOLUME.bit
         if MASKED_PASS in self.source:
@@ -124,7 +125,9 @@ def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.floa
 
 def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool_]:
     """(H, W) source pixels that mix what the two sides of an edge show."""
-    band = edge_band(marking.steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+    blur = circle_of_confusion(marking.source[DEPTH_PASS][..., 0], marking.source_camera, marking.lens)
+    steps = in_focus(marking.steps, blur)
+    band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
     unknown = marking.invalid | ~np.isfinite(marking.disparity) | _strands(marking.source)
     colour = marking.source[COLOUR_PASS]
     return differing(band, marking.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
@@ -138,11 +141,14 @@ class _TargetEdges:
         source, target = marking.source_camera, marking.target_camera
         self._disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target, source)
         self._steps = disparity_steps(self._disparity.astype(np.float32))
+        depth = warped[DEPTH_PASS][..., 0]
+        self._blur = circle_of_confusion(depth, target, marking.lens)
 
     def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy) -> NDArray[np.bool_]:
         """(H, W). Beside a disoccluded pixel the other side's colour is not known yet: there the band is always
         traced."""
-        band = edge_band(self._steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        steps = in_focus(self._steps, self._blur)
+        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
         unknown = ~self._warp.covered | _strands(self._warped)
         colour = self._warped[COLOUR_PASS]
         edges = differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
@@ -150,13 +156,9 @@ class _TargetEdges:
 
     def out_of_focus(self, accuracy: Accuracy) -> NDArray[np.bool_]:
         """(H, W): what the blur of an edge mixes, as far as that shows."""
-        camera = self._marking.target_camera
-        nearness = nearest_side(np.where(self._warp.covered, self._warp.nearness, -np.inf).astype(np.float32))
-        with np.errstate(divide="ignore"):
-            depth = camera.depth_from_nearness(np.maximum(nearness, 0.0))
         return blurred_edges(
             self._steps,
-            circle_of_confusion(depth, camera, self._marking.lens),
+            nearer_side(self._blur, self._disparity),
             self._warped[COLOUR_PASS],
             self._warp.covered,
             threshold=accuracy.silhouette_step,

@@ -105,8 +105,11 @@ class TargetEye:
     @property
     def wants_pilot(self) -> bool:
         """Whether a few probes should go ahead: the frame may turn out to be cheaper to render whole."""
-        possible = self._means.asked == "auto" and not self._means.blockers.get("packed")
-        return self._promise is not None and possible and float(np.mean(self._holes)) >= PILOT_FROM
+        share = float(np.mean(self._holes))
+        if self._promise is None or share < PILOT_FROM or self._means.asked != "auto":
+            return False
+        # A pilot is packed, and where a full render is the answer already there is nothing to find out.
+        return not self._means.blockers.get("packed") and self._means.choose(share).method != "full"
 
     def send_pilot(self) -> None:
         """Trace a few probes; `pilot_share` is then the share of the frame that they expect to be refined."""
@@ -139,7 +142,7 @@ class TargetEye:
         before, fills = self.traced, list[FillChoice]()
         measured = self._measured
         if measured is None or self._promise is None:
-            whole = self._promise is not None and bool(self.traced.all())
+            whole = self._accuracy.promise is not None and bool(self.traced.all())
             return Refinement(np.zeros_like(before), estimate=AS_RENDERED if whole else None, whole=whole)
         while len(fills) < ROUNDS:
             chosen = choose_refined(measured, self._promise, worst=self._accuracy.tile_limit)

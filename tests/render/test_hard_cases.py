@@ -24,8 +24,9 @@ FRAME_SLACK = 0.05
 REGION_SLACK = 0.05
 """The same, where the effect is: the ruler has a third of the frame's pixels there."""
 
-REST_TRACED = 0.15
-"""Share of what shows no effect that may be traced: borders, probes, and tiles that reach beyond the effect."""
+REST_TRACED = {"balanced": 0.2, "high": 0.3}
+"""Share of what shows no effect that may be traced: probes, silhouettes, which "high" has twice as wide, and tiles that
+reach beyond the effect: each is 8 of the frame's 240 pixels wide, and judged by those around it."""
 
 SAME_AS_RENDERED = 1.05
 """Noise ratio of what shows no effect; warping takes some noise away, which makes it less than 1."""
@@ -107,7 +108,7 @@ def test_the_effect_has_no_more_error_than_the_frame_may_have(case, accuracy):
 @pytest.mark.parametrize("accuracy", PROMISING)
 def test_the_rest_stays_warped_and_right(case, accuracy):
     rest = ~case.region
-    assert case.frames[accuracy].traced[rest].mean() <= REST_TRACED
+    assert case.frames[accuracy].traced[rest].mean() <= REST_TRACED[accuracy]
     assert case.ratio(accuracy, rest) <= SAME_AS_RENDERED
 
 
