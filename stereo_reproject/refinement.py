@@ -49,7 +49,7 @@ class Estimate:
 
 
 AS_RENDERED = Estimate(1.0, 1.0, 1.0)
-"""Of an eye that was rendered whole, or whose probes saw no noise to compare with."""
+"""Of an eye that was rendered whole and of whose noise nothing is known, or that has none."""
 
 
 def estimate(measured: Measured) -> Estimate:
@@ -57,8 +57,25 @@ def estimate(measured: Measured) -> Estimate:
     if not measured.frame_noise:
         return AS_RENDERED
     excess, error = _remaining(measured, np.nonzero(measured.refined)[0])
-    low, high = excess[-1] - CONFIDENT * error[-1], excess[-1] + CONFIDENT * error[-1]
-    return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess[-1], low, high)))
+    return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(measured, measured.refined))
+
+
+def as_rendered(measured: Measured | None) -> Estimate:
+    """Of a frame that is traced throughout: 1, give or take what chance does to any one render."""
+    if measured is None or not measured.frame_noise:
+        return AS_RENDERED
+    return _interval(0.0, _own_noise(measured, np.ones_like(measured.refined)))
+
+
+def _own_noise(measured: Measured, traced: NDArray[np.bool_]) -> float:
+    """Variance of the excess from the noise that the traced pixels happen to have, with these tiles (N,) among them."""
+    pixels = measured.frame_pixels - measured.pixels[~traced].sum()
+    return float(pixels * np.average(measured.noise**2, weights=measured.probes.weight) / measured.frame_noise**2)
+
+
+def _interval(excess: float, variance: float) -> Estimate:
+    reach = CONFIDENT * np.sqrt(variance)
+    return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach)))
 
 
 def choose_refined(

@@ -14,7 +14,7 @@ from .composite import composite, filtered
 from .fill import FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
 from .probes import Measured, measure, place_probes, with_refined
-from .refinement import AS_RENDERED, Estimate, choose_refined, estimate, expected_gain, local_noise
+from .refinement import Estimate, as_rendered, choose_refined, estimate, expected_gain, local_noise
 from .reprojection import Reprojection
 from .risk import contrast_of
 
@@ -100,6 +100,7 @@ class TargetEye:
         self._promise = accuracy.promise if watched and not holes.all() else None
         self._contrast = None if self._promise is None else contrast_of(warped[COLOUR_PASS], ~holes)
         self._measured: Measured | None = None
+        self._pilot: Measured | None = None
         self._seed = seed
 
     @property
@@ -118,6 +119,7 @@ class TargetEye:
         measured = self._trace_probed("packed", nothing, self._accuracy.probe_spacing * PILOT_SPACING, self._seed)
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
         chosen = choose_refined(measured, self._promise, sure=-1.0)
+        self._pilot = measured
         self.pilot_share = float(measured.pixels[chosen].sum() / self._holes.size)
 
     def fill(self) -> FillChoice:
@@ -143,7 +145,7 @@ class TargetEye:
         measured = self._measured
         if measured is None or self._promise is None:
             whole = self._accuracy.promise is not None and bool(self.traced.all())
-            return Refinement(np.zeros_like(before), estimate=AS_RENDERED if whole else None, whole=whole)
+            return Refinement(np.zeros_like(before), estimate=as_rendered(self._pilot) if whole else None, whole=whole)
         while len(fills) < ROUNDS:
             chosen = choose_refined(measured, self._promise, worst=self._accuracy.tile_limit)
             pixels = measured.probes.pixels_of(chosen) & ~self.traced
@@ -153,7 +155,7 @@ class TargetEye:
             warped = self.passes[COLOUR_PASS]
             if fills[-1].method == "full":
                 self._trace("full", ~self.traced)
-                return Refinement(self.traced & ~before, tuple(fills), AS_RENDERED, measured, whole=True)
+                return Refinement(self.traced & ~before, tuple(fills), as_rendered(measured), measured, whole=True)
             self._trace(fills[-1].method, pixels)
             traced = self.passes[COLOUR_PASS]
             measured = with_refined(measured, chosen, pixels, local_noise(measured), warped=warped, traced=traced)
