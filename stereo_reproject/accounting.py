@@ -12,7 +12,12 @@ from .effects import SEEN_DIFFERENTLY, Effect
 from .holes import Reason
 from .probes import Measured
 
-FROM_REASON = {Reason.VOLUME: Effect.VOLUME, Reason.DEFOCUS: Effect.DEPTH_OF_FIELD, Reason.MOTION: Effect.MOTION_BLUR}
+FROM_REASON = {
+    Reason.VOLUME: Effect.VOLUME,
+    Reason.DEFOCUS: Effect.DEPTH_OF_FIELD,
+    Reason.MOTION: Effect.MOTION_BLUR,
+    Reason.TRANSPARENT: Effect.TRANSMISSION,
+}
 """Reasons that are an effect's own; pixels with any other are on the account of what they show."""
 
 ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.MOTION | Reason.TRANSPARENT | Reason.REFINED | Reason.PROBE

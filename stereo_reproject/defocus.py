@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .camera import Camera, PerspectiveCamera
 from .frustum import Lens
 from .holes import Steps
-from .risk import contrast_of, mean_of
+from .risk import Contrast
 from .silhouettes import ALIKE
 
 SMALLEST = 1.0
@@ -34,17 +34,17 @@ def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[n
 def blurred_edges(
     steps: Steps,
     radius: NDArray[np.float32],
-    colour: NDArray[np.float32],
-    known: NDArray[np.bool_],
+    gradient: NDArray[np.float32],
+    contrast: Contrast,
     *,
     threshold: float,
     tolerance: float,
 ) -> NDArray[np.bool_]:
     """(H, W): pixels that an edge's blur reaches and whose colour is off by more than the noise when it is warped.
 
-    steps are those in disparity; radius (H, W) that of the blur at the nearer side; colour (H, W, >= 3) is scene-linear
-    and known (H, W) where it is set. What the eye sees there is off by up to half of the step, and so the colour by
-    that much of its gradient. tolerance is in standard deviations of the noise.
+    steps are those in disparity; radius (H, W) that of the blur at the nearer side; gradient (H, W) the change of
+    colour from a pixel to the next. What the eye sees there is off by up to half of the step, and so the colour by that
+    much of its gradient. tolerance is in standard deviations of the noise.
     """
     edges = steps.beside(threshold) & (radius >= SMALLEST)
     if not edges.any():
@@ -57,9 +57,8 @@ def blurred_edges(
         if (edges & among).any():
             reached = np.maximum(reached, _spread(np.where(among, step, 0.0), reach))
         below = reach
-    error = (MISPLACED * reached * _gradient(colour, known)) ** 2
-    noise = contrast_of(colour, known).noise
-    return (reached > 0.0) & known & (error > np.maximum(tolerance**2 * noise, ALIKE**2))
+    error = (MISPLACED * reached * gradient) ** 2
+    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, ALIKE**2))
 
 
 def _largest_step(steps: Steps) -> NDArray[np.float32]:
@@ -83,15 +82,6 @@ def _spread(image: NDArray, reach: int) -> NDArray:
             result[:-shift] = np.maximum(result[:-shift], moved[shift:])
         image = np.moveaxis(result, 0, axis)
     return image
-
-
-def _gradient(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W) change of colour from a pixel to the next in its row, after tone mapping, with the noise averaged."""
-    mean = mean_of(colour, known)
-    result = np.zeros(mean.shape[:2], np.float32)
-    both = known[:, 2:] & known[:, :-2]
-    result[:, 1:-1] = np.where(both, np.sqrt(np.mean((mean[:, 2:] - mean[:, :-2]) ** 2, axis=-1)) / 2.0, 0.0)
-    return result
 
 
 def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:

@@ -57,13 +57,16 @@ PROBED = "probes measure how wrong its warped pixels are, and the worst tiles ar
 
 HANDLING: dict[Effect, str] = {
     Effect.GLOSSY: f"reflections are warped with the surface that shows them; {PROBED}",
-    Effect.TRANSMISSION: f"what is seen through it is warped with its surface; {PROBED}",
+    Effect.TRANSMISSION: (
+        "what is seen through it is traced where it may lie far behind and has contrast, else warped with its surface; "
+        f"{PROBED}"
+    ),
     Effect.ALPHA: f"what is seen through it is warped with the surface that the depth pass has; {PROBED}",
     Effect.SUBSURFACE: f"warped with its surface; {PROBED}",
     Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {PROBED}",
-    Effect.VOLUME: f"it has no depth and is warped with the surface behind it; {PROBED}",
+    Effect.VOLUME: f"before the sky it is traced, else warped with the surface behind it; {PROBED}",
     Effect.HAIR: f"silhouettes of strands are traced, and what lies between is warped; {PROBED}",
-    Effect.DEPTH_OF_FIELD: f"what is blurred is warped by its sharp depth, and traced with the scene's lens; {PROBED}",
+    Effect.DEPTH_OF_FIELD: f"blurred edges are traced, with the scene's lens, what else is blurred is warped; {PROBED}",
     Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {PROBED}",
     Effect.BUMP: "nothing: it looks the same to both eyes, and traced pixels filter it as a plain render does",
     Effect.CAMERA_DEPENDENT: f"warped as the source eye sees it; {PROBED}",

@@ -19,6 +19,8 @@ from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
 from .lookup import touches
 from .masks import dilate
 from .passes import COLOUR_PASS, DEPTH_PASS, MASKED_PASS, Passes
+from .refracted import seen_through
+from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
 from .warp import Warp, forward_warp
 
@@ -96,12 +98,13 @@ class Marking:
         target = _TargetEdges(self, warped, warp)
         edges = target.silhouettes(reasons, accuracy)
         reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
-        promised = accuracy.promise is not None
-        if promised and self.lens.aperture > 0.0:
-            reasons[answered & target.out_of_focus(accuracy)] |= Reason.DEFOCUS.bit
-        if promised and len(self.volumes):
-            empty = np.isposinf(warped[DEPTH_PASS][..., 0])
-            reasons[answered & empty & covered_by(self.volumes, self.target_camera)] |= Reason.VOLUME.bit
+        if accuracy.promise is not None:
+            known = target.known_beforehand(accuracy)
+            if len(self.volumes):
+                empty = np.isposinf(warped[DEPTH_PASS][..., 0])
+                known[Reason.VOLUME] = empty & covered_by(self.volumes, self.target_camera)
+            for reason, pixels in known.items():
+                reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source:
             masked = self.source[MASKED_PASS][..., 0] > 0.0
             reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
@@ -154,13 +157,22 @@ class _TargetEdges:
         edges = differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
         return edges | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
 
-    def out_of_focus(self, accuracy: Accuracy) -> NDArray[np.bool_]:
-        """(H, W): what the blur of an edge mixes, as far as that shows."""
-        return blurred_edges(
-            self._steps,
-            nearer_side(self._blur, self._disparity),
-            self._warped[COLOUR_PASS],
-            self._warp.covered,
-            threshold=accuracy.silhouette_step,
-            tolerance=accuracy.colour_tolerance,
-        )
+    def known_beforehand(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
+        """(H, W) by reason: what cannot be warped, as far as that shows; no probe need tell."""
+        effects = effects_of(self._warped)
+        blurred, through = bool(self._marking.lens.aperture), bool((effects & Effect.TRANSMISSION.value).any())
+        if not (blurred or through):
+            return {}
+        colour, covered = self._warped[COLOUR_PASS], self._warp.covered
+        gradient, contrast = gradient_of(colour, covered), contrast_of(colour, covered)
+        result = {}
+        if blurred:
+            radius = nearer_side(self._blur, self._disparity)
+            step, tolerance = accuracy.silhouette_step, accuracy.colour_tolerance
+            result[Reason.DEFOCUS] = blurred_edges(
+                self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
+            )
+        if through:
+            limit = accuracy.tile_limit
+            result[Reason.TRANSPARENT] = seen_through(effects, self._disparity, gradient, contrast, limit=limit)
+        return result

@@ -48,6 +48,19 @@ def mean_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
     return _mean(tone(colour), known.astype(np.float32), (SMOOTHED, SMOOTHED))
 
 
+def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W) change of colour from a pixel to the next in its row, after `tone`, with the noise averaged.
+
+    0 where a neighbour is not known.
+    """
+    mean = mean_of(colour, known)
+    result = np.zeros(mean.shape[:2], np.float32)
+    both = known[:, 2:] & known[:, :-2] & known[:, 1:-1]
+    difference = np.sqrt(np.mean((mean[:, 2:] - mean[:, :-2]) ** 2, axis=-1)) / 2.0
+    result[:, 1:-1] = np.where(both, difference, 0.0)
+    return result
+
+
 def _mean(image: NDArray, weight: NDArray[np.float32], reach: tuple[int, int]) -> NDArray[np.float32]:
     """Mean of (H, W) or (H, W, C) over the pixels within `reach` that have weight; 0 where there are none."""
     weights = weight if image.ndim == 2 else weight[..., None]

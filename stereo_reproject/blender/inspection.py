@@ -204,7 +204,14 @@ def _warp_sketch(
     def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
         threshold = settings.grid_threshold
         return reproject(
-            source, source_camera, target_camera, accuracy=accuracy, invalid=invalid, grid_threshold=threshold
+            source,
+            source_camera,
+            target_camera,
+            accuracy=accuracy,
+            invalid=invalid,
+            grid_threshold=threshold,
+            lens=renderer.lens,
+            volumes=renderer.volumes,
         ).reasons
 
     accuracy = accuracy_of(settings)

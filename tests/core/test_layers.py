@@ -38,6 +38,7 @@ NUMERIC = {
     "refinement",
     "heuristic",
     "defocus",
+    "refracted",
     "label_places",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}
