@@ -6,11 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
 
-import numpy as np
-from numpy.typing import NDArray
-
-from .passes import COLOUR_PASS, EFFECTS_PASS, Passes
-
 
 class Effect(IntFlag):
     """Bit flags: of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
@@ -114,10 +109,3 @@ class EffectsPlan:
         """What may look different from each eye, in words."""
         found = (finding for finding in self.findings if finding.effect & SEEN_DIFFERENTLY)
         return tuple(dict.fromkeys(by for finding in found for by in finding.by))
-
-
-def effects_of(passes: Passes) -> NDArray[np.int32]:
-    """(H, W) flags of what the pixels show; 0 where that is not known."""
-    if EFFECTS_PASS not in passes:
-        return np.zeros(passes[COLOUR_PASS].shape[:2], np.int32)
-    return passes[EFFECTS_PASS][..., 0].astype(np.int32)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effects import Effect
-from .passes import Passes
+from .passes import COLOUR_PASS, EFFECTS_PASS, Passes
 
 CRYPTOMATTE = "CryptoMaterial"
 """How the names of Blender's passes of materials begin."""
@@ -60,3 +60,10 @@ def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> 
     values, place = np.unique(hashes, return_inverse=True)
     flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
     return flags[place.reshape(hashes.shape)]
+
+
+def effects_of(passes: Passes) -> NDArray[np.int32]:
+    """(H, W) flags of what the pixels show; 0 where that is not known."""
+    if EFFECTS_PASS not in passes:
+        return np.zeros(passes[COLOUR_PASS].shape[:2], np.int32)
+    return passes[EFFECTS_PASS][..., 0].astype(np.int32)

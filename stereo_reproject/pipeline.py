@@ -14,7 +14,8 @@ from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
-from .effects import Effect, EffectsPlan, effects_of
+from .effects import Effect, EffectsPlan
+from .effects_pass import effects_of
 from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid

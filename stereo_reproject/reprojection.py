@@ -12,7 +12,8 @@ from .accuracy import Accuracy
 from .camera import Camera, disparity_per_nearness
 from .composite import warp_passes
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
-from .effects import Effect, effects_of
+from .effects import Effect
+from .effects_pass import effects_of
 from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
