@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.camera import OrthographicCamera, PerspectiveCamera, ViewPlane
-from stereo_reproject.frustum import Frustum, Lens
+from stereo_reproject.frustum import Frustum, Lens, covered_by
 
 PLACE = np.array([[0.0, 0.0, 1.0, 3.0], [0.0, 1.0, 0.0, -2.0], [-1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 PLANE = ViewPlane(-0.5, 0.7, -0.3, 0.4)
@@ -57,3 +57,25 @@ def test_every_ray_from_the_lens_is_within_the_view():
         assert wide.may_meet(point)
         missed += not narrow.may_meet(point)
     assert missed > 100
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
+def test_the_pixels_of_a_box_cover_all_that_it_shows(camera):
+    corners = box((0.1, 0.05, -4.0), size=0.4)
+    covered = covered_by([corners], camera)
+    rng = np.random.default_rng(1)
+    inside = corners.min(axis=0) + rng.random((200, 3)) * np.ptp(corners, axis=0)
+    local = (inside - PLACE[:3, 3]) @ PLACE[:3, :3]
+    x, y, _ = camera.px_from_point(tuple(local.T), np.ones(200))
+    seen = (x >= 0) & (x < 400) & (y >= 0) & (y < 300)
+    assert covered[y[seen].astype(int), x[seen].astype(int)].all()
+    assert seen.any()
+    assert covered.mean() < 0.5
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
+def test_a_box_that_may_be_anywhere_covers_everything(camera):
+    assert covered_by([np.full((8, 3), np.inf)], camera).all()
+    assert covered_by([box((0.0, 0.0, 0.0), size=5.0)], camera).all()
+    assert not covered_by([], camera).any()
+    assert not covered_by([box((90.0, 0.0, -5.0))], camera).any()

@@ -1,0 +1,68 @@
+"""Accounts: pixels and seconds are on the effect that has asked for them, and on none twice."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.accounting import accounts
+from stereo_reproject.effects import Effect
+from stereo_reproject.holes import Reason
+
+SIZE = (10, 20)
+SECONDS = {"source": 9.0, "fill": 4.0, "refine": 2.0}
+
+
+def frame():
+    """Left half glossy, right half glass; a column of disoccluded pixels, a refined block in each half, two probes."""
+    shown = np.full(SIZE, Effect.GLOSSY.value, np.int32)
+    shown[:, 10:] = Effect.TRANSMISSION.value
+    reasons = np.zeros(SIZE, np.uint16)
+    reasons[:, 9] = Reason.DISOCCLUDED.bit
+    reasons[2:4, 0:3] = Reason.REFINED.bit
+    reasons[2:4, 12:14] = Reason.REFINED.bit
+    reasons[6, 3] = reasons[6, 15] = Reason.PROBE.bit
+    return shown, reasons
+
+
+def test_what_holes_cost_is_on_nobody_s_account():
+    shown, reasons = frame()
+    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, SECONDS, None)
+    assert told[Effect.GLOSSY].fraction == pytest.approx(7 / 200)
+    assert told[Effect.TRANSMISSION].fraction == pytest.approx(5 / 200)
+    per_fill = 4.0 / (10 + 2 * 2)
+    assert told[Effect.GLOSSY].seconds == pytest.approx(6 * 2.0 / 10 + 2 * per_fill)
+    assert told[Effect.TRANSMISSION].seconds == pytest.approx(4 * 2.0 / 10 + 2 * per_fill)
+    assert told[Effect.GLOSSY].excess is None
+
+
+def test_only_what_is_called_for_and_may_look_different_has_an_account():
+    shown, reasons = frame()
+    told = accounts(Effect.GLOSSY | Effect.BUMP | Effect.DENOISING, shown, reasons, SECONDS, None)
+    assert set(told) == {Effect.GLOSSY}
+    assert accounts(Effect(0), shown, reasons, SECONDS, None) == {}
+
+
+def test_a_pixel_of_two_effects_is_paid_for_once():
+    shown, reasons = frame()
+    shown[:] = (Effect.GLOSSY | Effect.TRANSMISSION).value
+    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, SECONDS, None)
+    assert told[Effect.GLOSSY].fraction == told[Effect.TRANSMISSION].fraction == pytest.approx(12 / 200)
+    total = sum(account.seconds for account in told.values())
+    assert total == pytest.approx(2.0 + 4 * 4.0 / 14)
+
+
+def test_a_reason_that_is_an_effect_s_own_is_on_its_account():
+    shown, reasons = frame()
+    reasons[:] = 0
+    reasons[0, :5] = Reason.DEFOCUS.bit
+    reasons[1, :3] = Reason.VOLUME.bit
+    told = accounts(Effect.GLOSSY | Effect.DEPTH_OF_FIELD | Effect.VOLUME, shown, reasons, SECONDS, None)
+    assert told[Effect.GLOSSY].fraction == 0.0
+    assert told[Effect.DEPTH_OF_FIELD].fraction == pytest.approx(5 / 200)
+    assert told[Effect.VOLUME].fraction == pytest.approx(3 / 200)
+
+
+def test_where_it_is_not_known_what_is_shown_all_effects_pay():
+    shown, reasons = frame()
+    told = accounts(Effect.GLOSSY | Effect.ALPHA, np.zeros_like(shown), reasons, SECONDS, None)
+    assert told[Effect.GLOSSY] == told[Effect.ALPHA]
+    assert told[Effect.GLOSSY].fraction == pytest.approx(12 / 200)
