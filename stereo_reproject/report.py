@@ -88,6 +88,25 @@ _REQUIRED: dict[str, _Rule] = {
     **{f"seconds.{name}": _AMOUNT for name in (*STAGES, "total")},
     "memory.peak_mb": _MEASURE,
 }
+_FLAG: _Rule = (lambda value: isinstance(value, bool), "true or false")
+
+_PARTS: dict[str, dict[str, _Rule]] = {
+    "estimate": {
+        **dict.fromkeys(("noise_ratio", "low", "high"), _AMOUNT),
+        **dict.fromkeys(("excess", "promise", "worst_tiles", "worst_tiles_promise"), _MEASURE),
+        "kept": _FLAG,
+        "from": _TEXT,
+    },
+    "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
+}
+_EFFECT: dict[str, _Rule] = {
+    "effect": _TEXT,
+    "called_for": _FLAG,
+    "handling": _TEXT,
+    "fraction": _FRACTION,
+    "seconds": _AMOUNT,
+    "excess": _MEASURE,
+}
 
 
 def _look_up(report: Mapping[str, Any], key: str) -> Any:
@@ -118,11 +137,23 @@ def check_report(report: Mapping[str, Any]) -> None:
     if report.get("compare") is not None:
         for name in COMPARISONS:
             _check(f"compare.{name}", _look_up(report, f"compare.{name}"), _MEASURE)
+    _check_parts(report)
     _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
     warnings = report.get("warnings", [])
     _check("warnings", warnings, (lambda value: isinstance(value, (list, tuple)), "a list of texts"))
     for warning in warnings:
         _check("warnings", warning, _TEXT)
+
+
+def _check_parts(report: Mapping[str, Any]) -> None:
+    """The same for what not every report has."""
+    for part, keys in _PARTS.items():
+        if report.get(part) is not None:
+            for name, rule in keys.items():
+                _check(f"{part}.{name}", _look_up(report, f"{part}.{name}"), rule)
+    for row in report.get("effects", ()):
+        for name, rule in _EFFECT.items():
+            _check(f"effects.{name}", row.get(name), rule)
 
 
 def _strict(value: Any) -> Any:

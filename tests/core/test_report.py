@@ -208,3 +208,55 @@ def test_table_shows_what_has_no_value(report):
 
 def test_table_keeps_further_stages(report):
     assert "  refine          2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
+
+
+ESTIMATE = {
+    "noise_ratio": 1.0123,
+    "low": 0.98,
+    "high": 1.04,
+    "excess": 0.0247,
+    "promise": 1.02,
+    "worst_tiles": 1.15,
+    "worst_tiles_promise": 1.2,
+    "kept": True,
+    "from": "probes",
+}
+PRICE = {"accuracy": "full", "seconds": 21.0, "more_seconds": 9.8, "traced": 1.0, "complete": True}
+EFFECTS = [
+    {"effect": "glossy", "called_for": True, "handling": "probed", "fraction": 0.0312, "seconds": 1.5, "excess": 0.01},
+    {"effect": "hair", "called_for": False, "handling": "nothing", "fraction": 0.0, "seconds": 0.0, "excess": None},
+]
+
+
+def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report):
+    report.update(estimate=ESTIMATE, price=PRICE, effects=EFFECTS)
+    check_report(report)
+    table = format_report_table(report)
+    assert "noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
+    assert "worst tiles 1.15; at most 1.20 promised" in table
+    assert "full: +9.8 s, 100.0 % traced, predicted" in table
+    assert "glossy                3.12 %    1.50 s" in table
+    assert "hair" not in table
+    report["estimate"] = {**ESTIMATE, "kept": False, "worst_tiles_promise": None}
+    report["price"] = {**PRICE, "complete": False}
+    table = format_report_table(report)
+    assert "not kept" in table
+    assert "worst tiles" not in table
+    assert "at least +9.8 s" in table
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [("estimate", "low", None), ("estimate", "kept", "yes"), ("price", "traced", 1.5), ("price", "seconds", -1.0)],
+)
+def test_wrong_values_of_estimate_and_price_are_named(report, part, name, value):
+    report.update(estimate=ESTIMATE, price=PRICE)
+    report[part] = {**report[part], name: value}
+    with pytest.raises(StereoReprojectError, match=f"{part}.{name}"):
+        check_report(report)
+
+
+def test_a_wrong_value_of_an_effect_is_named(report):
+    report["effects"] = [{**EFFECTS[0], "seconds": "long"}]
+    with pytest.raises(StereoReprojectError, match=r"effects.seconds"):
+        check_report(report)
