@@ -8,76 +8,89 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects import SEEN_DIFFERENTLY, Effect
+from .effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
+from .effects_pass import UNKNOWN
 from .holes import Reason
 from .probes import Measured
+from .refinement import CONFIDENT
 
 FROM_REASON = {
     Reason.VOLUME: Effect.VOLUME,
     Reason.DEFOCUS: Effect.DEPTH_OF_FIELD,
-    Reason.MOTION: Effect.MOTION_BLUR,
     Reason.TRANSPARENT: Effect.TRANSMISSION,
 }
 """Reasons that are an effect's own; pixels with any other are on the account of what they show."""
 
-ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.MOTION | Reason.TRANSPARENT | Reason.REFINED | Reason.PROBE
+ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.TRANSPARENT | Reason.REFINED | Reason.PROBE
 """Reasons that an effect has given: holes and silhouettes there would be without any."""
-
-EVERYWHERE = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
-"""Effects that no surface tells of: any pixel may have them."""
 
 
 @dataclass(frozen=True)
 class Account:
-    """Share of the target's pixels that was traced because of an effect, the seconds of that, and the excess error that
-    is left where it is seen; None where no probe tells. A pixel that shows several effects counts in the share and the
-    excess of each, and its seconds are divided between them."""
+    """What an effect has cost, and what is left of the error where it is seen.
+
+    fraction: share of the target's pixels that was traced because of it. seconds: of that; a pixel that shows several
+    effects is divided between them, and a probe that shows none is on everybody's account. excess: as in
+    `refinement.Estimate`, of the warped pixels that show it, with its 95 % confidence interval; None where no probe
+    tells.
+    """
 
     fraction: float
     seconds: float
-    excess: float | None
+    excess: tuple[float, float, float] | None
 
 
 def accounts(
     called_for: Effect,
     shown: NDArray[np.int32],
     reasons: NDArray[np.uint16],
+    traced: NDArray[np.bool_],
     seconds: Mapping[str, float],
     measured: Measured | None,
 ) -> dict[Effect, Account]:
     """The account of each effect that is called for and may be seen differently by each eye.
 
-    shown (H, W) holds the `Effect` flags of the target's pixels, reasons (H, W) why they were traced, seconds those of
-    the stages.
+    shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN where that is not known; reasons (H, W) say
+    why pixels were traced, and traced (H, W) which: those without a reason were traced because a full render was the
+    cheaper way. seconds are those of the stages.
     """
     wanted = called_for & SEEN_DIFFERENTLY
-    shown = np.where(shown > 0, shown, int(wanted)) | int(wanted & EVERYWHERE)
-    for reason, effect in FROM_REASON.items():
-        shown = np.where(reasons & reason.bit > 0, effect.value, shown)
-    shown &= int(wanted)
-    asked_for = (reasons & np.uint16(ASKED_FOR.value)) > 0
+    shown = _belonging(wanted, shown, reasons)
+    asked_for = ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
+    cost = np.where(asked_for, _seconds_per_pixel(reasons, traced, seconds), 0.0)
     several = sum(((shown & effect.value) > 0).astype(np.int32) for effect in wanted)
-    cost = _seconds_per_pixel(reasons, seconds) / np.maximum(several, 1)
+    everybodys = float(cost[shown == 0].sum()) / max(len(list(wanted)), 1)
     result = {}
     for effect in wanted:
         has = (shown & effect.value) > 0
-        result[effect] = Account(
-            float(np.mean(has & asked_for)), float(cost[has & asked_for].sum()), _excess(measured, has)
-        )
+        own = float((cost[has] / several[has]).sum())
+        result[effect] = Account(float(np.mean(has & asked_for)), own + everybodys, _excess(measured, has))
     return result
 
 
-def _seconds_per_pixel(reasons: NDArray[np.uint16], seconds: Mapping[str, float]) -> NDArray[np.float64]:
+def _belonging(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:
+    """(H, W) flags of the effects on whose account a pixel is."""
+    result = np.where(shown == UNKNOWN, int(wanted), shown | int(wanted & OF_THE_WHOLE_FRAME))
+    own = np.zeros_like(result)
+    for reason, effect in FROM_REASON.items():
+        own |= np.where((reasons & reason.bit) > 0, effect.value, 0)
+    return np.where(own > 0, own, result) & int(wanted)
+
+
+def _seconds_per_pixel(
+    reasons: NDArray[np.uint16], traced: NDArray[np.bool_], seconds: Mapping[str, float]
+) -> NDArray[np.float64]:
     """(H, W): the seconds that each traced pixel has cost; a probe is traced twice."""
     refined, probes = (reasons & Reason.REFINED.bit) > 0, (reasons & Reason.PROBE.bit) > 0
-    filled = np.where(probes, 2.0, ((reasons > 0) & ~refined).astype(np.float64))
+    filled = np.where(probes, 2.0, (traced & ~refined).astype(np.float64))
     cost = filled * (seconds.get("fill", 0.0) + seconds.get("pilot", 0.0)) / max(filled.sum(), 1.0)
     return cost + refined * seconds.get("refine", 0.0) / max(refined.sum(), 1.0)
 
 
-def _excess(measured: Measured | None, has: NDArray[np.bool_]) -> float | None:
+def _excess(measured: Measured | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
     if measured is None or not measured.frame_noise:
         return None
     probes = measured.probes
-    counted = has[probes.rows, probes.columns] & ~measured.refined
-    return float(measured.excess[counted].sum() / measured.frame_noise)
+    own = measured.excess[has[probes.rows, probes.columns] & ~measured.refined] / measured.frame_noise
+    excess, reach = float(own.sum()), CONFIDENT * float(np.sqrt(np.sum(own**2)))
+    return excess, excess - reach, excess + reach

@@ -1,4 +1,4 @@
-"""What an accuracy setting means for the pixels that are known, before any is traced, to need it."""
+"""What an accuracy setting promises, and what it has traced for that."""
 
 from __future__ import annotations
 

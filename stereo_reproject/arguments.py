@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from .accuracy import SETTINGS
 from .errors import BadInputError
 from .settings import (
     ACCURACIES,
@@ -82,6 +83,16 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
     _add_quiet(parser)
 
 
+def _promises() -> str:
+    """What each setting promises, in a line: the noise ratio at most."""
+    words = []
+    for name, accuracy in SETTINGS.items():
+        promise = "nothing" if accuracy.promise is None else f"a noise ratio of at most {accuracy.promise:g}"
+        worst = f" and worst tiles of at most {accuracy.tile_limit:g}" if accuracy.promises_worst_tiles else ""
+        words.append(f"{name} {promise}{worst}")
+    return ", ".join(words)
+
+
 def _add_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
 
@@ -116,7 +127,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--accuracy",
         choices=ACCURACIES,
         default=StereoSettings.accuracy,
-        help="how much of the other eye is traced anew where it cannot be taken over (%(default)s)",
+        help=f"what is promised of the other eye: {_promises()} (%(default)s)",
     )
     accuracy.add_argument(
         "--tolerance",

@@ -14,7 +14,7 @@ from .silhouettes import ALIKE
 SMALLEST = 1.0
 """Radius of a circle of confusion, in pixels, from which an edge is more than a silhouette."""
 
-RADII = (2, 4, 8, 16, 32)
+RADII = (2, 4, 8, 16, 32, 64, 128)
 """Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
 
 MISPLACED = 0.5
@@ -25,7 +25,8 @@ def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[n
     """(H, W) radius in pixels of the blur of a point at `depth` (H, W), from the lens's aperture; 0 without one."""
     if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
         return np.zeros(depth.shape, np.float32)
-    pixels_per_slope = camera.width / (camera.plane.right - camera.plane.left)
+    plane = camera.plane
+    pixels_per_slope = max(camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom))
     with np.errstate(divide="ignore", invalid="ignore"):
         blur = lens.aperture * np.abs(1.0 / depth - 1.0 / lens.focus) * pixels_per_slope
     return np.nan_to_num(blur, nan=0.0, posinf=RADII[-1]).astype(np.float32)
@@ -75,13 +76,20 @@ def _largest_step(steps: Steps) -> NDArray[np.float32]:
 def _spread(image: NDArray, reach: int) -> NDArray:
     """(H, W): the largest value within `reach` pixels, in a square."""
     for axis in (0, 1):
-        moved = np.moveaxis(image, axis, 0)
-        result = moved.copy()
-        for shift in range(1, min(reach, moved.shape[0] - 1) + 1):
-            result[shift:] = np.maximum(result[shift:], moved[:-shift])
-            result[:-shift] = np.maximum(result[:-shift], moved[shift:])
+        result, have = np.moveaxis(image, axis, 0), 0
+        while have < reach:
+            shift = min(have + 1, reach - have)
+            result, have = np.maximum(result, np.maximum(_moved(result, shift), _moved(result, -shift))), have + shift
         image = np.moveaxis(result, 0, axis)
     return image
+
+
+def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
+    """The rows of the image `shift` further down (up, if negative); `fill` where there are none."""
+    result = np.full_like(image, fill)
+    if abs(shift) < len(image):
+        result[max(shift, 0) : len(image) + min(shift, 0)] = image[max(-shift, 0) : len(image) + min(-shift, 0)]
+    return result
 
 
 def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:
@@ -90,7 +98,7 @@ def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.flo
     nearest, result = near.copy(), blur.copy()
     for axis in (0, 1):
         for shift in (1, -1):
-            beside, its_blur = np.roll(near, shift, axis), np.roll(blur, shift, axis)
+            beside, its_blur = (np.moveaxis(_moved(np.moveaxis(a, axis, 0), shift), 0, axis) for a in (near, blur))
             nearer = beside > nearest
             nearest, result = np.where(nearer, beside, nearest), np.where(nearer, its_blur, result)
     return result

@@ -48,7 +48,10 @@ SEEN_DIFFERENTLY = (
 """Effects that may make a warped pixel wrong: where none of them is called for, no probe is traced."""
 
 
-PROBED = "probes measure how wrong its warped pixels are, and the worst tiles are traced (draft: none are)"
+OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
+"""Effects that no material shows: any pixel may have them."""
+
+PROBED = "probes measure how wrong its warped pixels are, the worst tiles are traced (draft: all is warped)"
 
 HANDLING: dict[Effect, str] = {
     Effect.GLOSSY: f"reflections are warped with the surface that shows them; {PROBED}",

@@ -62,8 +62,18 @@ def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> 
     return flags[place.reshape(hashes.shape)]
 
 
+UNKNOWN = -1
+"""In place of flags, where it is not known what a pixel shows."""
+
+
 def effects_of(passes: Passes) -> NDArray[np.int32]:
-    """(H, W) flags of what the pixels show; 0 where that is not known."""
+    """(H, W) flags of what the pixels show, all of them UNKNOWN without the pass."""
     if EFFECTS_PASS not in passes:
-        return np.zeros(passes[COLOUR_PASS].shape[:2], np.int32)
+        return np.full(passes[COLOUR_PASS].shape[:2], UNKNOWN, np.int32)
     return passes[EFFECTS_PASS][..., 0].astype(np.int32)
+
+
+def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
+    """(H, W): the pixels that are known to show the effect."""
+    flags = effects_of(passes)
+    return (flags != UNKNOWN) & ((flags & effect.value) > 0)

@@ -25,24 +25,28 @@ def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, Account]) -> lis
                 "handling": finding.handling,
                 "fraction": 0.0 if account is None else account.fraction,
                 "seconds": 0.0 if account is None else account.seconds,
-                "excess": None if account is None else account.excess,
+                **dict(zip(("excess", "excess_low", "excess_high"), _excess(account), strict=True)),
             }
         )
     return rows
 
 
-def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any] | None:
-    """What the probes say of the finished target, and whether that is what was promised; None where none were traced.
+def _excess(account: Account | None) -> tuple[float | None, float | None, float | None]:
+    return (None, None, None) if account is None or account.excess is None else account.excess
+
+
+def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
+    """What the probes say of the finished target, and whether that is what was promised; null where none were traced.
 
     probes counts those of the tiles that stayed warped, from which the figures are; tiles is the side of one in pixels.
     """
     estimate, measured = refinement.estimate, refinement.measured
     if estimate is None:
-        return None
+        return _no_estimate(accuracy)
     whole = measured is None or refinement.whole
     worst = 1.0 if whole else worst_tiles(measured)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
-    kept = accuracy.promise is not None and estimate.noise_ratio <= accuracy.promise
+    kept = accuracy.promise is None or estimate.noise_ratio <= accuracy.promise
     return {
         "noise_ratio": estimate.noise_ratio,
         "low": estimate.low,
@@ -56,3 +60,11 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
         "tiles": None if measured is None else measured.probes.spacing,
         "from": "rendered whole" if whole else "probes",
     }
+
+
+def _no_estimate(accuracy: Accuracy) -> dict[str, Any]:
+    unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tiles")
+    why = "this accuracy promises nothing, and has no probes"
+    if accuracy.promise is not None:
+        why = "nothing that is seen looks different from each eye, and calls for probes"
+    return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": why}

@@ -13,6 +13,12 @@ PACKED_PER_PIXEL = 1.15
 CARD_PER_PIXEL = 0.1
 """Cost of a masked pixel behind a card over one of the source."""
 
+CARD_SPACING = 3
+"""How many times further apart probes are behind a card: each opens it for its whole filter."""
+
+OPENED = 25
+"""Pixels that a probe opens a card for, with a filter of the usual width."""
+
 CLEARLY_LOWER = 0.9
 """Tracing holes is taken when it is predicted to cost less than this share of a full render."""
 
@@ -50,21 +56,32 @@ def check_fill(asked: str, blockers: Mapping[str, str | None]) -> None:
 
 
 def choose_fill(
-    asked: str, fraction: float, cost: SourceCost, blockers: Mapping[str, str | None], *, expected: float = 0.0
+    asked: str,
+    fraction: float,
+    cost: SourceCost,
+    blockers: Mapping[str, str | None],
+    *,
+    spacing: int | None = None,
+    expected: float = 0.0,
 ) -> FillChoice:
-    """The fill for a frame of which `fraction` is to be traced.
+    """The fill for a frame of which `fraction` is to be traced, and one probe in each tile of `spacing` pixels, if any.
 
     blockers names the methods with why they cannot be used here, or None. expected is the share of the frame that will
     then have to be traced as well: if that makes a full render the cheaper way, it is taken at once.
     """
     if expected and asked == "auto":
-        whole = choose_fill(asked, fraction + expected, cost, blockers)
+        whole = choose_fill(asked, fraction + expected, cost, blockers, spacing=spacing)
         if whole.method == "full":
             note = f"{100 * expected:.0f} % of the frame is expected to be refined"
             return FillChoice("full", f"{whole.reason}; {note}", whole.predicted_seconds)
+    probes = 2.0 / spacing**2 if spacing else 0.0
+    opened = OPENED / (CARD_SPACING * spacing) ** 2 if spacing else 0.0
     predicted = {
-        "packed": cost.fixed + PACKED_PER_PIXEL * fraction * cost.per_frame,
-        "card": cost.fixed + min(CARD_PER_PIXEL + PACKED_PER_PIXEL * fraction, 1.1) * cost.per_frame,
+        "packed": cost.fixed + PACKED_PER_PIXEL * (fraction + probes) * cost.per_frame,
+        # A card's probes are traced again in a render of their own.
+        "card": cost.fixed
+        + min(CARD_PER_PIXEL + PACKED_PER_PIXEL * (fraction + opened), 1.1) * cost.per_frame
+        + (cost.fixed + (CARD_PER_PIXEL + PACKED_PER_PIXEL * opened) * cost.per_frame if spacing else 0.0),
         "full": cost.fixed + cost.per_frame,
     }
     if asked != "auto":

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from .camera import Camera, OrthographicCamera
 
+NEAREST = 1e-6
+"""Depth up to which a corner counts as behind the camera: its place in the picture cannot be told."""
+
 PIXELS_BEYOND = 4.0
 """Pixels that count as seen beyond the frame's edge: the reach of any usual pixel filter, and rounding."""
 
@@ -42,7 +45,7 @@ class Frustum:
         )
         # Outside of a side: n . (x, y) + w z > c, with z < 0 ahead; depth is -z.
         flat = isinstance(camera, OrthographicCamera)
-        sides = [(*n, 0.0 if flat else e + slope, radius + (e if flat else 0.0)) for n, e in edges]
+        sides = [(*n, slope if flat else e + slope, radius + (e if flat else 0.0)) for n, e in edges]
         sides.append((0.0, 0.0, 1.0, -lens.near))
         if np.isfinite(lens.far):
             sides.append((0.0, 0.0, -1.0, lens.far))
@@ -57,17 +60,25 @@ class Frustum:
         return not outside.all(axis=0).any()
 
 
-def covered_by(boxes: Sequence[NDArray], camera: Camera) -> NDArray[np.bool_]:
-    """(H, W): the pixels that the bounds of the boxes' corners (8, 3) in the world cover; all, if one is not ahead."""
+def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
+    """(H, W): the pixels that the bounds of the boxes' corners (8, 3) in the world cover.
+
+    All, if one that is in view reaches behind the camera or may be anywhere.
+    """
     result = np.zeros((camera.height, camera.width), bool)
+    frustum = Frustum(camera, lens)
     camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
     for corners in boxes:
         if not np.isfinite(corners).all():
             return np.ones_like(result)
+        if not frustum.may_meet(corners):
+            continue
         local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
-        if (local[:, 2] >= 0.0).any():
+        if (local[:, 2] >= -NEAREST).any():
             return np.ones_like(result)
         x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
-        left, top = (max(int(np.floor(np.min(values))), 0) for values in (x, y))
-        result[top : max(int(np.ceil(np.max(y))), 0), left : max(int(np.ceil(np.max(x))), 0)] = True
+        low, high = (np.array([bound(x), bound(y)]) for bound in (np.min, np.max))
+        left, top = np.clip(low - PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
+        right, bottom = np.clip(high + PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
+        result[top:bottom, left:right] = True
     return result

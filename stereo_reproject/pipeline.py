@@ -15,7 +15,7 @@ from .accuracy import Accuracy, accuracy_of
 from .camera import Camera, see_the_same
 from .composite import contain
 from .effects import Effect, EffectsPlan
-from .effects_pass import effects_of
+from .effects_pass import UNKNOWN, effects_of
 from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid
@@ -108,9 +108,10 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite. accuracy takes
-    the place of the one that the settings name. Raises BadInputError when the settings cannot be met for this scene,
-    StereoReprojectError when a render fails.
+    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite, and account,
+    which comes after the pair is finished and is not in the total. accuracy takes the place of the one that the
+    settings name. Raises BadInputError when the settings cannot be met for this scene, StereoReprojectError when a
+    render fails.
     """
     watch = Stopwatch(on_stage)
     accuracy = accuracy_of(settings) if accuracy is None else accuracy
@@ -151,11 +152,15 @@ def render_stereo_frame(
 
     watch.lap("composite")
     finished, lost = contain(target.passes)
-    watch.lap()
-
+    watch.lap("account")
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)
-    shown = effects_of(finished)
+    shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)
+    told = None if refinement.whole else refinement.measured
+    spent = accounts(renderer.plan.called_for, shown, reasons, target.traced, seconds, told)
+    price = price_of(next_better(accuracy), reprojection, refinement, means, seconds, fill, watched=watched)
+    watch.lap()
+
     return StereoFrame(
         eyes={settings.source: without_ours(source), settings.target: without_ours(finished)},
         reasons=reasons,
@@ -164,10 +169,10 @@ def render_stereo_frame(
         fill=fill,
         refinement=refinement,
         pilot_share=target.pilot_share,
-        seconds=seconds,
+        seconds={**watch.seconds, "total": seconds["total"]},
         source_cost=cost,
-        accounts=accounts(renderer.plan.called_for, shown, reasons, seconds, refinement.measured),
-        price=price_of(next_better(accuracy), reprojection, refinement, means, seconds),
+        accounts=spent,
+        price=price,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
     )
 

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .effects import SEEN_DIFFERENTLY, Effect
+from .effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from .fill import FillChoice, SourceCost, choose_fill
 from .holes import Reason
-from .tracing import CARD_SPACING
-
-OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
-"""Effects that no material shows: any pixel may have them."""
+from .tracing import Means
 
 
 @dataclass(frozen=True)
@@ -44,6 +41,8 @@ class Holes:
     outside: float
     silhouette: float
     total: float
+    beforehand: float = 0.0
+    """Of what the sketch shows to be beyond a warp: blurred edges, volumes before the sky, contrast behind glass."""
 
 
 @dataclass(frozen=True)
@@ -100,13 +99,16 @@ def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
 def predict_holes(reasons: NDArray[np.uint16], scale: float) -> Holes:
     """Shares at the picture's size, from the sketch's `holes.Reason` flags (H, W).
 
-    What is disoccluded or outside keeps its share of the picture; a band along silhouettes keeps its pixels.
+    What is disoccluded, outside or known beforehand to be beyond a warp keeps its share of the picture; a band along
+    silhouettes keeps its pixels.
     """
     lost = (reasons & (Reason.DISOCCLUDED.bit | Reason.OUTSIDE.bit)) > 0
     edges = (reasons & Reason.SILHOUETTE.bit) > 0
     band = scale * float(np.mean(edges & ~lost))
+    known = (reasons & (Reason.DEFOCUS.bit | Reason.VOLUME.bit | Reason.TRANSPARENT.bit)) > 0
+    beforehand = float(np.mean(known & ~lost & ~edges))
     shares = [float(np.mean((reasons & reason.bit) > 0)) for reason in (Reason.DISOCCLUDED, Reason.OUTSIDE)]
-    return Holes(shares[0], shares[1], band, min(float(np.mean(lost)) + band, 1.0))
+    return Holes(shares[0], shares[1], band, min(float(np.mean(lost)) + band + beforehand, 1.0), beforehand)
 
 
 def effect_shares(called_for: Effect, flags: NDArray | None) -> dict[Effect, float]:
@@ -143,9 +145,9 @@ def predict(
     rest = 1.0 - holes.total
     if fill.method == "full" or accuracy.promise is None or shown == 0.0:
         return Prediction(cost, warp_seconds, holes, 0.0, shown * rest, fill, fill.predicted_seconds, (0.0, 0.0))
-    spacing = accuracy.probe_spacing * (CARD_SPACING if fill.method == "card" else 1)
-    probes = 2.0 * rest / spacing**2
-    traced = choose_fill(fill.method, min(holes.total + probes, 1.0), cost, blockers).predicted_seconds
+    probes = 2.0 * rest / Means.spacing(fill.method, accuracy.probe_spacing) ** 2
+    filled = choose_fill(fill.method, holes.total, cost, blockers, spacing=accuracy.probe_spacing)
+    traced = filled.predicted_seconds
     refine = choose_fill(asked, shown * rest, cost, blockers).predicted_seconds
     return Prediction(cost, warp_seconds, holes, probes, shown * rest, fill, traced, (0.0, refine))
 
@@ -172,6 +174,7 @@ def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
             "disoccluded": holes.disoccluded,
             "outside": holes.outside,
             "silhouette": holes.silhouette,
+            "beforehand": holes.beforehand,
             "holes": holes.total,
             "probes": prediction.probes,
             "called_for": prediction.called_for,

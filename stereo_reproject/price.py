@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from .accuracy import SETTINGS, Accuracy
+from .fill import FillChoice
 from .refinement import choose_refined
 from .reprojection import Reprojection
 from .tracing import Means, Refinement
@@ -35,32 +37,50 @@ def next_better(accuracy: Accuracy) -> str:
 
 
 def price_of(
-    name: str, reprojection: Reprojection, refinement: Refinement, means: Means, seconds: dict[str, float]
+    name: str,
+    reprojection: Reprojection,
+    refinement: Refinement,
+    means: Means,
+    seconds: Mapping[str, float],
+    fill: FillChoice,
+    *,
+    watched: bool,
 ) -> Price:
     """What the accuracy called `name` would have cost this frame.
 
-    refinement holds what its probes have told, seconds those of the stages.
+    refinement holds what its probes have told, if it was `watched` by any; seconds are those of the stages, fill is how
+    its holes were traced. What would be traced is predicted to take as much longer or shorter than fills are said to as
+    this frame's own did, and to cost no less than it.
     """
+    total = seconds["total"]
     if refinement.whole:
-        return Price(WHOLE, seconds["total"], 0.0, 1.0, complete=True)
-    measured = refinement.measured
-    spent = {"fill": seconds.get("fill", 0.0), "refine": seconds.get("refine", 0.0)}
-    apart = seconds["total"] - sum(spent.values())
+        return Price(WHOLE, total, 0.0, 1.0, complete=True)
+    spent = seconds.get("fill", 0.0) + seconds.get("refine", 0.0)
+    apart = total - spent
     if name == WHOLE:
-        total = apart - seconds.get("pilot", 0.0) + means.cost.fixed + means.cost.per_frame
-        return Price(name, total, total - seconds["total"], 1.0, complete=True)
-    accuracy = SETTINGS[name]
+        more = max(apart - seconds.get("pilot", 0.0) + means.cost.fixed + means.cost.per_frame - total, 0.0)
+        return Price(name, total + more, more, 1.0, complete=True)
+    predicted = sum(choice.predicted_seconds for choice in (fill, *refinement.fills))
+    pace = spent / predicted if predicted > 0.0 else 1.0
+    to_trace, share = _tracing(SETTINGS[name], reprojection, refinement, means, watched=watched)
+    more = max(apart + pace * to_trace - total, 0.0)
+    return Price(name, total + more, more, share, complete=refinement.measured is not None or not watched)
+
+
+def _tracing(
+    accuracy: Accuracy, reprojection: Reprojection, refinement: Refinement, means: Means, *, watched: bool
+) -> tuple[float, float]:
+    """Predicted seconds of the fill and of refinement at another accuracy, and the share of the target traced."""
     holes = reprojection.reasons_at(accuracy) > 0
-    probes = 2.0 / accuracy.probe_spacing**2
-    fill = means.choose(float(np.mean(holes)) + probes)
-    total, traced = apart + fill.predicted_seconds, holes
+    spacing = accuracy.probe_spacing
+    fill = means.choose(float(np.mean(holes)), spacing=spacing if watched else None)
     if fill.method == "full":
-        traced = np.ones_like(holes)
-    elif measured is not None and accuracy.promise is not None:
-        chosen = choose_refined(measured, accuracy.promise, worst=accuracy.tile_limit) | measured.refined
-        pixels = measured.probes.pixels_of(chosen) & ~holes
-        if pixels.any():
-            total += means.choose(float(np.mean(pixels))).predicted_seconds
-        traced = holes | pixels
-    share = min(float(np.mean(traced)) + 0.5 * probes, 1.0)
-    return Price(name, total, total - seconds["total"], share, complete=measured is not None)
+        return fill.predicted_seconds, 1.0
+    probes = 1.0 / means.spacing(fill.method, spacing) ** 2 if watched else 0.0
+    measured = refinement.measured
+    if measured is None or accuracy.promise is None:
+        return fill.predicted_seconds, min(float(np.mean(holes)) + probes, 1.0)
+    chosen = choose_refined(measured, accuracy.promise, worst=accuracy.tile_limit) | measured.refined
+    pixels = measured.probes.pixels_of(chosen) & ~holes
+    refining = means.choose(float(np.mean(pixels))).predicted_seconds if pixels.any() else 0.0
+    return fill.predicted_seconds + refining, min(float(np.mean(holes | pixels)) + probes, 1.0)

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .metrics import squared_error, tone
-from .risk import Contrast
+from .risk import Contrast, box_sum
 
 EVEN = 0.5
 """Share of a probe's chance that is spread evenly over its tile: no pixel stands for more than the rest allows."""
 
 LOUDEST = 25.0
-"""How many times the others' mean noise a probe's may be. One firefly in one trace is more than the noise of a whole
-frame: taken as it is, nothing would seem wrong beside it."""
+"""How many times the mean noise of those around it, or of all others, a probe's may be. One firefly in one trace is
+more than the noise of a whole frame: taken as it is, nothing would seem wrong beside it."""
 
 NOISE_AS_RISK = 0.5
 """Weight of noise beside contrast in a tile's risk: where nothing is to be seen, tiles differ by little else."""
@@ -65,6 +65,12 @@ class Probes:
     def in_tiles(self, image: NDArray) -> NDArray[np.float64]:
         """(N,): the sum of an image (H, W) over each probe's tile."""
         return _tile_sums(image, self.spacing)[self.tiles]
+
+    def around(self, values: NDArray, reach: int = 2) -> NDArray[np.float64]:
+        """(N,): the sum of values (N,) over the tiles within `reach` of each, without its own."""
+        grid = np.zeros(self.tile_grid)
+        grid[self.tiles] = values
+        return box_sum(grid, (reach, reach))[self.tiles] - values
 
     def pixels_of(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(H, W): the pixels of the tiles of the probes that are set in chosen (N,)."""
@@ -140,12 +146,13 @@ def measure(
     known = np.isfinite(w).all(axis=-1) & np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
     error = np.mean((w - a) * (w - b), axis=-1)
-    noise = _capped(np.mean((a - b) ** 2, axis=-1) / 2.0)
+    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
+    share = _heard(probes, noise)
     risk = contrast.signal + NOISE_AS_RISK * contrast.noise
     return Measured(
         probes=probes,
-        excess=probes.weight * (error - noise),
-        noise=noise,
+        excess=probes.weight * share * (error - noise),
+        noise=share * noise,
         pixels=probes.in_tiles(warped),
         risk=probes.in_tiles(np.where(warped, risk, 0.0)),
         refined=np.zeros(w.shape[0], bool),
@@ -153,9 +160,12 @@ def measure(
     )
 
 
-def _capped(noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    others = (noise.sum() - noise) / max(noise.size - 1, 1)
-    return np.where(others > 0.0, np.minimum(noise, LOUDEST * others), noise)
+def _heard(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,): the share of what each probe says that counts, so that none is louder than LOUDEST allows."""
+    everywhere = (noise.sum() - noise) / max(noise.size - 1, 1)
+    nearby = probes.around(noise) / np.maximum(probes.around(np.ones_like(noise)), 1.0)
+    allowed = LOUDEST * np.maximum(nearby, everywhere)
+    return np.where((noise > allowed) & (allowed > 0.0), allowed / np.where(noise > 0.0, noise, 1.0), 1.0)
 
 
 def with_refined(
@@ -172,6 +182,8 @@ def with_refined(
     pixels (H, W) are those that were traced, warped and traced (H, W, >= 3) the colours before and after; noise (N,) is
     the variance of one traced pixel there.
     """
-    error = np.where(pixels, squared_error(warped, traced), 0.0)
-    excess = measured.probes.in_tiles(error) - 2.0 * noise * measured.probes.in_tiles(pixels)
+    known = pixels & np.isfinite(warped[..., :3]).all(axis=-1) & np.isfinite(traced[..., :3]).all(axis=-1)
+    error = np.zeros(known.shape)
+    error[known] = squared_error(warped[known], traced[known])
+    excess = measured.probes.in_tiles(error) - 2.0 * noise * measured.probes.in_tiles(known)
     return replace(measured, excess=np.where(refined, excess, measured.excess), refined=measured.refined | refined)

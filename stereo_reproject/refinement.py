@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .metrics import TILE
 from .probes import Measured
-from .risk import box_sum
+from .silhouettes import ALIKE
 
 NEIGHBOURS = 2
 """Tiles each way that tell how wrong a tile is likely to be, for the frame as a whole."""
@@ -48,7 +49,7 @@ class Estimate:
         return self.noise_ratio**2 - 1.0
 
 
-AS_RENDERED = Estimate(1.0, 1.0, 1.0)
+AS_RENDERED = Estimate(1.0, float("nan"), float("nan"))
 """Of an eye that was rendered whole and of whose noise nothing is known, or that has none."""
 
 
@@ -88,9 +89,12 @@ def choose_refined(
     """
     free = ~measured.refined
     if not measured.frame_noise:
-        # Without noise there is no ratio to it: whatever is off at all is traced.
-        return free & (measured.excess > 0.0)
-    order = np.argsort(np.where(free, -_likely(measured, NEIGHBOURS)[0], np.inf), kind="stable")[: int(free.sum())]
+        # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
+        return free & (measured.excess > ALIKE**2 * measured.pixels)
+    likely = _likely(measured, NEIGHBOURS)[0]
+    # Where nothing is likely to be gained, nothing is: what a lone probe says of its own tile is for the estimate.
+    candidates = np.nonzero(free & (likely > 0.0))[0]
+    order = candidates[np.argsort(-likely[candidates], kind="stable")]
     excess, error = _remaining(measured, np.concatenate([np.nonzero(measured.refined)[0], order]))
     bound = (excess + sure * error)[int(measured.refined.sum()) :]
     reached = np.nonzero(bound <= promise**2 - 1.0)[0]
@@ -109,12 +113,21 @@ def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
 
 
 def worst_tiles(measured: Measured) -> float:
-    """What `metrics.worst_tiles` is likely to be, but for chance: a second plain render too is above 1 by that."""
+    """What `metrics.worst_tiles` is likely to be, but for chance: a second plain render too is above 1 by that.
+
+    Each tile is judged by those around it: what is wrong in one alone is told too low.
+    """
     if not measured.frame_noise:
         return 1.0
-    noise = local_noise(measured)
+    noise, probes = local_noise(measured), measured.probes
     likely = np.where(measured.refined, 0.0, np.maximum(_likely(measured, NEAREST)[0], 0.0))
-    return float(np.percentile(np.sqrt(1.0 + likely / (2.0 * np.maximum(noise, np.median(noise)))), 99.0))
+    ratio = np.zeros(probes.tile_grid)
+    # Tiles without a probe are traced throughout: nothing is off there.
+    ratio[probes.tiles] = likely / (2.0 * np.maximum(noise, np.median(noise)))
+    block = max(1, TILE // probes.spacing)
+    rows, columns = (np.arange(0, size, block) for size in ratio.shape)
+    sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (ratio, np.ones_like(ratio)))
+    return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))
 
 
 def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
@@ -136,28 +149,20 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
 def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     """(N,) excess of a pixel of each tile, judged by the risk of the tile and the excess over the risk of those around
     it, its own left out; and the standard error of that."""
-    around = _around(measured, measured.excess, reach)
-    risk = np.maximum(_around(measured, measured.risk, reach), 1e-30)
-    pixels = np.maximum(_around(measured, measured.pixels, reach), 1.0)
+    around = measured.probes.around(measured.excess, reach)
+    risk = np.maximum(np.maximum(measured.probes.around(measured.risk, reach), measured.risk), 1e-30)
+    pixels = np.maximum(measured.probes.around(measured.pixels, reach), 1.0)
     # What a refined tile has is known; of the others each is known by one probe.
-    chance = _around(measured, np.where(measured.refined, 0.0, measured.excess) ** 2, reach)
+    chance = measured.probes.around(np.where(measured.refined, 0.0, measured.excess) ** 2, reach)
     per_pixel = (1.0 - UNMOVED) * measured.risk / risk / measured.pixels + UNMOVED / pixels
     return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
-
-
-def _around(measured: Measured, values: NDArray, reach: int) -> NDArray[np.float64]:
-    """(N,): the sum of values (N,) over the tiles around each, without its own."""
-    tiles = measured.probes.tiles
-    grid = np.zeros(measured.probes.tile_grid)
-    grid[tiles] = values
-    return box_sum(grid, (reach, reach))[tiles] - values
 
 
 def local_noise(measured: Measured) -> NDArray[np.float64]:
     """(N,): variance of one traced pixel around each tile."""
     weight = measured.probes.weight
     noise = weight * measured.noise
-    return (_around(measured, noise, NEIGHBOURS) + noise) / (_around(measured, weight, NEIGHBOURS) + weight)
+    return (measured.probes.around(noise, NEIGHBOURS) + noise) / (measured.probes.around(weight, NEIGHBOURS) + weight)
 
 
 def _beyond(measured: Measured, worst: float) -> NDArray[np.bool_]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects import Effect
 from .risk import Contrast
+from .silhouettes import ALIKE
 
 SURELY = 2.0
 """How many times what is allowed the error must be likely to be: how far behind things are is a guess, and probes tell
@@ -17,7 +17,7 @@ of the rest."""
 
 
 def seen_through(
-    effects: NDArray[np.int32],
+    glass: NDArray[np.bool_],
     disparity: NDArray,
     gradient: NDArray[np.float32],
     contrast: Contrast,
@@ -26,15 +26,14 @@ def seen_through(
 ) -> NDArray[np.bool_]:
     """(H, W): pixels of transmissive surfaces whose noise ratio is surely above `limit` when they are warped.
 
-    effects (H, W) are `Effect` flags, disparity (H, W) that of the surfaces in pixels, gradient (H, W) the change of
+    glass (H, W) is where they are, disparity (H, W) that of the surfaces in pixels, gradient (H, W) the change of
     colour from a pixel to the next. What is seen is off by up to the gradient for each pixel that it moves against its
     surface, and by no more than two points of the picture around differ.
     """
-    through = (effects & Effect.TRANSMISSION.value) > 0
     known = np.isfinite(disparity)
-    if not (through & known).any():
-        return np.zeros_like(through)
+    if not (glass & known).any():
+        return np.zeros_like(glass)
     farthest = np.min(disparity, where=known, initial=np.inf)
     moved = np.where(known, disparity - farthest, 0.0)
     error = np.minimum((moved * gradient) ** 2, 2.0 * contrast.signal)
-    return through & known & (error > SURELY * (limit**2 - 1.0) * 2.0 * contrast.noise)
+    return glass & known & (error > np.maximum(SURELY * (limit**2 - 1.0) * 2.0 * contrast.noise, ALIKE**2))

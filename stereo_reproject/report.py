@@ -17,8 +17,8 @@ from .settings import ACCURACIES, CUSTOM, FILL_METHODS
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = ("load", "source", "warp", "pilot", "fill", "refine", "composite", "write")
-OUTSIDE_TOTAL = ("load", "write", "compare")
+IN_ORDER = ("load", "source", "warp", "pilot", "fill", "refine", "composite", "account", "write")
+OUTSIDE_TOTAL = ("load", "account", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
     "multiview_seconds",
@@ -89,12 +89,13 @@ _REQUIRED: dict[str, _Rule] = {
     "memory.peak_mb": _MEASURE,
 }
 _FLAG: _Rule = (lambda value: isinstance(value, bool), "true or false")
+_VERDICT: _Rule = (lambda value: value is None or isinstance(value, bool), "true, false or null")
 
 _PARTS: dict[str, dict[str, _Rule]] = {
     "estimate": {
-        **dict.fromkeys(("noise_ratio", "low", "high"), _AMOUNT),
-        **dict.fromkeys(("excess", "promise", "worst_tiles", "worst_tiles_promise"), _MEASURE),
-        "kept": _FLAG,
+        **dict.fromkeys(("noise_ratio", "low", "high", "excess"), _MEASURE),
+        **dict.fromkeys(("promise", "worst_tiles", "worst_tiles_promise"), _MEASURE),
+        "kept": _VERDICT,
         "from": _TEXT,
     },
     "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
@@ -222,8 +223,8 @@ def _traced_lines(report: Mapping[str, Any]) -> list[str]:
 
 def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     estimate = report.get("estimate")
-    if not estimate:
-        return []
+    if not estimate or estimate["noise_ratio"] is None:
+        return [f"estimate      none: {estimate['from']}"] if estimate else []
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
     kept = "kept" if estimate["kept"] else "not kept"
     promise = _number(estimate["promise"], ".2f")

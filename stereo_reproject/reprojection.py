@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .camera import Camera, disparity_per_nearness
+from .camera import Camera, PerspectiveCamera, disparity_per_nearness
 from .composite import warp_passes
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .effects import Effect
-from .effects_pass import effects_of
+from .effects_pass import shows
 from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
@@ -103,7 +103,7 @@ class Marking:
             known = target.known_beforehand(accuracy)
             if len(self.volumes):
                 empty = np.isposinf(warped[DEPTH_PASS][..., 0])
-                known[Reason.VOLUME] = empty & covered_by(self.volumes, self.target_camera)
+                known[Reason.VOLUME] = empty & covered_by(self.volumes, self.target_camera, self.lens)
             for reason, pixels in known.items():
                 reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source:
@@ -118,7 +118,7 @@ class Marking:
 
 def _strands(passes: Passes) -> NDArray[np.bool_]:
     """(H, W): hair, which may be thinner than a pixel: its one depth does not tell which side a pixel's colour is."""
-    return (effects_of(passes) & Effect.HAIR.value) > 0
+    return shows(passes, Effect.HAIR)
 
 
 def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
@@ -160,8 +160,8 @@ class _TargetEdges:
 
     def known_beforehand(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
         """(H, W) by reason: what cannot be warped, as far as that shows; no probe need tell."""
-        effects = effects_of(self._warped)
-        blurred, through = bool(self._marking.lens.aperture), bool((effects & Effect.TRANSMISSION.value).any())
+        glass = shows(self._warped, Effect.TRANSMISSION)
+        blurred, through = bool(self._marking.lens.aperture), bool(glass.any())
         if not (blurred or through):
             return {}
         colour, covered = self._warped[COLOUR_PASS], self._warp.covered
@@ -173,7 +173,7 @@ class _TargetEdges:
             result[Reason.DEFOCUS] = blurred_edges(
                 self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
             )
-        if through:
+        if through and isinstance(self._marking.target_camera, PerspectiveCamera):
             limit = accuracy.tile_limit
-            result[Reason.TRANSPARENT] = seen_through(effects, self._disparity, gradient, contrast, limit=limit)
+            result[Reason.TRANSPARENT] = seen_through(glass, self._disparity, gradient, contrast, limit=limit)
         return result

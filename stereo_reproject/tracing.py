@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .composite import composite, filtered
-from .fill import FillChoice, SourceCost, choose_fill
+from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
 from .probes import Measured, measure, place_probes, with_refined
 from .refinement import Estimate, as_rendered, choose_refined, estimate, expected_gain, local_noise
 from .reprojection import Reprojection
 from .risk import contrast_of
-
-CARD_SPACING = 3
-"""How many times further apart probes are behind a card: each opens it for its whole filter, some 25 pixels."""
 
 PILOT_SPACING = 4
 """How many times further apart the probes of a pilot are."""
@@ -52,8 +49,14 @@ class Means:
     cost: SourceCost
     blockers: Mapping[str, str | None]
 
-    def choose(self, fraction: float, *, expected: float = 0.0) -> FillChoice:
-        return choose_fill(self.asked, fraction, self.cost, self.blockers, expected=expected)
+    def choose(self, fraction: float, *, spacing: int | None = None, expected: float = 0.0) -> FillChoice:
+        """`choose_fill` by these means."""
+        return choose_fill(self.asked, fraction, self.cost, self.blockers, spacing=spacing, expected=expected)
+
+    @staticmethod
+    def spacing(method: str, spacing: int) -> int:
+        """The side of the tiles that have a probe each, in pixels, when the holes are traced by this method."""
+        return spacing * (CARD_SPACING if method == "card" else 1)
 
 
 @dataclass(frozen=True)
@@ -124,14 +127,15 @@ class TargetEye:
 
     def fill(self) -> FillChoice:
         """Trace the holes, and in the same render the probes, if there are to be any."""
-        probes = 0.0 if self._promise is None else 2.0 / self._accuracy.probe_spacing**2
-        choice = self._means.choose(float(np.mean(self._holes)) + probes, expected=self.pilot_share or 0.0)
+        spacing = None if self._promise is None else self._accuracy.probe_spacing
+        share = float(np.mean(self._holes))
+        choice = self._means.choose(share, spacing=spacing, expected=self.pilot_share or 0.0)
         if choice.method == "full" and choice.predicted_seconds > 0.0:
             self._holes = np.ones_like(self._holes)
         if self._promise is None or choice.method == "full" or self._holes.all():
             self._trace(choice.method, self._holes)
             return choice
-        spacing = self._accuracy.probe_spacing * (CARD_SPACING if choice.method == "card" else 1)
+        spacing = self._means.spacing(choice.method, self._accuracy.probe_spacing)
         self._measured = self._trace_probed(choice.method, self._holes, spacing, self._seed + 1)
         return choice
 

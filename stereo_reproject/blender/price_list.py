@@ -27,7 +27,7 @@ from ..heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
 from ..holes import Reason
 from ..passes import MASKED_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
-from ..report import write_json
+from ..report import OUTSIDE_TOTAL, write_json
 from ..settings import StereoSettings
 from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
 from .compare import Peer, render_peer
@@ -240,7 +240,7 @@ def _make(
 
 def _seconds(frame: StereoFrame, shared: float) -> dict[str, float]:
     """Seconds by stage, with those of the shared source, and the probes told from the holes."""
-    stages = {name: seconds for name, seconds in frame.seconds.items() if name != "total"}
+    stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
     stages["source"] += shared
     probe = (frame.reasons & Reason.PROBE.bit) > 0
     hole = (frame.reasons & ~(Reason.PROBE.bit | Reason.REFINED.bit)) > 0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..effects import Effect
 from ..frustum import Frustum, Lens
-from .materials import Shadings, world_shading
+from .materials import Shadings
 from .scene import evaluated, focus_distance, rendered_layer
 
 SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
@@ -72,22 +72,22 @@ def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings:
 
 
 def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
-    """Corners (8, 3), in the world, of a box around each volume; infinite where Blender's bounds may not hold it."""
+    """Corners (8, 3), in the world, of a box around each volume; infinite where Blender's bounds may not hold it.
+
+    The world's volume is none: far away it looks the same to both eyes.
+    """
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
     boxes: list[NDArray[np.float64]] = []
-    world = layer.world_override or scene.world
-    if world is not None and world_shading(world, scene.render.engine) & Effect.VOLUME:
-        boxes.append(EVERYWHERE)
     for instance in layer.depsgraph.object_instances:
         item, parent = instance.object, instance.parent if instance.is_instance else None
         if not _is_rendered(item, parent, rendered, layer):
             continue
-        materials = (slot.material for slot in item.material_slots if slot.material is not None)
-        if item.type != "VOLUME" and not any(shadings.of(material).effects & Effect.VOLUME for material in materials):
-            continue
-        certain = _seen(item, parent, layer, shadings).bounded and not scene.render.use_motion_blur
-        boxes.append(_corners(instance) if certain else EVERYWHERE)
+        seen = _seen(item, parent, layer, shadings)
+        materials = filter(None, seen.materials)
+        if seen.kind == "VOLUME" or any(shadings.of(material).effects & Effect.VOLUME for material in materials):
+            certain = seen.bounded and not scene.render.use_motion_blur
+            boxes.append(_corners(instance) if certain else EVERYWHERE)
     return tuple(boxes)
 
 

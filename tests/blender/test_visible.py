@@ -48,7 +48,7 @@ def test_what_is_not_rendered_has_no_box(scene):
     assert boxes(scene) == ()
 
 
-def test_the_world_s_volume_is_everywhere(scene):
+def test_the_world_s_volume_has_no_box(scene):
     world = bpy.data.worlds.new("World")
     if world.node_tree is None:
         world.use_nodes = True
@@ -56,6 +56,12 @@ def test_the_world_s_volume_is_everywhere(scene):
     scatter = world.node_tree.nodes.new("ShaderNodeVolumeScatter")
     world.node_tree.links.new(scatter.outputs[0], output.inputs["Volume"])
     scene.world = world
+    assert boxes(scene) == ()
+
+
+def test_a_volume_that_moves_while_the_shutter_is_open_may_be_anywhere(scene):
+    add_cube(scene, fog(), location=(1.0, 2.0, -6.0))
+    scene.render.use_motion_blur = True
     assert np.isinf(boxes(scene)[0]).all()
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from stereo_reproject.accounting import accounts
 from stereo_reproject.effects import Effect
+from stereo_reproject.effects_pass import UNKNOWN
 from stereo_reproject.holes import Reason
 
 SIZE = (10, 20)
@@ -25,7 +26,7 @@ def frame():
 
 def test_what_holes_cost_is_on_nobody_s_account():
     shown, reasons = frame()
-    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, SECONDS, None)
+    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, reasons > 0, SECONDS, None)
     assert told[Effect.GLOSSY].fraction == pytest.approx(7 / 200)
     assert told[Effect.TRANSMISSION].fraction == pytest.approx(5 / 200)
     per_fill = 4.0 / (10 + 2 * 2)
@@ -36,15 +37,15 @@ def test_what_holes_cost_is_on_nobody_s_account():
 
 def test_only_what_is_called_for_and_may_look_different_has_an_account():
     shown, reasons = frame()
-    told = accounts(Effect.GLOSSY | Effect.BUMP | Effect.DENOISING, shown, reasons, SECONDS, None)
+    told = accounts(Effect.GLOSSY | Effect.BUMP | Effect.DENOISING, shown, reasons, reasons > 0, SECONDS, None)
     assert set(told) == {Effect.GLOSSY}
-    assert accounts(Effect(0), shown, reasons, SECONDS, None) == {}
+    assert accounts(Effect(0), shown, reasons, reasons > 0, SECONDS, None) == {}
 
 
 def test_a_pixel_of_two_effects_is_paid_for_once():
     shown, reasons = frame()
     shown[:] = (Effect.GLOSSY | Effect.TRANSMISSION).value
-    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, SECONDS, None)
+    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, reasons > 0, SECONDS, None)
     assert told[Effect.GLOSSY].fraction == told[Effect.TRANSMISSION].fraction == pytest.approx(12 / 200)
     total = sum(account.seconds for account in told.values())
     assert total == pytest.approx(2.0 + 4 * 4.0 / 14)
@@ -55,7 +56,7 @@ def test_a_reason_that_is_an_effect_s_own_is_on_its_account():
     reasons[:] = 0
     reasons[0, :5] = Reason.DEFOCUS.bit
     reasons[1, :3] = Reason.VOLUME.bit
-    told = accounts(Effect.GLOSSY | Effect.DEPTH_OF_FIELD | Effect.VOLUME, shown, reasons, SECONDS, None)
+    told = accounts(Effect.GLOSSY | Effect.DEPTH_OF_FIELD | Effect.VOLUME, shown, reasons, reasons > 0, SECONDS, None)
     assert told[Effect.GLOSSY].fraction == 0.0
     assert told[Effect.DEPTH_OF_FIELD].fraction == pytest.approx(5 / 200)
     assert told[Effect.VOLUME].fraction == pytest.approx(3 / 200)
@@ -63,6 +64,31 @@ def test_a_reason_that_is_an_effect_s_own_is_on_its_account():
 
 def test_where_it_is_not_known_what_is_shown_all_effects_pay():
     shown, reasons = frame()
-    told = accounts(Effect.GLOSSY | Effect.ALPHA, np.zeros_like(shown), reasons, SECONDS, None)
+    told = accounts(Effect.GLOSSY | Effect.ALPHA, np.full_like(shown, UNKNOWN), reasons, reasons > 0, SECONDS, None)
     assert told[Effect.GLOSSY] == told[Effect.ALPHA]
     assert told[Effect.GLOSSY].fraction == pytest.approx(12 / 200)
+
+
+def test_matte_pixels_are_on_nobody_s_account_but_their_probes_cost_everybody():
+    shown, reasons = frame()
+    shown[:] = 0
+    told = accounts(Effect.GLOSSY | Effect.ALPHA, shown, reasons, reasons > 0, SECONDS, None)
+    assert told[Effect.GLOSSY].fraction == told[Effect.ALPHA].fraction == 0.0
+    total = sum(account.seconds for account in told.values())
+    assert total == pytest.approx(2.0 + 4 * 4.0 / 14)
+
+
+def test_a_full_render_is_on_the_account_of_what_asked_for_it():
+    shown, reasons = frame()
+    reasons[reasons != Reason.DISOCCLUDED.bit] = 0
+    told = accounts(Effect.GLOSSY | Effect.TRANSMISSION, shown, reasons, np.ones(SIZE, bool), {"fill": 4.0}, None)
+    assert told[Effect.GLOSSY].fraction == pytest.approx(90 / 200)
+    assert told[Effect.GLOSSY].seconds == pytest.approx(4.0 * 90 / 200)
+
+
+def test_a_pixel_of_two_reasons_counts_for_both():
+    shown, reasons = frame()
+    reasons[:] = 0
+    reasons[0, :5] = Reason.VOLUME.bit | Reason.TRANSPARENT.bit
+    told = accounts(Effect.VOLUME | Effect.TRANSMISSION, shown, reasons, reasons > 0, SECONDS, None)
+    assert told[Effect.VOLUME].fraction == told[Effect.TRANSMISSION].fraction == pytest.approx(5 / 200)

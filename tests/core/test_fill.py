@@ -108,3 +108,31 @@ def test_the_sync_is_not_part_of_what_a_pixel_costs():
     assert cost.per_frame == 6.0
     assert 0.0 < cost.fixed < cost.sync_seconds
     assert SourceCost(seconds=1.0, sync_seconds=4.0).per_frame == 0.0
+
+
+def test_probes_cost_what_they_are_traced_for():
+    cost = SourceCost(100.0, 0.0)
+    for method in ("packed", "card"):
+        without = choose_fill(method, 0.1, cost, FREE).predicted_seconds
+        assert choose_fill(method, 0.1, cost, FREE, spacing=8).predicted_seconds > without
+    packed = choose_fill("packed", 0.1, cost, FREE, spacing=8).predicted_seconds
+    assert packed == pytest.approx(choose_fill("packed", 0.1 + 2 / 64, cost, FREE).predicted_seconds)
+    # The card's probes have a render of their own, in which every pixel still costs its share.
+    card, alone = (choose_fill("card", 0.1, cost, FREE, spacing=s).predicted_seconds for s in (8, None))
+    assert card - alone > cost.fixed + 0.1 * cost.per_frame
+
+
+def test_a_card_with_probes_is_not_taken_where_a_full_render_is_cheaper():
+    cost = SourceCost(10.0, 0.0)
+    share = next(s for s in np.linspace(0, 1, 200) if choose_fill("auto", s, cost, NO_OSL).method == "full")
+    assert choose_fill("auto", share - 0.1, cost, NO_OSL).method == "card"
+    assert choose_fill("auto", share - 0.1, cost, NO_OSL, spacing=8).method == "full"
+
+
+def test_what_is_expected_to_be_refined_may_decide_for_a_full_render():
+    cost = SourceCost(100.0, 0.0)
+    assert choose_fill("auto", 0.3, cost, FREE, spacing=8, expected=0.1).method == "packed"
+    told = choose_fill("auto", 0.3, cost, FREE, spacing=8, expected=0.6)
+    assert told.method == "full"
+    assert "60 %" in told.reason
+    assert choose_fill("packed", 0.3, cost, FREE, spacing=8, expected=0.6).method == "packed"

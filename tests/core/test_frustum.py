@@ -62,7 +62,7 @@ def test_every_ray_from_the_lens_is_within_the_view():
 @pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
 def test_the_pixels_of_a_box_cover_all_that_it_shows(camera):
     corners = box((0.1, 0.05, -4.0), size=0.4)
-    covered = covered_by([corners], camera)
+    covered = covered_by([corners], camera, Lens(near=0.1))
     rng = np.random.default_rng(1)
     inside = corners.min(axis=0) + rng.random((200, 3)) * np.ptp(corners, axis=0)
     local = (inside - PLACE[:3, 3]) @ PLACE[:3, :3]
@@ -75,7 +75,8 @@ def test_the_pixels_of_a_box_cover_all_that_it_shows(camera):
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
 def test_a_box_that_may_be_anywhere_covers_everything(camera):
-    assert covered_by([np.full((8, 3), np.inf)], camera).all()
-    assert covered_by([box((0.0, 0.0, 0.0), size=5.0)], camera).all()
-    assert not covered_by([], camera).any()
-    assert not covered_by([box((90.0, 0.0, -5.0))], camera).any()
+    assert covered_by([np.full((8, 3), np.inf)], camera, Lens()).all()
+    assert covered_by([box((0.0, 0.0, 0.0), size=5.0)], camera, Lens(near=0.1)).all()
+    assert not covered_by([], camera, Lens()).any()
+    for beside in ((90.0, 0.0, -5.0), (0.0, 0.0, 60.0), (50.0, 0.0, 0.0)):
+        assert not covered_by([box(beside, size=2.0)], camera, Lens(near=0.1)).any()

@@ -194,14 +194,66 @@ def test_a_warped_firefly_refines_no_wall():
 def test_a_firefly_counts_for_no_more_than_a_few_probes():
     """In a frame with little noise one of them is more than all the rest, and would hide what is wrong elsewhere."""
     rng = np.random.default_rng(5)
-    probes = place_probes(np.ones((160, 240), bool), spacing=SPACING, seed=1)
+    warped = np.ones((160, 240), bool)
+    probes = place_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
     a, b = (0.4 + rng.normal(0.0, 0.01, (probes.rows.size, 3)) for _ in range(2))
     w = a.mean() + np.where(np.arange(probes.rows.size) % 4 == 0, 0.05, 0.0)[:, None] + np.zeros(3)
-    quiet = estimate(measure(probes, np.ones((160, 240), bool), w, a, b), seed=1)
+    quiet = estimate(measure(probes, warped, even(warped.shape), w, a, b))
     a[7] = 1000.0
-    disturbed = estimate(measure(probes, np.ones((160, 240), bool), w, a, b), seed=1)
+    disturbed = estimate(measure(probes, warped, even(warped.shape), w, a, b))
     assert quiet.noise_ratio > 1.5
     assert disturbed.noise_ratio > 0.9 * quiet.noise_ratio
+
+
+class NoisyObject(Frame):
+    """All noise is on a small object; the rest is as flat as a backdrop."""
+
+    def __init__(self, side, *, seed):
+        super().__init__(0.0, seed=seed)
+        self.holes[:] = False
+        self.loud = np.zeros((*SIZE, 1))
+        self.loud[80 : 80 + side, 100 : 100 + side] = 1.0
+        self.truth[:] = 0.4
+        self.warped = self.traced()
+
+    def traced(self):
+        return self.truth + self.rng.normal(0.0, NOISE, self.truth.shape) * getattr(self, "loud", 0.0)
+
+
+@pytest.mark.parametrize("side", [40, 64])
+def test_a_noisy_thing_on_a_quiet_frame_is_neither_wrong_nor_a_reason_to_trace_it_all(side):
+    told = []
+    for seed in range(12):
+        measured = NoisyObject(side, seed=seed).measured(seed)
+        told.append(estimate(measured).excess)
+        pixels = measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0))
+        assert pixels.sum() <= 4 * side**2
+    assert np.mean(told) == pytest.approx(0.0, abs=4.0 * np.std(told) / np.sqrt(len(told)))
+
+
+def test_one_outlier_on_a_quiet_frame_does_not_have_everything_traced():
+    rng = np.random.default_rng(5)
+    warped = np.ones((160, 240), bool)
+    probes = place_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
+    a, b = (0.4 + rng.normal(0.0, 0.001, (probes.rows.size, 3)) for _ in range(2))
+    w = a + rng.normal(0.0, 0.0005, a.shape)
+    w[100] = 3.0
+    measured = measure(probes, warped, even(warped.shape), w, a, b)
+    assert estimate(measured).noise_ratio > 1.1
+    assert choose_refined(measured, 1.1, worst=2.0).mean() <= 0.5, "no more than may have something to gain"
+
+
+def test_a_refining_trace_that_is_no_number_spoils_nothing():
+    frame = Frame(0.4)
+    measured = frame.measured()
+    chosen = choose_refined(measured, 1.1)
+    pixels = measured.probes.pixels_of(chosen) & ~frame.holes
+    traced = frame.traced()
+    traced[np.argwhere(pixels)[5][0], np.argwhere(pixels)[5][1]] = np.nan
+    after = with_refined(measured, chosen, pixels, local_noise(measured), warped=frame.warped, traced=traced)
+    told = estimate(after)
+    assert np.isfinite([told.noise_ratio, told.low, told.high, worst_tiles(after)]).all()
+    assert told.noise_ratio <= 1.1
 
 
 def test_a_trace_that_is_no_number_says_nothing():

@@ -247,7 +247,7 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
 
 @pytest.mark.parametrize(
     ("part", "name", "value"),
-    [("estimate", "low", None), ("estimate", "kept", "yes"), ("price", "traced", 1.5), ("price", "seconds", -1.0)],
+    [("estimate", "low", "about 1"), ("estimate", "kept", "yes"), ("price", "traced", 1.5), ("price", "seconds", -1.0)],
 )
 def test_wrong_values_of_estimate_and_price_are_named(report, part, name, value):
     report.update(estimate=ESTIMATE, price=PRICE)
@@ -260,3 +260,10 @@ def test_a_wrong_value_of_an_effect_is_named(report):
     report["effects"] = [{**EFFECTS[0], "seconds": "long"}]
     with pytest.raises(StereoReprojectError, match=r"effects.seconds"):
         check_report(report)
+
+
+def test_table_says_why_there_is_no_estimate(report):
+    unknown = dict.fromkeys(name for name in ESTIMATE if name != "promise")
+    report["estimate"] = {**unknown, "promise": 1.1, "from": "nothing looks different"}
+    check_report(report)
+    assert "estimate      none: nothing looks different" in format_report_table(report)
