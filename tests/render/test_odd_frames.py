@@ -73,7 +73,8 @@ def test_a_black_frame_is_black(tmp_path, accuracy):
         assert told is None
     else:
         assert told is not None
-        assert (told.low, told.noise_ratio, told.high) == (1.0, 1.0, 1.0)
+        assert told.noise_ratio == 1.0
+        assert np.isnan([told.low, told.high]).all(), "without noise there is nothing to compare with"
 
 
 def sky(*, convergence):
