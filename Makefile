@@ -4,6 +4,7 @@
 # make extension  the zips to install in Blender, into dist/
 # make bench      time the warp
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
+# make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
 # make clean      remove everything that the others made, environments included
 #
 # Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
@@ -19,6 +20,7 @@ DEMO_OUTPUT ?= demo-output
 
 SCENES ?= ../shared/scenes
 COVERAGE_OPTIONS ?=
+SPENDING_OPTIONS ?=
 
 INSTALLED := $(VENV)/.installed
 TEST_INSTALLED := $(VENV)/.test-installed
@@ -27,7 +29,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test lint lint-tools extension bench coverage clean
+.PHONY: demo test lint lint-tools extension bench coverage spending clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -51,6 +53,9 @@ bench: $(TEST_INSTALLED)
 
 coverage: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/coverage.py --scenes $(SCENES) $(COVERAGE_OPTIONS)
+
+spending: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/spending.py --scenes $(SCENES) $(SPENDING_OPTIONS)
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .ruff_cache

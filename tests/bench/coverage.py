@@ -188,18 +188,29 @@ def summary(title: str, runs: Sequence[Run]) -> str:
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="SCENE", help=f"default: {' '.join(SCENES)}")
-    parser.add_argument("--scenes", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--size", type=_size, default=(320, 180), metavar="WxH")
-    parser.add_argument("--samples", type=int, default=16)
+    parser = scenes_parser(__doc__)
     parser.add_argument("--runs", type=int, default=8, help="runs per scene that have an estimate")
     parser.add_argument("--reference-samples", type=int, default=1024)
     parser.add_argument("--accuracy", nargs="+", choices=ACCURACIES, default=list(ACCURACIES))
     # By time, as auto decides, so small a picture is often rendered whole, and then there is nothing to estimate.
     parser.add_argument("--fill", choices=FILL_METHODS, default="packed")
-    parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the references for the next time")
+    return parse_scenes(parser, arguments)
+
+
+def scenes_parser(description: str) -> argparse.ArgumentParser:
+    """With what every script that renders these scenes is told."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="SCENE", help=f"default: {' '.join(SCENES)}")
+    parser.add_argument("--scenes", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--size", type=_size, default=(320, 180), metavar="WxH")
+    parser.add_argument("--samples", type=int, default=16)
+    parser.add_argument("--cache", type=Path, metavar="DIR", help="keeps the plain renders for the next time")
     parser.add_argument("--json", type=Path, metavar="FILE")
+    return parser
+
+
+def parse_scenes(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options, with all scenes where none is named."""
     options = parser.parse_args(arguments)
     options.names = options.names or list(SCENES)
     unknown = [name for name in options.names if name not in SCENES]
@@ -234,12 +245,18 @@ def stored(run: Run) -> dict[str, Any]:
     return {name: None if value != value else value for name, value in fields.items()}
 
 
-def main() -> None:
-    options = parse()
+def own_output() -> Callable[[str], None]:
+    """Prints to standard output; what Blender prints from now on goes to standard error."""
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
+    return lambda text: print(text, file=stream, flush=True)
+
+
+def main() -> None:
+    options = parse()
+    tell = own_output()
     try:
-        runs = measure(options, lambda text: print(text, file=stream, flush=True))
+        runs = measure(options, tell)
         status = 0
     except StereoReprojectError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)

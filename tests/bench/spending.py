@@ -1,0 +1,283 @@
+"""What is spent on probes and refinement, and what it buys, when one of their numbers is changed at a time.
+
+    python tests/bench/spending.py --scenes DIR [--seeds 4] [--cache DIR] [--json FILE] [SCENE ...]
+
+DIR holds a folder with a .blend of the same name for each scene. Of each, the source eye is rendered once, and the
+target four times with other seeds. Then the target is made at accuracy "balanced" as the pipeline makes it, but traces
+come from two of the four renders; the other two tell the true noise ratio and worst tiles. A seed places the probes,
+and shifts which two are which. Every value of a knob sees the same renders and seeds, so rows may be compared though
+each depends on chance. The fill is chosen as for a source that took a minute: by time, so small a picture would often
+be rendered whole. Prints a table in Markdown, means over scenes and seeds, with the values that ship in bold. What
+Blender prints goes to standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from stereo_reproject import probes, refinement, tracing
+from stereo_reproject.accuracy import SETTINGS, Accuracy
+from stereo_reproject.composite import contain
+from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.fill import SourceCost
+from stereo_reproject.metrics import noise_ratio, worst_tiles
+from stereo_reproject.passes import COLOUR_PASS, Passes
+from stereo_reproject.reprojection import Reprojection, reproject
+from stereo_reproject.settings import StereoSettings
+from stereo_reproject.tracing import Means, TargetEye
+from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
+
+SHIPPED = SETTINGS["balanced"]
+COST = SourceCost(seconds=60.0, sync_seconds=1.0)
+SOURCE_SEED = 1
+RENDERS = 4
+"""Of the target: two to trace from and two to judge by."""
+
+SOURCE = "source "
+TARGET = "target "
+"""What the names of arrays in the cache begin with."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A number that ships, and those to try in its place: a constant, by its name where it is kept (`place`), or, when
+    there is no place, a field of `Accuracy`."""
+
+    name: str
+    values: tuple[float, ...]
+    place: dict[str, Any] | None = field(default=None, repr=False)
+    key: str = ""
+
+    @property
+    def shipped(self) -> float:
+        return getattr(SHIPPED, self.name) if self.place is None else self.place[self.key or self.name]
+
+    @contextmanager
+    def turned(self, value: float) -> Iterator[Accuracy]:
+        """The accuracy to run with while the knob stands at `value`."""
+        if self.place is None:
+            yield replace(SHIPPED, **{self.name: value})
+            return
+        shipped, key = self.shipped, self.key or self.name
+        self.place[key] = value
+        try:
+            yield SHIPPED
+        finally:
+            self.place[key] = shipped
+
+
+KNOBS = (
+    Knob("probe_spacing", (6, 8, 12, 16)),
+    Knob("NEIGHBOURS", (1, 2, 3), vars(refinement)),
+    Knob("UNMOVED", (0.0, 0.25, 0.5), vars(refinement)),
+    Knob("EVEN", (1.0, 0.5, 0.2), vars(probes)),
+    # The constant is a default argument, and that is bound when the function is defined.
+    Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_refined.__kwdefaults__, key="sure"),
+    Knob("tile_limit", (1.5, 2.0, 3.0)),
+    Knob("ROUNDS", (1, 2), vars(tracing)),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one finished target: the share that was traced, probes counted, its true noise ratio and worst tiles, and the
+    noise ratio that it tells of itself."""
+
+    scene: str
+    knob: str
+    value: float
+    seed: int
+    traced: float
+    ratio: float
+    worst: float
+    estimate: float
+
+
+@dataclass(frozen=True)
+class StoredTracer:
+    """Traces pixels (N, C) by looking them up in two finished renders (H, W, C) of the target."""
+
+    once: NDArray
+    again: NDArray
+
+    def trace(
+        self, _method: str, _view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
+    ) -> Passes:
+        first = self.once[pixels]
+        return {COLOUR_PASS: first if twice is None else np.concatenate([first, self.again[twice]])}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The warped source, and the colours (H, W, 4) of RENDERS renders of the target."""
+
+    name: str
+    warped: Reprojection
+    targets: Sequence[NDArray]
+
+    def outcome(self, knob: Knob, value: float, seed: int) -> Outcome:
+        with knob.turned(value) as accuracy:
+            eye, estimate = self._finished(accuracy, seed)
+        _, _, reference, again = self._shifted(seed)
+        ours = eye.passes[COLOUR_PASS]
+        truth = noise_ratio(ours, reference, again), worst_tiles(ours, reference, again)
+        return Outcome(self.name, knob.name, value, seed, float(np.mean(eye.traced)), *truth, estimate)
+
+    def _finished(self, accuracy: Accuracy, seed: int) -> tuple[TargetEye, float]:
+        """As `pipeline.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
+        once, again, _, _ = self._shifted(seed)
+        passes = {COLOUR_PASS: self.warped.passes[COLOUR_PASS]}
+        warped = replace(self.warped, passes=passes, reasons=self.warped.reasons_at(accuracy))
+        tracer, means = StoredTracer(once, again), Means("auto", COST, {})
+        eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)
+        if eye.wants_pilot:
+            eye.send_pilot()
+        eye.fill()
+        return eye, eye.refine().estimate.noise_ratio
+
+    def _shifted(self, seed: int) -> list[NDArray]:
+        return [self.targets[(seed + number) % RENDERS] for number in range(RENDERS)]
+
+
+def prepare(name: str, options: argparse.Namespace) -> Scene:
+    """The scene's renders, made or from the cache, and the source warped by the cameras that it has."""
+    from stereo_reproject.blender.renderer import BlenderRenderer
+    from stereo_reproject.blender.scene import open_blend, working_scene
+
+    settings = StereoSettings()
+    scene = open_blend(options.scenes / name / f"{name}.blend")
+    with working_scene(scene, overrides(name, options)) as working, tempfile.TemporaryDirectory() as folder:
+        working.cycles.seed = SOURCE_SEED
+        renderer = BlenderRenderer(working, Path(folder))
+        rendered, targets = make_pictures(name, renderer, settings, options)
+        source, invalid = contain(rendered)
+        warped = reproject(
+            source,
+            renderer.cameras[settings.source],
+            renderer.cameras[settings.target],
+            accuracy=SHIPPED,
+            invalid=invalid,
+            grid_threshold=settings.grid_threshold,
+            interpolation=settings.interpolation,
+            lens=renderer.lens,
+            volumes=renderer.volumes,
+        )
+    return Scene(name, warped, targets)
+
+
+def make_pictures(
+    name: str, renderer: Any, settings: StereoSettings, options: argparse.Namespace
+) -> tuple[Passes, list[NDArray]]:
+    """The source's passes and the target's colours, rendered or from the cache."""
+    import bpy
+
+    width, height = options.size
+    seeds = f"seed{SOURCE_SEED}-{REFERENCE_SEED}-{RENDERS}"
+    key = f"spending-{name}-{width}x{height}-{options.samples}-{seeds}-{bpy.app.version_string}.npz"
+    kept = None if options.cache is None else options.cache / key.replace(" ", "-")
+    if kept is not None and kept.exists():
+        return load_pictures(kept)
+    source = renderer.render_source(settings.source)[0]
+    targets = render_targets(renderer, settings.target)
+    if kept is not None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        save_pictures(kept, source, targets)
+    return source, targets
+
+
+def render_targets(renderer: Any, view: str) -> list[NDArray]:
+    from stereo_reproject.blender.render import render_views
+
+    seeds = range(REFERENCE_SEED, REFERENCE_SEED + RENDERS)
+    rendered = (render_views(renderer.scene, (view,), renderer.folder, seed=seed).views[view] for seed in seeds)
+    return [contain(passes)[0][COLOUR_PASS] for passes in rendered]
+
+
+def save_pictures(path: Path, source: Passes, targets: Sequence[NDArray]) -> None:
+    # Written whole under another name first: a run that was interrupted leaves no half cache.
+    part = path.with_suffix(".part.npz")
+    named = {f"{TARGET}{number}": image for number, image in enumerate(targets)}
+    np.savez(part, **{f"{SOURCE}{name}": image for name, image in source.items()}, **named)
+    part.replace(path)
+
+
+def load_pictures(path: Path) -> tuple[Passes, list[NDArray]]:
+    with np.load(path) as stored:
+        source = {name.removeprefix(SOURCE): stored[name] for name in stored.files if name.startswith(SOURCE)}
+        return source, [stored[name] for name in stored.files if name.startswith(TARGET)]
+
+
+COLUMNS = ("traced", "rendered whole", "noise ratio", "greatest", "worst tiles", "estimate", "off by")
+
+
+def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS) -> str:
+    """A row per value of each knob, over all its outcomes; the value that ships is bold.
+
+    Targets that were rendered whole are counted apart as well: one of them moves the mean share that is traced by more
+    than most knobs do. `off by` is the root mean square of what the estimate is from the noise ratio.
+    """
+    lines = [f"| knob | value | {' | '.join(COLUMNS)} |", "|---" * (2 + len(COLUMNS)) + "|"]
+    for knob in knobs:
+        for value in knob.values:
+            of_value = [outcome for outcome in outcomes if (outcome.knob, outcome.value) == (knob.name, value)]
+            shown = f"**{value:g}**" if value == knob.shipped else f"{value:g}"
+            lines.append(f"| `{knob.name}` | {shown} | {_row(of_value)} |")
+    return "\n".join(lines)
+
+
+def _row(outcomes: Sequence[Outcome]) -> str:
+    columns = ([getattr(outcome, name) for outcome in outcomes] for name in ("traced", "ratio", "worst", "estimate"))
+    traced, ratio, worst, estimate = (np.array(column) for column in columns)
+    spent = f"{100.0 * traced.mean():.1f} % | {np.sum(traced == 1.0)} of {traced.size}"
+    bought = f"{ratio.mean():.3f} | {ratio.max():.3f} | {worst.mean():.2f}"
+    told = f"{estimate.mean():.3f} | {np.sqrt(np.mean((estimate - ratio) ** 2)):.3f}"
+    return f"{spent} | {bought} | {told}"
+
+
+def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    parser = scenes_parser(__doc__)
+    parser.add_argument("--seeds", type=int, default=4, help="targets per scene and value")
+    return parse_scenes(parser, arguments)
+
+
+def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Outcome]:
+    outcomes: list[Outcome] = []
+    for name in options.names:
+        scene = prepare(name, options)
+        for knob in KNOBS:
+            for value in knob.values:
+                outcomes += [scene.outcome(knob, value, seed) for seed in range(1, options.seeds + 1)]
+    tell(table(outcomes))
+    return outcomes
+
+
+def main() -> None:
+    options = parse()
+    tell = own_output()
+    try:
+        outcomes, status = measure(options, tell), 0
+    except StereoReprojectError as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        outcomes, status = [], error.exit_status
+    if options.json is not None and status == 0:
+        options.json.write_text(json.dumps([asdict(outcome) for outcome in outcomes], indent=1))
+    # Blender's own clean-up at exit may not come to an end in 4.5.
+    os._exit(status)
+
+
+if __name__ == "__main__":
+    main()
