@@ -80,7 +80,8 @@ def _tracing(
     measured = refinement.measured
     if measured is None or accuracy.promise is None:
         return fill.predicted_seconds, min(float(np.mean(holes)) + probes, 1.0)
-    chosen = choose_refined(measured, accuracy.promise, worst=accuracy.tile_limit) | measured.refined
+    worst, unseen = accuracy.tile_limit, accuracy.unseen
+    chosen = choose_refined(measured, accuracy.promise, worst=worst, unseen=unseen) | measured.refined
     pixels = measured.probes.pixels_of(chosen) & ~holes
     refining = means.choose(float(np.mean(pixels))).predicted_seconds if pixels.any() else 0.0
     return fill.predicted_seconds + refining, min(float(np.mean(holes | pixels)) + probes, 1.0)

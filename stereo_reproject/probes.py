@@ -126,7 +126,7 @@ class Measured:
 
     @property
     def mean_noise(self) -> float:
-        """Variance of one traced pixel, averaged over the warped part of the frame."""
+        """Variance of one traced pixel, averaged over the warped part of the frame; holes are taken to be as noisy."""
         weight = self.probes.weight
         return float((weight * self.noise).sum() / weight.sum()) if weight.size else 0.0
 

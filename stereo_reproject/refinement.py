@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .accuracy import UNSEEN
 from .metrics import TILE
 from .probes import Measured
 from .silhouettes import ALIKE
@@ -80,12 +81,12 @@ def _interval(excess: float, variance: float) -> Estimate:
 
 
 def choose_refined(
-    measured: Measured, promise: float, *, worst: float = np.inf, sure: float = SURE
+    measured: Measured, promise: float, *, worst: float = np.inf, unseen: float = UNSEEN, sure: float = SURE
 ) -> NDArray[np.bool_]:
     """(N,): the tiles to be traced beyond those that are.
 
     As few, worst first, as bring the frame's noise ratio down to `promise` with some certainty; and every tile whose
-    own is likely to be above `worst`.
+    own is likely to be above `worst`, noise that is less than `unseen` taken for that.
     """
     free = ~measured.refined
     if not measured.frame_noise:
@@ -101,7 +102,7 @@ def choose_refined(
     count = int(reached[0]) if reached.size else int(np.argmin(bound))
     chosen = np.zeros(free.size, bool)
     chosen[order[:count]] = True
-    return chosen | (free & _beyond(measured, worst)) if np.isfinite(worst) else chosen
+    return chosen | (free & _beyond(measured, worst, unseen)) if np.isfinite(worst) else chosen
 
 
 def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
@@ -165,9 +166,9 @@ def local_noise(measured: Measured) -> NDArray[np.float64]:
     return (measured.probes.around(noise, NEIGHBOURS) + noise) / (measured.probes.around(weight, NEIGHBOURS) + weight)
 
 
-def _beyond(measured: Measured, worst: float) -> NDArray[np.bool_]:
+def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_]:
     """(N,): tiles that are likely to have a noise ratio above `worst`, as `metrics.worst_tiles` measures it."""
     likely, error = _likely(measured, NEAREST)
     noise = local_noise(measured)
-    allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, np.median(noise))
+    allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
     return (likely > allowed) & (likely > error)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .accuracy import UNSEEN
 from .risk import Contrast
-from .silhouettes import ALIKE
 
 SURELY = 2.0
 """How many times what is allowed the error must be likely to be: how far behind things are is a guess, and probes tell
@@ -36,4 +36,4 @@ def seen_through(
     farthest = np.min(disparity, where=known, initial=np.inf)
     moved = np.where(known, disparity - farthest, 0.0)
     error = np.minimum((moved * gradient) ** 2, 2.0 * contrast.signal)
-    return glass & known & (error > np.maximum(SURELY * (limit**2 - 1.0) * 2.0 * contrast.noise, ALIKE**2))
+    return glass & known & (error > SURELY * (limit**2 - 1.0) * 2.0 * np.maximum(contrast.noise, UNSEEN**2))

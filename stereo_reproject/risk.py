@@ -35,17 +35,15 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     The noise is told by how far a pixel is from its 3 x 3 mean; what of it that mean still has is taken out of the
     signal.
     """
-    toned, mean = tone(colour), mean_of(colour, known)
-    weight = known.astype(np.float32)
+    toned = tone(colour)
+    near, far = _Window(known, (SMOOTHED, SMOOTHED)), _Window(known, REACH)
     pixels = (2 * SMOOTHED + 1) ** 2
-    noise = _mean(np.mean((toned - mean) ** 2, axis=-1) * pixels / (pixels - 1.0), weight, REACH)
-    variance = np.mean(_mean(mean**2, weight, REACH) - _mean(mean, weight, REACH) ** 2, axis=-1)
-    return Contrast(np.maximum(variance - noise / pixels, 0.0) * weight, noise)
-
-
-def mean_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3): the mean of the known pixels in the 3 x 3 around each, after `tone`."""
-    return _mean(tone(colour), known.astype(np.float32), (SMOOTHED, SMOOTHED))
+    noise, variance = (np.zeros(known.shape, np.float32) for _ in range(2))
+    for channel in range(3):
+        mean = near.mean(toned[..., channel])
+        noise += far.mean((toned[..., channel] - mean) ** 2) * pixels / (pixels - 1.0) / 3.0
+        variance += (far.mean(mean**2) - far.mean(mean) ** 2) / 3.0
+    return Contrast(np.maximum(variance - noise / pixels, 0.0) * known, noise)
 
 
 def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -53,23 +51,30 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
 
     0 where a neighbour is not known.
     """
-    mean = mean_of(colour, known)
-    result = np.zeros(mean.shape[:2], np.float32)
-    both = known[:, 2:] & known[:, :-2] & known[:, 1:-1]
-    difference = np.sqrt(np.mean((mean[:, 2:] - mean[:, :-2]) ** 2, axis=-1)) / 2.0
-    result[:, 1:-1] = np.where(both, difference, 0.0)
+    toned, near = tone(colour), _Window(known, (SMOOTHED, SMOOTHED))
+    squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
+    for channel in range(3):
+        mean = near.mean(toned[..., channel])
+        squared += (mean[:, 2:] - mean[:, :-2]) ** 2 / 3.0
+    result = np.zeros(known.shape, np.float32)
+    result[:, 1:-1] = np.where(known[:, 2:] & known[:, :-2] & known[:, 1:-1], np.sqrt(squared) / 2.0, 0.0)
     return result
 
 
-def _mean(image: NDArray, weight: NDArray[np.float32], reach: tuple[int, int]) -> NDArray[np.float32]:
-    """Mean of (H, W) or (H, W, C) over the pixels within `reach` that have weight; 0 where there are none."""
-    weights = weight if image.ndim == 2 else weight[..., None]
-    count = box_sum(weights, reach)
-    return (box_sum(image * weights, reach) / np.maximum(count, 1e-6)).astype(np.float32)
+class _Window:
+    """Means over the pixels within `reach`, down and across, that are known (H, W)."""
+
+    def __init__(self, known: NDArray[np.bool_], reach: tuple[int, int]) -> None:
+        self._weight, self._reach = known.astype(np.float32), reach
+        self._count = np.maximum(box_sum(self._weight, reach), 1e-6)
+
+    def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Of (H, W), around each pixel; 0 where none is known."""
+        return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
 
 
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
-    """Sum of (H, W[, C]) over the pixels within `reach` of each, down and across; nothing lies beyond the border."""
+    """Sum of (H, W) over the pixels within `reach` of each, down and across; nothing lies beyond the border."""
     result = np.asarray(image, np.float64)
     for axis in (0, 1):
         size = result.shape[axis]

@@ -6,8 +6,8 @@ removes the run's private folder, and only a complete result is moved into the o
 
 The worker (`python -m stereo_reproject.worker`)
 ------------------------------------------------
-stdin    one line of JSON: {"command": what to do, "blend", "output", "work": absolute paths, "settings": StereoSettings
-         as nested dicts}.
+stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
+         "settings": StereoSettings as nested dicts, "only": names of runs}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "fraction": 0..1 or null, "detail": "optional text"}

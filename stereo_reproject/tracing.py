@@ -151,7 +151,9 @@ class TargetEye:
             whole = self._accuracy.promise is not None and bool(self.traced.all())
             return Refinement(np.zeros_like(before), estimate=as_rendered(self._pilot) if whole else None, whole=whole)
         while len(fills) < ROUNDS:
-            chosen = choose_refined(measured, self._promise, worst=self._accuracy.tile_limit)
+            chosen = choose_refined(
+                measured, self._promise, worst=self._accuracy.tile_limit, unseen=self._accuracy.unseen
+            )
             pixels = measured.probes.pixels_of(chosen) & ~self.traced
             if not pixels.any() or (fills and not self._worth_a_render(measured, chosen)):
                 break

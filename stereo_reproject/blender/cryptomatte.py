@@ -21,10 +21,10 @@ def cryptomatte(scene: bpy.types.Scene) -> Iterator[bool]:
         yield True
         return
     name, depth = layer.name, layer.pass_cryptomatte_depth
-    layer.use_pass_cryptomatte_material = True
-    if not (layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset):
-        layer.pass_cryptomatte_depth = FEWEST_LEVELS
     try:
+        layer.use_pass_cryptomatte_material = True
+        if not (layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset):
+            layer.pass_cryptomatte_depth = FEWEST_LEVELS
         yield False
     finally:
         scene.view_layers[name].use_pass_cryptomatte_material = False
