@@ -18,10 +18,16 @@ from ..camera import Camera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
 from ..passes import DEPTH_PASS, Passes
-from ..pixel_filter import TABLE_SIZE, sample_offsets
+from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
 from .scene import evaluated, rendered_layer
+
+UPWARDS_FROM = (5, 0, 0)
+"""Version of Blender from which textures in OSL are expected to have t upwards; the shader looks for itself."""
+
+BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
+"""What stands in the shader for the pixel filter's offsets."""
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
@@ -114,9 +120,8 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
     render, eye = scene.render, scene.camera
     plain = eye.data
     # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
-    table, filter_table = folder / "table.exr", folder / "filter.exr"
-    offsets = sample_offsets(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
-    write_table(filter_table, np.broadcast_to(offsets[None, :, None], (1, TABLE_SIZE, 4)))
+    table = folder / "table.exr"
+    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
     kept = {
         name: getattr(render, name)
         for name in (
@@ -132,7 +137,7 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
     packed = plain.copy()
     try:
         _set_lens(packed, evaluated(eye, scene).data)
-        _set_camera(packed, target, (width, height), table, filter_table)
+        _set_camera(packed, target, (width, height), table, bytecode)
         eye.data = packed
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.use_border = False
@@ -166,11 +171,11 @@ def _set_camera(
     target: PerspectiveCamera,
     size: tuple[int, int],
     table: Path,
-    filter_table: Path,
+    bytecode: str,
 ) -> None:
     packed.type = "CUSTOM"
     packed.custom_mode = "INTERNAL"
-    packed.custom_bytecode = _bytecode()
+    packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
     # Blender would shift a custom camera's raster positions; the view plane below holds the shifts already.
     packed.shift_x = packed.shift_y = 0.0
@@ -182,7 +187,6 @@ def _set_camera(
         aperture = packed.lens * 1e-3 / (2.0 * max(packed.dof.aperture_fstop, 1e-5))
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
-    parameters["filter_table"] = str(filter_table)
     parameters["size"] = (float(size[0]), float(size[1]), 0.0)
     parameters["plane_corner"] = (float(plane.left), float(plane.top), 0.0)
     parameters["plane_step"] = (
@@ -190,17 +194,26 @@ def _set_camera(
         float((plane.top - plane.bottom) / target.height),
         0.0,
     )
+    parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
     parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = float(aperture)
 
 
 @cache
-def _bytecode() -> str:
-    """The camera's shader, compiled by the Blender that runs it. Raises StereoReprojectError."""
+def _bytecode(pixel_filter: str, width: float) -> str:
+    """The camera's shader with this pixel filter, compiled by the Blender that runs it.
+
+    Raises StereoReprojectError.
+    """
     import _cycles  # pyright: ignore[reportMissingImports]
 
+    offsets = sample_offsets(pixel_filter, width)
+    numbers = ", ".join(f"{offset:.9g}" for offset in offsets)
+    source = SHADER.read_text(encoding="utf-8")
+    assert BOX_OFFSETS in source
     with tempfile.TemporaryDirectory() as folder:
-        compiled = Path(folder) / "hole_camera.oso"
-        if not _cycles.osl_compile(str(SHADER), str(compiled)):
+        shader, compiled = Path(folder) / SHADER.name, Path(folder) / "hole_camera.oso"
+        shader.write_text(source.replace(BOX_OFFSETS, f"offsets[{offsets.size}] = {{{numbers}}}"), encoding="utf-8")
+        if not _cycles.osl_compile(str(shader), str(compiled)):
             raise StereoReprojectError(f"Blender's OSL compiler does not take {SHADER.name}: use --fill card")
         return compiled.read_text()
