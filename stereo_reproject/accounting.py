@@ -91,6 +91,6 @@ def _excess(measured: Measured | None, has: NDArray[np.bool_]) -> tuple[float, f
     if measured is None or not measured.frame_noise:
         return None
     probes = measured.probes
-    own = measured.excess[has[probes.rows, probes.columns] & ~measured.refined] / measured.frame_noise
+    own = measured.left[has[probes.rows, probes.columns]] / measured.frame_noise
     excess, reach = float(own.sum()), CONFIDENT * float(np.sqrt(np.sum(own**2)))
     return excess, excess - reach, excess + reach

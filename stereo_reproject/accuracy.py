@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from .settings import StereoSettings
 
-UNSEEN = 2e-3
-"""Noise after tone mapping that nobody sees, half an 8-bit step: an error is no worse for being large beside less."""
+STEP = 1.0 / 255.0
+"""Of an 8-bit picture."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class Accuracy:
     promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no probes.
     probe_spacing: pixels along the side of the tiles that have a probe each. tile_limit: the noise ratio above which a
     single tile is traced though the frame as a whole keeps its promise; promises_worst_tiles: whether that is promised
-    too, of the worst hundredth of the tiles.
+    too, of the worst hundredth of the tiles. unseen: noise, as a standard deviation after tone mapping, that nobody
+    sees: a tile's error is no worse for being large beside less.
     """
 
     silhouette_step: float
@@ -30,12 +31,7 @@ class Accuracy:
     probe_spacing: int = 8
     tile_limit: float = 2.0
     promises_worst_tiles: bool = False
-
-    @property
-    def unseen(self) -> float:
-        """Noise, as a standard deviation after tone mapping, that single tiles are not held against. What is promised
-        of them is promised whether anybody sees it or not."""
-        return 0.0 if self.promises_worst_tiles else UNSEEN
+    unseen: float = STEP
 
 
 SETTINGS: dict[str, Accuracy] = {
@@ -44,7 +40,14 @@ SETTINGS: dict[str, Accuracy] = {
         silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75, promise=1.25, probe_spacing=12, tile_limit=3.0
     ),
     "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5, promise=1.1),
-    "high": Accuracy(silhouette_step=0.15, silhouette_radius=2, colour_tolerance=0.35, promise=1.05, tile_limit=1.5),
+    "high": Accuracy(
+        silhouette_step=0.15,
+        silhouette_radius=2,
+        colour_tolerance=0.35,
+        promise=1.05,
+        tile_limit=1.5,
+        unseen=0.5 * STEP,
+    ),
     "exact": Accuracy(
         silhouette_step=0.1,
         silhouette_radius=2,
@@ -52,6 +55,7 @@ SETTINGS: dict[str, Accuracy] = {
         promise=1.02,
         tile_limit=1.2,
         promises_worst_tiles=True,
+        unseen=0.0,
     ),
 }
 

@@ -112,13 +112,16 @@ class Measured:
     """What the probes say, per tile (N,) that has one.
 
     excess: as above, summed over the tile's warped pixels: from its probe, or, of a tile that was traced since
-    (`refined`), from all of them. noise: as above, of one pixel. pixels: warped pixels of the tile. risk: what the
-    excess of tiles is taken to be proportional to, where nothing else is known. frame_pixels: of the whole picture.
+    (`refined`), from all of them. left: what of that counts as left in the frame, on average. noise: as above, of one
+    pixel. seen_noise: the variance that the warped picture shows there. pixels: warped pixels of the tile. risk: what
+    the excess of tiles is taken to be proportional to, where nothing else is known. frame_pixels: of the whole picture.
     """
 
     probes: Probes
     excess: NDArray[np.float64]
+    left: NDArray[np.float64]
     noise: NDArray[np.float64]
+    seen_noise: NDArray[np.float64]
     pixels: NDArray[np.float64]
     risk: NDArray[np.float64]
     refined: NDArray[np.bool_]
@@ -129,6 +132,13 @@ class Measured:
         """Variance of one traced pixel, averaged over the warped part of the frame; holes are taken to be as noisy."""
         weight = self.probes.weight
         return float((weight * self.noise).sum() / weight.sum()) if weight.size else 0.0
+
+    @property
+    def noise_around(self) -> NDArray[np.float64]:
+        """(N,): variance of one traced pixel, averaged over the tiles around each and itself."""
+        weight = self.probes.weight
+        noise = weight * self.noise
+        return (self.probes.around(noise) + noise) / (self.probes.around(weight) + weight)
 
     @property
     def frame_noise(self) -> float:
@@ -149,10 +159,13 @@ def measure(
     noise = np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard(probes, noise)
     risk = contrast.signal + NOISE_AS_RISK * contrast.noise
+    excess = probes.weight * share * (error - noise)
     return Measured(
         probes=probes,
-        excess=probes.weight * share * (error - noise),
+        excess=excess,
+        left=excess,
         noise=share * noise,
+        seen_noise=probes.in_tiles(np.where(warped, contrast.noise, 0.0)) / np.maximum(probes.in_tiles(warped), 1.0),
         pixels=probes.in_tiles(warped),
         risk=probes.in_tiles(np.where(warped, risk, 0.0)),
         refined=np.zeros(w.shape[0], bool),
@@ -176,14 +189,24 @@ def with_refined(
     *,
     warped: NDArray,
     traced: NDArray,
+    by_own: NDArray[np.bool_] | None = None,
 ) -> Measured:
     """The same when the tiles set in refined (N,) have been traced: their excess is known from every pixel now.
 
     pixels (H, W) are those that were traced, warped and traced (H, W, >= 3) the colours before and after; noise (N,) is
-    the variance of one traced pixel there.
+    the variance of one traced pixel there. Tiles of by_own (N,) were chosen because of what their own probe said: it
+    may have said too much, as those of the tiles that stay have then said too little. So no more is taken off than is
+    known now to have been there.
     """
     known = pixels & np.isfinite(warped[..., :3]).all(axis=-1) & np.isfinite(traced[..., :3]).all(axis=-1)
     error = np.zeros(known.shape)
     error[known] = squared_error(warped[known], traced[known])
     excess = measured.probes.in_tiles(error) - 2.0 * noise * measured.probes.in_tiles(known)
-    return replace(measured, excess=np.where(refined, excess, measured.excess), refined=measured.refined | refined)
+    found = measured.probes.in_tiles(error) - 2.0 * measured.noise_around * measured.probes.in_tiles(known)
+    taken = measured.left if by_own is None else np.where(by_own, found, measured.left)
+    return replace(
+        measured,
+        excess=np.where(refined, excess, measured.excess),
+        left=np.where(refined, measured.left - taken, measured.left),
+        refined=measured.refined | refined,
+    )

@@ -4,8 +4,9 @@ A plain render of the whole eye differs from another by 2 var(a). So, with W the
 
     noise ratio^2 = 1 + sum over W of excess / sum over all of 2 noise.
 
-A tile is never judged by its own probe, only by those around it. So the probes of the tiles that stay are as good as
-drawn after the choice was made, and their sum is what is left, on average: nothing was picked because it looked good.
+A tile is judged by the probes around it. So the probes of the tiles that stay are as good as drawn after the choice was
+made, and their sum is what is left, on average: nothing was picked because it looked good. Only tiles whose own probe
+stands out far beyond noise are traced for that alone, and of them no more is taken off than was found (`with_refined`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .accuracy import UNSEEN
 from .metrics import TILE
 from .probes import Measured
 from .silhouettes import ALIKE
@@ -28,6 +28,9 @@ NEAREST = 1
 
 CONFIDENT = 1.96
 """Standard errors on either side that hold 95 %."""
+
+BEYOND_DOUBT = 10.0
+"""How many times the noise around it a probe's excess must be to be no chance."""
 
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
@@ -58,7 +61,7 @@ def estimate(measured: Measured) -> Estimate:
     """The frame's noise ratio, with the tiles that are refined traced."""
     if not measured.frame_noise:
         return AS_RENDERED
-    excess, error = _remaining(measured, np.nonzero(measured.refined)[0])
+    excess, error = _remaining(measured, np.zeros(0, np.intp))
     return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(measured, measured.refined))
 
 
@@ -81,7 +84,7 @@ def _interval(excess: float, variance: float) -> Estimate:
 
 
 def choose_refined(
-    measured: Measured, promise: float, *, worst: float = np.inf, unseen: float = UNSEEN, sure: float = SURE
+    measured: Measured, promise: float, *, worst: float = np.inf, unseen: float = 0.0, sure: float = SURE
 ) -> NDArray[np.bool_]:
     """(N,): the tiles to be traced beyond those that are.
 
@@ -96,13 +99,21 @@ def choose_refined(
     # Where nothing is likely to be gained, nothing is: what a lone probe says of its own tile is for the estimate.
     candidates = np.nonzero(free & (likely > 0.0))[0]
     order = candidates[np.argsort(-likely[candidates], kind="stable")]
-    excess, error = _remaining(measured, np.concatenate([np.nonzero(measured.refined)[0], order]))
-    bound = (excess + sure * error)[int(measured.refined.sum()) :]
+    excess, error = _remaining(measured, order)
+    bound = excess + sure * error
     reached = np.nonzero(bound <= promise**2 - 1.0)[0]
     count = int(reached[0]) if reached.size else int(np.argmin(bound))
     chosen = np.zeros(free.size, bool)
     chosen[order[:count]] = True
     return chosen | (free & _beyond(measured, worst, unseen)) if np.isfinite(worst) else chosen
+
+
+def stands_out(measured: Measured, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
+    """(N,): tiles whose own probe alone says, beyond all doubt, that their noise ratio is above `worst`."""
+    noise = np.maximum(local_noise(measured), max(float(np.median(measured.noise)), unseen**2))
+    limit = 2.0 * (worst**2 - 1.0) * noise * measured.pixels
+    doubt = BEYOND_DOUBT * noise * measured.probes.weight
+    return ~measured.refined & (measured.excess > np.maximum(limit, doubt))
 
 
 def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
@@ -132,13 +143,13 @@ def worst_tiles(measured: Measured) -> float:
 
 
 def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
-    """(K + 1,) excess of the frame over its noise when the first k tiles of `order` (K,) are traced, and its standard
-    error: that of a ratio of two sums over the same probes (linearized), each tile a stratum."""
+    """(K + 1,) excess of the frame over its noise when the first k tiles of `order` (K,) are traced too, and its
+    standard error: that of a ratio of two sums over the same probes (linearized), each tile a stratum."""
     noise, weight = measured.frame_noise, measured.probes.weight
-    left = np.concatenate([[0.0], np.cumsum(measured.excess[order])])
-    excess = (measured.excess.sum() - left) / noise
+    gone = np.concatenate([[0.0], np.cumsum(measured.left[order])])
+    excess = (measured.left.sum() - gone) / noise
     share = 2.0 * measured.frame_pixels * weight * (measured.noise - measured.mean_noise) / weight.sum() / noise
-    own = measured.excess / noise
+    own = measured.left / noise
     # sum over all of (own - excess share)^2, without `own` for the tiles that are traced
     taken = own[order]
     squares = np.sum(own**2) - np.concatenate([[0.0], np.cumsum(taken**2)])
@@ -160,10 +171,17 @@ def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
 
 
 def local_noise(measured: Measured) -> NDArray[np.float64]:
-    """(N,): variance of one traced pixel around each tile."""
-    weight = measured.probes.weight
-    noise = weight * measured.noise
-    return (measured.probes.around(noise, NEIGHBOURS) + noise) / (measured.probes.around(weight, NEIGHBOURS) + weight)
+    """(N,): variance of one traced pixel in each tile.
+
+    Probes around tell it, but beside something noisy they tell too much; so does the picture's own noise where it has a
+    fine texture. What is noise to both is taken, the latter at the scale that the former give it over the frame.
+    """
+    told, seen = measured.noise_around, measured.seen_noise
+    known = seen > 0.0
+    if not known.any():
+        return told
+    scale = np.median(told[known] / seen[known])
+    return np.where(known, np.minimum(told, scale * seen), told)
 
 
 def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_]:

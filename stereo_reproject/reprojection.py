@@ -174,6 +174,8 @@ class _TargetEdges:
                 self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
             )
         if through and isinstance(self._marking.target_camera, PerspectiveCamera):
-            limit = accuracy.tile_limit
-            result[Reason.TRANSPARENT] = seen_through(glass, self._disparity, gradient, contrast, limit=limit)
+            limit, unseen = accuracy.tile_limit, accuracy.unseen
+            result[Reason.TRANSPARENT] = seen_through(
+                glass, self._disparity, gradient, contrast, limit=limit, unseen=unseen
+            )
         return result

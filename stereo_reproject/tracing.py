@@ -14,7 +14,15 @@ from .composite import composite, filtered
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
 from .probes import Measured, measure, place_probes, with_refined
-from .refinement import Estimate, as_rendered, choose_refined, estimate, expected_gain, local_noise
+from .refinement import (
+    Estimate,
+    as_rendered,
+    choose_refined,
+    estimate,
+    expected_gain,
+    local_noise,
+    stands_out,
+)
 from .reprojection import Reprojection
 from .risk import contrast_of
 
@@ -151,9 +159,10 @@ class TargetEye:
             whole = self._accuracy.promise is not None and bool(self.traced.all())
             return Refinement(np.zeros_like(before), estimate=as_rendered(self._pilot) if whole else None, whole=whole)
         while len(fills) < ROUNDS:
-            chosen = choose_refined(
-                measured, self._promise, worst=self._accuracy.tile_limit, unseen=self._accuracy.unseen
-            )
+            worst, unseen = self._accuracy.tile_limit, self._accuracy.unseen
+            chosen = choose_refined(measured, self._promise, worst=worst, unseen=unseen)
+            by_own = stands_out(measured, worst, unseen=unseen) & ~chosen
+            chosen |= by_own
             pixels = measured.probes.pixels_of(chosen) & ~self.traced
             if not pixels.any() or (fills and not self._worth_a_render(measured, chosen)):
                 break
@@ -164,7 +173,8 @@ class TargetEye:
                 return Refinement(self.traced & ~before, tuple(fills), as_rendered(measured), measured, whole=True)
             self._trace(fills[-1].method, pixels)
             traced = self.passes[COLOUR_PASS]
-            measured = with_refined(measured, chosen, pixels, local_noise(measured), warped=warped, traced=traced)
+            noise = local_noise(measured)
+            measured = with_refined(measured, chosen, pixels, noise, warped=warped, traced=traced, by_own=by_own)
         return Refinement(self.traced & ~before, tuple(fills), estimate(measured), measured)
 
     def _worth_a_render(self, measured: Measured, chosen: NDArray[np.bool_]) -> bool:

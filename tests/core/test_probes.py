@@ -7,7 +7,7 @@ import pytest
 
 from stereo_reproject.metrics import noise_ratio
 from stereo_reproject.probes import measure, place_probes, with_refined
-from stereo_reproject.refinement import choose_refined, estimate, local_noise, worst_tiles
+from stereo_reproject.refinement import choose_refined, estimate, local_noise, stands_out, worst_tiles
 from stereo_reproject.risk import Contrast, box_sum, contrast_of
 
 SIZE = (320, 480)
@@ -151,6 +151,48 @@ def test_a_small_thing_that_is_very_wrong_is_traced_though_the_frame_is_kept():
     assert pixels[104:136, 104:136].mean() > 0.75
     assert pixels.sum() < 3 * 32**2
     assert worst_tiles(measured) >= worst_tiles(frame.refined(measured, choose_refined(measured, 1.1, worst=2.0))[0])
+
+
+def lone_tiles(seed, bias=0.5):
+    """A frame in which single tiles, far apart, are wrong: nothing around them tells."""
+    frame = Frame(0.0, seed=seed)
+    for row in range(16, 304, 64):
+        for column in range(16, 288, 64):
+            frame.warped[row : row + SPACING, column : column + SPACING] += bias
+    return frame
+
+
+def test_a_lone_tile_that_is_wrong_beyond_doubt_is_found_by_its_own_probe():
+    measured = lone_tiles(1).measured()
+    wrong = (measured.probes.tiles[0] % 8 == 2) & (measured.probes.tiles[1] % 8 == 2) & (measured.probes.tiles[1] < 36)
+    assert not choose_refined(measured, 1.25, worst=2.0)[wrong].any()
+    found = stands_out(measured, 2.0)
+    assert found[wrong].mean() > 0.9
+    assert found[~wrong].mean() < 0.005
+
+
+def test_what_was_chosen_by_its_own_probe_does_not_flatter_what_is_told():
+    told, true = [], []
+    for seed in range(25):
+        frame = lone_tiles(seed, bias=0.3)
+        measured = frame.measured(seed)
+        by_own = stands_out(measured, 2.0)
+        pixels = measured.probes.pixels_of(by_own) & ~frame.holes
+        noise = local_noise(measured)
+        after = with_refined(measured, by_own, pixels, noise, warped=frame.warped, traced=frame.traced(), by_own=by_own)
+        told.append(estimate(after).noise_ratio)
+        true.append(frame.true_ratio(pixels))
+    off = np.array(told) - np.array(true)
+    assert abs(off.mean()) < 3.0 * off.std() / 5.0 + 0.005
+
+
+def test_noise_beside_a_quiet_place_is_not_taken_for_its_own():
+    frame = NoisyObject(64, seed=3)
+    frame.warped += frame.rng.normal(0.0, 0.002, frame.truth.shape)
+    measured = frame.measured()
+    rows, columns = measured.probes.tiles
+    beside = (rows == 12) & (columns == 10)
+    assert measured.noise_around[beside] > 4.0 * local_noise(measured)[beside]
 
 
 def test_tiles_that_were_traced_tell_more_of_their_neighbours_than_their_probes_did():

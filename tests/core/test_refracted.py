@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from stereo_reproject.accuracy import STEP
 from stereo_reproject.refracted import seen_through
 from stereo_reproject.risk import contrast_of, gradient_of
 
@@ -19,7 +20,7 @@ def flagged(*, stripes=True, disparity_behind=0.0, noise=0.01, limit=2.0):
     disparity = np.full(SIZE, 20.0)
     disparity[0, 0] = disparity_behind
     contrast = contrast_of(colour, known)
-    return seen_through(glass, disparity, gradient_of(colour, known), contrast, limit=limit)
+    return seen_through(glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=STEP)
 
 
 def test_glass_before_something_far_is_traced_and_nothing_else():
@@ -44,7 +45,9 @@ def test_without_any_depth_nothing_is_claimed():
     colour = np.zeros((8, 8, 4))
     known = np.zeros((8, 8), bool)
     nothing = np.full((8, 8), np.nan)
-    assert not seen_through(glass, nothing, gradient_of(colour, known), contrast_of(colour, known), limit=2.0).any()
+    assert not seen_through(
+        glass, nothing, gradient_of(colour, known), contrast_of(colour, known), limit=2.0, unseen=0.0
+    ).any()
 
 
 def test_without_noise_what_nobody_sees_is_left_alone():
@@ -53,4 +56,4 @@ def test_without_noise_what_nobody_sees_is_left_alone():
     disparity = np.full(SIZE, 20.0)
     disparity[0, 0] = 0.0
     gradient, contrast = gradient_of(colour, glass), contrast_of(colour, glass)
-    assert not seen_through(glass, disparity, gradient, contrast, limit=2.0).any()
+    assert not seen_through(glass, disparity, gradient, contrast, limit=2.0, unseen=STEP).any()
