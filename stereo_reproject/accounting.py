@@ -58,7 +58,9 @@ def accounts(
     shown = _belonging(wanted, shown, reasons)
     asked_for = ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
     cost = np.where(asked_for, _seconds_per_pixel(reasons, traced, seconds), 0.0)
-    several = sum(((shown & effect.value) > 0).astype(np.int32) for effect in wanted)
+    several = np.zeros(shown.shape, np.int32)
+    for effect in wanted:
+        several += (shown & effect.value) > 0
     everybodys = float(cost[shown == 0].sum()) / max(len(list(wanted)), 1)
     result = {}
     for effect in wanted:

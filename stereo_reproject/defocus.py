@@ -112,4 +112,4 @@ def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
     """
     right = 1.0 + np.maximum(blur[:, 1:], blur[:, :-1])
     down = 1.0 + np.maximum(blur[1:], blur[:-1])
-    return Steps(steps.right / right, steps.down / down)
+    return Steps((steps.right / right).astype(np.float32), (steps.down / down).astype(np.float32))

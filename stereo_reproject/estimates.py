@@ -43,8 +43,8 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
     estimate, measured = refinement.estimate, refinement.measured
     if estimate is None:
         return _no_estimate(accuracy)
-    whole = measured is None or refinement.whole
-    worst = 1.0 if whole else worst_tiles(measured)
+    probed = None if refinement.whole else measured
+    worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
     kept = accuracy.promise is None or estimate.noise_ratio <= accuracy.promise
     return {
@@ -56,9 +56,9 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
         "worst_tiles": worst,
         "worst_tiles_promise": promised,
         "kept": kept and (promised is None or worst <= promised),
-        "probes": 0 if whole else int((~measured.refined).sum()),
+        "probes": 0 if probed is None else int((~probed.refined).sum()),
         "tiles": None if measured is None else measured.probes.spacing,
-        "from": "rendered whole" if whole else "probes",
+        "from": "rendered whole" if probed is None else "probes",
     }
 
 

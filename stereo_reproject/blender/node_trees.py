@@ -60,7 +60,7 @@ def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types
     current: bpy.types.NodeSocket | None = socket
     while current is not None:
         if not current.is_output:
-            link = next((link for link in current.links if _works(link)), None)
+            link = next((link for link in current.links or () if _works(link)), None)
             if link is None:
                 return current, groups
             current = link.from_socket
