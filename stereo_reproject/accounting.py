@@ -22,7 +22,7 @@ FROM_REASON = {
 """Reasons that are an effect's own; pixels with any other are on the account of what they show."""
 
 ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.TRANSPARENT | Reason.REFINED | Reason.PROBE
-"""Reasons that an effect has given: holes and silhouettes there would be without any."""
+"""Reasons that an effect has given: holes and silhouettes there would be without any, but for those of hair."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,9 @@ def accounts(
     cheaper way. seconds are those of the stages.
     """
     wanted = called_for & SEEN_DIFFERENTLY
-    shown = _belonging(wanted, shown, reasons)
-    asked_for = ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
+    strands = _edges_of_strands(wanted, shown, reasons)
+    shown = np.where(strands, Effect.HAIR.value, _belonging(wanted, shown, reasons))
+    asked_for = strands | ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
     cost = np.where(asked_for, _seconds_per_pixel(reasons, traced, seconds), 0.0)
     several = np.zeros(shown.shape, np.int32)
     for effect in wanted:
@@ -68,6 +69,12 @@ def accounts(
         own = float((cost[has] / several[has]).sum())
         result[effect] = Account(float(np.mean(has & asked_for)), own + everybodys, _excess(measured, has))
     return result
+
+
+def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """(H, W): pixels that are traced as silhouettes because they show hair."""
+    hair = (shown != UNKNOWN) & ((shown & int(wanted & Effect.HAIR)) > 0)
+    return hair & ((reasons & Reason.SILHOUETTE.bit) > 0)
 
 
 def _belonging(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:

@@ -53,9 +53,11 @@ def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: st
     width, rows = prices["size"]
     frame = f", frame {prices['frame']}" if "frame" in prices else ""
     details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
-    figure.text(0.02, 1.0 - 0.17 / height, f"{prices['scene']}: {what}", size=13, weight="bold", va="top")
-    figure.text(0.02, 1.0 - 0.44 / height, details, size=9, color=GREY, va="top")
-    figure.text(0.02, 0.10 / height, notes, size=7.5, color=GREY, va="bottom", linespacing=1.35)
+    # A file's name may hold dollar signs, which are no formula.
+    plain: dict[str, Any] = {"parse_math": False}
+    figure.text(0.02, 1.0 - 0.17 / height, f"{prices['scene']}: {what}", size=13, weight="bold", va="top", **plain)
+    figure.text(0.02, 1.0 - 0.44 / height, details, size=9, color=GREY, va="top", **plain)
+    figure.text(0.02, 0.10 / height, notes, size=7.5, color=GREY, va="bottom", linespacing=1.35, **plain)
 
 
 def wrapped(notes: Sequence[str]) -> str:

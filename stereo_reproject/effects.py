@@ -62,7 +62,7 @@ HANDLING: dict[Effect, str] = {
     Effect.ALPHA: f"what is seen through it is warped with the surface that the depth pass has; {PROBED}",
     Effect.SUBSURFACE: f"warped with its surface; {PROBED}",
     Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {PROBED}",
-    Effect.VOLUME: f"before the sky it is traced, else warped with the surface behind it; {PROBED}",
+    Effect.VOLUME: f"an object's before the sky is traced, else it is warped with the surface behind it; {PROBED}",
     Effect.HAIR: f"silhouettes of strands are traced, and what lies between is warped; {PROBED}",
     Effect.DEPTH_OF_FIELD: f"blurred edges are traced, with the scene's lens, what else is blurred is warped; {PROBED}",
     Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {PROBED}",

@@ -1,14 +1,17 @@
-"""What a report says of effects and of the estimate: plain values for report.json."""
+"""What is told of effects and of the estimate: plain values for report.json, and a map of the tiles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .accounting import Account
 from .accuracy import Accuracy
 from .effects import Effect, EffectsPlan
-from .refinement import worst_tiles
+from .refinement import tile_estimates, worst_tiles
 from .tracing import Refinement
 
 
@@ -68,3 +71,16 @@ def _no_estimate(accuracy: Accuracy) -> dict[str, Any]:
     if accuracy.promise is not None:
         why = "nothing that is seen looks different from each eye, and calls for probes"
     return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": why}
+
+
+def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(H, W, 3): the noise ratio of each pixel's tile, and the low and high end of its 95 % interval.
+
+    1 where the pixel was traced (H, W), not a number where no probe tells.
+    """
+    result = np.full((*traced.shape, 3), np.nan, np.float32)
+    measured = refinement.measured
+    if measured is not None:
+        result = measured.probes.over_tiles(tile_estimates(measured).astype(np.float32), np.nan)
+    result[traced] = 1.0
+    return result

@@ -86,7 +86,7 @@ def choose_fill(
     }
     if asked != "auto":
         return FillChoice(asked, "asked for", predicted[asked])
-    if fraction == 0.0:
+    if fraction == 0.0 and not spacing:
         possible = (method for method in ("packed", "card") if not blockers.get(method))
         return FillChoice(next(possible, "full"), "no hole to fill", 0.0)
     possible = [method for method in ("packed", "card") if not blockers.get(method)]

@@ -63,17 +63,19 @@ class Frustum:
 def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
     """(H, W): the pixels that the bounds of the boxes' corners (8, 3) in the world cover.
 
-    All, if one that is in view reaches behind the camera or may be anywhere.
+    Corners are in the order of Blender's `bound_box`. All, if one that is in view reaches behind the camera. None, of
+    one that may be anywhere or that a perspective camera is inside of: it does not tell where in the picture anything
+    is.
     """
     result = np.zeros((camera.height, camera.width), bool)
     frustum = Frustum(camera, lens)
     camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
     for corners in boxes:
-        if not np.isfinite(corners).all():
-            return np.ones_like(result)
-        if not frustum.may_meet(corners):
+        if not np.isfinite(corners).all() or not frustum.may_meet(corners):
             continue
         local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+        if not isinstance(camera, OrthographicCamera) and _encloses_origin(local):
+            continue
         if (local[:, 2] >= -NEAREST).any():
             return np.ones_like(result)
         x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
@@ -82,3 +84,12 @@ def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[
         right, bottom = np.clip(high + PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
         result[top:bottom, left:right] = True
     return result
+
+
+def _encloses_origin(corners: NDArray) -> bool:
+    """Whether the origin lies in a box with these corners (8, 3); a flat box has no inside."""
+    sides = (corners[[4, 3, 1]] - corners[0]).T
+    if np.linalg.matrix_rank(sides) < 3:
+        return False
+    place = np.linalg.solve(sides, -corners[0])
+    return bool(((place >= 0.0) & (place <= 1.0)).all())

@@ -72,13 +72,16 @@ class Probes:
         grid[self.tiles] = values
         return box_sum(grid, (reach, reach))[self.tiles] - values
 
-    def pixels_of(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(H, W): the pixels of the tiles of the probes that are set in chosen (N,)."""
-        tiles = np.zeros(self.tile_grid, bool)
-        rows, columns = self.tiles
-        tiles[rows[chosen], columns[chosen]] = True
+    def over_tiles(self, values: NDArray, elsewhere: float) -> NDArray:
+        """(H, W, ...): the values (N, ...) over the pixels of each probe's tile, and `elsewhere` in tiles without."""
+        tiles = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
+        tiles[self.tiles] = values
         height, width = self.shape
         return np.repeat(np.repeat(tiles, self.spacing, axis=0), self.spacing, axis=1)[:height, :width]
+
+    def pixels_of(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(H, W): the pixels of the tiles of the probes that are set in chosen (N,)."""
+        return self.over_tiles(chosen, False)
 
 
 def place_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacing: int, seed: int) -> Probes:

@@ -131,15 +131,41 @@ def worst_tiles(measured: Measured) -> float:
     """
     if not measured.frame_noise:
         return 1.0
-    noise, probes = local_noise(measured), measured.probes
-    likely = np.where(measured.refined, 0.0, np.maximum(_likely(measured, NEAREST)[0], 0.0))
+    probes = measured.probes
     ratio = np.zeros(probes.tile_grid)
     # Tiles without a probe are traced throughout: nothing is off there.
-    ratio[probes.tiles] = likely / (2.0 * np.maximum(noise, np.median(noise)))
+    ratio[probes.tiles] = np.maximum(_over_noise(measured)[0], 0.0)
     block = max(1, TILE // probes.spacing)
     rows, columns = (np.arange(0, size, block) for size in ratio.shape)
     sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (ratio, np.ones_like(ratio)))
     return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))
+
+
+def tile_estimates(measured: Measured) -> NDArray[np.float64]:
+    """(N, 3): noise ratio of each tile, and the ends of its 95 % interval.
+
+    Told by those around it, as in `worst_tiles`. 1 for what was refined; not a number where there is no noise at all.
+    """
+    if not measured.frame_noise:
+        return np.full((measured.refined.size, 3), np.nan)
+    excess, error = _over_noise(measured)
+    ends = excess[:, None] + CONFIDENT * error[:, None] * np.array([0.0, -1.0, 1.0])
+    return np.sqrt(np.maximum(1.0 + ends, 0.0))
+
+
+def _over_noise(measured: Measured) -> tuple[NDArray, NDArray]:
+    """(N,) likely excess of each tile over the noise of two plain renders, and its standard error; 0 where refined.
+
+    As in `metrics.worst_tiles`, what is quieter than most counts as noisy as those.
+    """
+    noise = local_noise(measured)
+    floor = float(np.median(noise))
+    if not floor:
+        # Most of the frame is noiseless: black, or nothing but light.
+        floor = float(np.median(noise[noise > 0.0])) if noise.any() else measured.mean_noise
+    per_noise = np.where(measured.refined, 0.0, 0.5 / np.maximum(noise, floor))
+    likely, error = _likely(measured, NEAREST)
+    return per_noise * likely, per_noise * error
 
 
 def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
@@ -178,10 +204,18 @@ def local_noise(measured: Measured) -> NDArray[np.float64]:
     """
     told, seen = measured.noise_around, measured.seen_noise
     known = seen > 0.0
-    if not known.any():
+    own = measured.probes.weight * measured.noise
+    if not own[known].any():
         return told
-    scale = np.median(told[known] / seen[known])
+    # Each probe has a say by its own noise: beside noise there may be more texture than quiet, which tells no scale.
+    scale = _weighted_median(told[known] / seen[known], own[known])
     return np.where(known, np.minimum(told, scale * seen), told)
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    order = np.argsort(values)
+    upto = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(upto, 0.5 * upto[-1])])
 
 
 def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_]:

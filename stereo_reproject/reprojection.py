@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .camera import Camera, PerspectiveCamera, disparity_per_nearness
+from .camera import Camera, PerspectiveCamera, disparity_per_nearness, see_the_same
 from .composite import warp_passes
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .effects import Effect
@@ -101,7 +101,7 @@ class Marking:
         reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
             known = target.known_beforehand(accuracy)
-            if len(self.volumes):
+            if len(self.volumes) and not see_the_same(self.source_camera, self.target_camera):
                 empty = np.isposinf(warped[DEPTH_PASS][..., 0])
                 known[Reason.VOLUME] = empty & covered_by(self.volumes, self.target_camera, self.lens)
             for reason, pixels in known.items():

@@ -202,9 +202,13 @@ class TargetEye:
         before = self.passes[COLOUR_PASS][twins]
         passes = composite(self.passes, {name: image[:count] for name, image in traced.items()}, wanted)
         once, again = passes[COLOUR_PASS][twins], traced[COLOUR_PASS][count:]
-        means = (name for name in passes if name in traced and filtered(name))
-        self.passes = composite(
-            passes, {name: 0.5 * (passes[name][twins] + traced[name][count:]) for name in means}, twins
-        )
+        both = {name: (passes[name][twins], traced[name][count:]) for name in passes if name in traced}
+        self.passes = composite(passes, {name: _mean(*two) for name, two in both.items() if filtered(name)}, twins)
         self.traced, self.probed = self.traced | wanted, self.probed | twins
         return measure(probes, warped, self._contrast, before, once, again)
+
+
+def _mean(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, C) of two traces; where one is no number, the other."""
+    once, again = np.where(np.isfinite(once), once, again), np.where(np.isfinite(again), again, once)
+    return 0.5 * once + 0.5 * again

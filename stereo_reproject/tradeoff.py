@@ -144,8 +144,8 @@ def price_list(
     """
     front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (peer["seconds"], 1.0)])
     return {
-        "schema": TRADEOFF_SCHEMA,
         **facts,
+        "schema": TRADEOFF_SCHEMA,
         "peer": {**peer, "noise_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
         "rows": [_entry(row, on_front) for row, on_front in zip(rows, front[:-1], strict=True)],
         "left_out": [{"name": name, "reason": reason} for name, reason in left_out],
@@ -172,8 +172,8 @@ def _entry(row: Row, on_front: bool) -> dict[str, Any]:
     }
 
 
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _known(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
 
 
 def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
@@ -195,8 +195,7 @@ def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
         **{f"{name}_seconds": row["seconds"].get(name) for name in stages},
         **{name: row.get(name) for name in ("speedup", "noise_ratio", "worst_tiles", "rmse", "excess", "traced")},
         "estimate": estimate.get("noise_ratio"),
-        "estimate_low": estimate.get("low"),
-        "estimate_high": estimate.get("high"),
+        **{f"estimate_{end}": _known(estimate.get(end)) for end in ("low", "high")},
         "promise": estimate.get("promise"),
         "pareto": str(row["pareto"]).lower(),
     }

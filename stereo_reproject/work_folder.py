@@ -25,7 +25,17 @@ from typing import Any
 from .errors import BadInputError, StereoReprojectError
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
-FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
+FILES = (
+    "left.exr",
+    "right.exr",
+    "stereo.exr",
+    "stereo.png",
+    "holes.png",
+    "estimate.png",
+    "estimate.exr",
+    "grid.png",
+    "report.json",
+)
 
 WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0

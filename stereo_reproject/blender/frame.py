@@ -10,18 +10,21 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from ..accuracy import accuracy_of
 from ..effects import EffectsPlan
-from ..estimates import effects_fields, estimate_fields
+from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import write_eye, write_stereo
+from ..passes import Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
 from ..work_folder import FILES
 from .compare import compare_with_multiview
 from .delivery import deliver_side_by_side
-from .pictures import write_grid, write_holes
+from .pictures import write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
 from .scene import evaluated, scene_warnings, working_scene
@@ -120,8 +123,17 @@ def _write_pictures(
     write_stereo(out / "stereo.exr", eyes)
     pictures = {view: colour(passes) for view, passes in eyes.items()}
     deliver_side_by_side(scene, pictures, out / "stereo.png", frame=number)
-    write_holes(out / "holes.png", colour(frame.eyes[settings.target]), frame.reasons)
-    write_grid(out / "grid.png", colour(frame.eyes[settings.source]), frame.grid)
+    target = pictures[settings.target]
+    write_holes(out / "holes.png", target, frame.reasons)
+    estimates = estimate_map(frame.refinement, frame.traced)
+    write_estimate(out / "estimate.png", target, estimates)
+    write_eye(out / "estimate.exr", _estimate_passes(estimates), view=settings.target)
+    write_grid(out / "grid.png", pictures[settings.source], frame.grid)
+
+
+def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
+    names = ("Noise Ratio", "Noise Ratio Low", "Noise Ratio High")
+    return {name: estimates[..., k : k + 1] for k, name in enumerate(names)}
 
 
 def _invalid_warnings(frame: StereoFrame) -> list[str]:

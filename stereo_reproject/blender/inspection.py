@@ -34,7 +34,7 @@ from ..reprojection import reproject
 from ..settings import StereoSettings
 from .frame import frame_facts
 from .renderer import BlenderRenderer
-from .scene import CYCLES, SMALLEST, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -62,7 +62,7 @@ def inspect_scene(
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
         cycles = working.render.engine == CYCLES
-        scale = _make_small(working, facts["size"]) if sketch and cycles else 1.0
+        scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
         renderer = BlenderRenderer(working, work, user_scene=scene)
         check_fill(settings.fill, renderer.fill_blockers())
         rows = effects_rows(renderer.plan)
@@ -79,19 +79,6 @@ def inspect_scene(
         "predicted": predicted,
         "warnings": scene_warnings(scene),
     }
-
-
-def _make_small(working: bpy.types.Scene, size: list[int]) -> float:
-    """Have the working scene rendered as small as a sketch; its width over that of the picture."""
-    render = working.render
-    scale = max(min(SKETCH_WIDTH / size[0], 0.5), min(SMALLEST / min(size), 1.0))
-    percentage = render.resolution_percentage / 100.0
-    # Rounded up: a border must not lose its last pixels.
-    render.resolution_x, render.resolution_y = (
-        int(np.ceil(side * percentage * scale)) for side in (render.resolution_x, render.resolution_y)
-    )
-    render.resolution_percentage = 100
-    return scale
 
 
 def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:

@@ -30,6 +30,16 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
 }
 """A pixel with several reasons shows the first of these."""
 
+ABOVE: tuple[tuple[float, tuple[int, int, int]], ...] = (
+    (1.1, (250, 225, 110)),
+    (1.25, (250, 165, 50)),
+    (1.5, (235, 85, 45)),
+    (2.0, (225, 30, 120)),
+)
+"""Noise ratios that a tile may be above, and their colours in the picture of the estimate."""
+
+WITHOUT_PROBES = (95, 95, 105)
+
 PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
@@ -56,6 +66,24 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
         shown |= has_reason
         legend.append((f"{reason.label} {100.0 * np.mean(has_reason):.1f} %", colour))
     _write_with_legend(path, picture, legend)
+
+
+def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32]) -> None:
+    """The target eye, dimmed, with the tiles in colour that are worse than a render, beyond chance.
+
+    estimates (H, W, 3) as `estimates.estimate_map` gives them.
+    """
+    backdrop = (display(target) * 0.35 + 20).astype(np.uint8)
+    picture = backdrop.copy()
+    ratio, low = estimates[..., 0], estimates[..., 1]
+    unknown = np.isnan(ratio)
+    shown = [(f"without probes {100.0 * np.mean(unknown):.1f} %", WITHOUT_PROBES, unknown)] if unknown.any() else []
+    for limit, colour in ABOVE:
+        above = (ratio > limit) & (low > 1.0)
+        shown.append((f"noise ratio above {limit:g}: {100.0 * np.mean(above):.1f} %", colour, above))
+    for _, colour, where in shown:
+        picture[where] = np.array(colour) // 2 + backdrop[where] // 2
+    _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])
 
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:

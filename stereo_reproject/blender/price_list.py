@@ -33,11 +33,11 @@ from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_l
 from .compare import Peer, render_peer
 from .frame import frame_facts
 from .renderer import BlenderRenderer
-from .scene import CYCLES, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
 
 OnStage = Callable[[str, str], None]
 
-WARM_UP_SIZE = (64, 36)
+WARM_UP_WIDTH = 64
 WARM_UP_SAMPLES = 1
 WARM_UP_SPACING = 8
 """One in so many pixels is traced to warm up."""
@@ -70,16 +70,16 @@ def render_prices(
     prices["warnings"] = scene_warnings(scene) + [f"{name} is left out: {why}" for name, why in outcome.left_out]
     on_stage("write", "")
     write_csv(out / "tradeoff.csv", prices)
-    draw_charts(prices, out)
     write_json(out / "tradeoff.json", prices)
+    draw_charts(prices, out)
     return prices, list(TRADEOFF_FILES)
 
 
 def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> float:
     """Render a few pixels in every way that runs need; the seconds that it took."""
     start = time.perf_counter()
-    small = replace(settings.scene, size=WARM_UP_SIZE, samples=WARM_UP_SAMPLES)
-    with working_scene(scene, small) as working:
+    with working_scene(scene, replace(settings.scene, samples=WARM_UP_SAMPLES)) as working:
+        make_small(working, WARM_UP_WIDTH)
         renderer = BlenderRenderer(working, work)
         source, _ = renderer.render_source(settings.source)
         pixels = np.zeros(colour(source).shape[:2], bool)
@@ -244,7 +244,8 @@ def _seconds(frame: StereoFrame, shared: float) -> dict[str, float]:
     stages["source"] += shared
     probe = (frame.reasons & Reason.PROBE.bit) > 0
     hole = (frame.reasons & ~(Reason.PROBE.bit | Reason.REFINED.bit)) > 0
-    return split_probes(stages, int(hole.sum()), int(probe.sum()))
+    in_fill = 0 if frame.fill.method == "full" else int(probe.sum())
+    return split_probes(stages, int(hole.sum()), in_fill)
 
 
 def _estimate(frame: StereoFrame, run: Run) -> dict[str, float | None] | None:

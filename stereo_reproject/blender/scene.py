@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -121,6 +122,23 @@ def focus_distance(scene: bpy.types.Scene) -> float:
         return camera.data.dof.focus_distance
     place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
     return abs(place.z)
+
+
+def make_small(working: bpy.types.Scene, width: int) -> float:
+    """Have a working scene rendered so wide in pixels, or half as wide as it was; its width over what it was.
+
+    Neither side of what is rendered becomes smaller than Blender can.
+    """
+    render = working.render
+    region = frame_region(render)
+    scale = max(min(width / region.width, 0.5), min(SMALLEST / min(region.width, region.height), 1.0))
+    percentage = render.resolution_percentage / 100.0
+    # Rounded up: a border must not lose its last pixels.
+    render.resolution_x, render.resolution_y = (
+        math.ceil(side * percentage * scale) for side in (render.resolution_x, render.resolution_y)
+    )
+    render.resolution_percentage = 100
+    return scale
 
 
 def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:

@@ -50,19 +50,8 @@ def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings:
     moves = scene.render.use_motion_blur
     frustums = () if moves else tuple(Frustum(camera, lens_of(scene)) for camera in cameras)
     met: set[str] = set()
-    known: dict[tuple[str, int, str], Seen] = {}
     found: dict[Seen, None] = {}
-    for instance in layer.depsgraph.object_instances:
-        item, parent = instance.object, instance.parent if instance.is_instance else None
-        if parent is None:
-            met.add(item.name)
-        if not _is_rendered(item, parent, rendered, layer):
-            continue
-        # There may be a million instances of a few objects.
-        key = (item.name, item.data.as_pointer(), "" if parent is None else parent.name)
-        if key not in known:
-            known[key] = _seen(item, parent, layer, shadings)
-        seen = known[key]
+    for instance, seen in _rendered_instances(layer, rendered, shadings, met):
         if seen not in found and _in_view(instance, seen, frustums):
             found[seen] = None
     for item in layer.objects:
@@ -79,16 +68,32 @@ def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
     boxes: list[NDArray[np.float64]] = []
-    for instance in layer.depsgraph.object_instances:
-        item, parent = instance.object, instance.parent if instance.is_instance else None
-        if not _is_rendered(item, parent, rendered, layer):
-            continue
-        seen = _seen(item, parent, layer, shadings)
+    for instance, seen in _rendered_instances(layer, rendered, shadings, set()):
         materials = filter(None, seen.materials)
         if seen.kind == "VOLUME" or any(shadings.of(material).effects & Effect.VOLUME for material in materials):
             certain = seen.bounded and not scene.render.use_motion_blur
             boxes.append(_corners(instance) if certain else EVERYWHERE)
     return tuple(boxes)
+
+
+def _rendered_instances(
+    layer: bpy.types.ViewLayer, rendered: set[str], shadings: Shadings, met: set[str]
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, Seen]]:
+    """Each instance that cameras may see, wherever it is; `met` takes the names of the objects that are no instances.
+
+    There may be a million instances of a few objects.
+    """
+    known: dict[tuple[str, int, str], Seen] = {}
+    for instance in layer.depsgraph.object_instances:
+        item, parent = instance.object, instance.parent if instance.is_instance else None
+        if parent is None:
+            met.add(item.name)
+        if not _is_rendered(item, parent, rendered, layer):
+            continue
+        key = (item.name, item.data.as_pointer(), "" if parent is None else parent.name)
+        if key not in known:
+            known[key] = _seen(item, parent, layer, shadings)
+        yield instance, known[key]
 
 
 def _corners(instance: bpy.types.DepsgraphObjectInstance) -> NDArray[np.float64]:

@@ -10,7 +10,17 @@ import sys
 import time
 from pathlib import Path
 
-FILES = ("left.exr", "right.exr", "stereo.exr", "stereo.png", "holes.png", "grid.png", "report.json")
+FILES = (
+    "left.exr",
+    "right.exr",
+    "stereo.exr",
+    "stereo.png",
+    "holes.png",
+    "estimate.png",
+    "estimate.exr",
+    "grid.png",
+    "report.json",
+)
 FOREVER = 600
 
 behaviour, notes = sys.argv[1], Path(sys.argv[2])

@@ -7,6 +7,9 @@ from stereo_reproject.accounting import accounts
 from stereo_reproject.effects import Effect
 from stereo_reproject.effects_pass import UNKNOWN
 from stereo_reproject.holes import Reason
+from stereo_reproject.metrics import tone
+from stereo_reproject.probes import measure, place_probes
+from stereo_reproject.risk import contrast_of
 
 SIZE = (10, 20)
 SECONDS = {"source": 9.0, "fill": 4.0, "refine": 2.0}
@@ -92,3 +95,42 @@ def test_a_pixel_of_two_reasons_counts_for_both():
     reasons[0, :5] = Reason.VOLUME.bit | Reason.TRANSPARENT.bit
     told = accounts(Effect.VOLUME | Effect.TRANSMISSION, shown, reasons, reasons > 0, SECONDS, None)
     assert told[Effect.VOLUME].fraction == told[Effect.TRANSMISSION].fraction == pytest.approx(5 / 200)
+
+
+def test_silhouettes_of_hair_are_on_hair_s_account():
+    shown, reasons = frame()
+    shown[:, :10] = (Effect.GLOSSY | Effect.HAIR).value
+    reasons[:] = 0
+    reasons[:4, :] = Reason.SILHOUETTE.bit
+    told = accounts(Effect.GLOSSY | Effect.HAIR | Effect.TRANSMISSION, shown, reasons, reasons > 0, SECONDS, None)
+    assert told[Effect.HAIR].fraction == pytest.approx(40 / 200)
+    assert told[Effect.HAIR].seconds == pytest.approx(4.0 * 40 / 80)
+    assert told[Effect.GLOSSY].fraction == told[Effect.TRANSMISSION].fraction == 0.0
+
+
+def test_the_interval_of_an_effect_holds_what_its_pixels_are_off():
+    """Wrong where it is glossy, and right where it is glass."""
+    rng = np.random.default_rng(2)
+    size, noise, bias, hits = (160, 240), 0.05, 0.06, []
+    halves = {Effect.GLOSSY: slice(0, 120), Effect.TRANSMISSION: slice(120, 240)}
+    truth = np.full((*size, 4), 0.5)
+    shown = np.full(size, Effect.GLOSSY.value, np.int32)
+    shown[:, 120:] = Effect.TRANSMISSION.value
+    for seed in range(30):
+        warped, a, b = (truth + rng.normal(0.0, noise, truth.shape) for _ in range(3))
+        warped[:, :120] += bias
+        contrast = contrast_of(warped, np.ones(size, bool))
+        probes = place_probes(np.ones(size, bool), contrast, spacing=8, seed=seed)
+        measured = measure(probes, np.ones(size, bool), contrast, *(image[probes.mask] for image in (warped, a, b)))
+        told = accounts(
+            Effect.GLOSSY | Effect.TRANSMISSION, shown, np.zeros(size, np.uint16), np.zeros(size, bool), {}, measured
+        )
+        w, a, b = (tone(image).astype(np.float64) for image in (warped, a, b))
+        for effect, half in halves.items():
+            # What probes in all pixels would say.
+            true = np.sum(((w - a) * (w - b) - (a - b) ** 2 / 2.0)[:, half]) / np.sum((a - b) ** 2)
+            excess, low, high = told[effect].excess
+            assert low < excess < high
+            hits.append(low <= true <= high)
+        assert told[Effect.GLOSSY].excess[1] > told[Effect.TRANSMISSION].excess[0]
+    assert np.mean(hits) >= 0.85

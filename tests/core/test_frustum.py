@@ -12,8 +12,9 @@ CAMERAS = [PerspectiveCamera(400, 300, PLACE, PLANE), OrthographicCamera(400, 30
 
 
 def box(centre, size=0.1):
-    """Corners, in the world, of a box in camera space."""
-    offsets = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size / 2.0
+    """Corners, in the world and in Blender's order, of a box in camera space."""
+    face = [(-1, -1), (-1, 1), (1, 1), (1, -1)]
+    offsets = np.array([(x, y, z) for x in (-1, 1) for y, z in face]) * size / 2.0
     return (np.array(centre) + offsets) @ PLACE[:3, :3].T + PLACE[:3, 3]
 
 
@@ -74,9 +75,12 @@ def test_the_pixels_of_a_box_cover_all_that_it_shows(camera):
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
-def test_a_box_that_may_be_anywhere_covers_everything(camera):
-    assert covered_by([np.full((8, 3), np.inf)], camera, Lens()).all()
-    assert covered_by([box((0.0, 0.0, 0.0), size=5.0)], camera, Lens(near=0.1)).all()
+def test_a_box_that_does_not_tell_where_it_is_covers_all_or_nothing(camera):
+    """Nothing where it may be anywhere or all around: then probes tell."""
+    assert not covered_by([np.full((8, 3), np.inf)], camera, Lens()).any()
+    around = covered_by([box((0.3, -0.2, 0.5), size=5.0)], camera, Lens(near=0.1))
+    assert around.all() if isinstance(camera, OrthographicCamera) else not around.any()
+    assert covered_by([box((2.6, 0.0, 0.0), size=5.0)], camera, Lens(near=0.1)).all(), "beside the camera and behind"
     assert not covered_by([], camera, Lens()).any()
     for beside in ((90.0, 0.0, -5.0), (0.0, 0.0, 60.0), (50.0, 0.0, 0.0)):
         assert not covered_by([box(beside, size=2.0)], camera, Lens(near=0.1)).any()

@@ -5,10 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereo_reproject.metrics import noise_ratio
+from stereo_reproject.estimates import estimate_map
+from stereo_reproject.metrics import noise_ratio, squared_error
 from stereo_reproject.probes import measure, place_probes, with_refined
-from stereo_reproject.refinement import choose_refined, estimate, local_noise, stands_out, worst_tiles
+from stereo_reproject.refinement import (
+    choose_refined,
+    estimate,
+    local_noise,
+    stands_out,
+    tile_estimates,
+    worst_tiles,
+)
 from stereo_reproject.risk import Contrast, box_sum, contrast_of
+from stereo_reproject.tracing import Refinement
 
 SIZE = (320, 480)
 NOISE = 0.08
@@ -153,6 +162,60 @@ def test_a_small_thing_that_is_very_wrong_is_traced_though_the_frame_is_kept():
     assert worst_tiles(measured) >= worst_tiles(frame.refined(measured, choose_refined(measured, 1.1, worst=2.0))[0])
 
 
+def test_the_intervals_of_the_tiles_hold_their_truth():
+    """Where the tiles around are as wrong as itself, which is what each is told by."""
+    frame = Frame(0.12)
+    errors, noises = np.zeros(SIZE), np.zeros(SIZE)
+    for _ in range(40):
+        reference = frame.traced()
+        errors += squared_error(frame.warped, reference)
+        noises += squared_error(frame.traced(), reference)
+    inside, outside, hits = [], [], []
+    for seed in range(8):
+        measured = frame.measured(seed)
+        probes, told = measured.probes, tile_estimates(measured)
+        true = np.sqrt(probes.in_tiles(errors) / probes.in_tiles(noises))
+        rows, columns = probes.tiles
+        in_mirror = (rows >= 11) & (rows < 24) & (columns >= 14) & (columns < 31)
+        beside = (rows < 8) | (rows > 27)
+        hits += ((told[:, 1] <= true) & (true <= told[:, 2]))[in_mirror | beside].tolist()
+        inside.append(np.median(told[in_mirror, 0] / true[in_mirror]))
+        outside.append(np.median(told[beside, 0] / true[beside]))
+    assert np.mean(hits) >= COVERED
+    assert (np.mean(inside), np.mean(outside)) == (pytest.approx(1.0, abs=0.1), pytest.approx(1.0, abs=0.1))
+
+
+def test_the_map_of_the_estimate_is_one_where_traced_and_unknown_where_no_probe_tells():
+    frame = Frame(0.12)
+    measured, pixels = frame.refined(frame.measured(), choose_refined(frame.measured(), 1.1))
+    told = estimate_map(Refinement(pixels, measured=measured), frame.holes | pixels)
+    assert told.shape == (*SIZE, 3)
+    assert (told[frame.holes | pixels] == 1.0).all()
+    # Half of the trace is holes here: tiles without a warped pixel have no probe, and nothing that needs one.
+    assert np.isfinite(told).all()
+    assert (told[..., 1] <= told[..., 0]).all()
+    assert (told[..., 0] <= told[..., 2]).all()
+    unknown = estimate_map(Refinement(pixels), frame.holes)
+    assert np.isnan(unknown[~frame.holes]).all()
+    assert (unknown[frame.holes] == 1.0).all()
+
+
+def test_a_frame_that_is_mostly_without_noise_has_worst_tiles():
+    """A product before black: the median tile has no noise at all."""
+    frame = Frame(0.12, mirror=(slice(0, 40), slice(0, 100)))
+    for image in (frame.warped, frame.truth):
+        image[96:] = 0.0
+    probes, contrast = frame.probes()
+    a, b = frame.traced(), frame.traced()
+    for image in (a, b):
+        image[96:] = 0.0
+    measured = measure(probes, ~frame.holes, contrast, *(image[probes.mask] for image in (frame.warped, a, b)))
+    assert 1.1 < worst_tiles(measured) < 5.0
+    told = tile_estimates(measured)
+    assert np.isfinite(told).all()
+    assert (told[probes.tiles[0] > 14] == 1.0).all()
+
+
 def lone_tiles(seed, bias=0.5):
     """A frame in which single tiles, far apart, are wrong: nothing around them tells."""
     frame = Frame(0.0, seed=seed)
@@ -193,6 +256,25 @@ def test_noise_beside_a_quiet_place_is_not_taken_for_its_own():
     rows, columns = measured.probes.tiles
     beside = (rows == 12) & (columns == 10)
     assert measured.noise_around[beside] > 4.0 * local_noise(measured)[beside]
+
+
+def test_a_texture_without_noise_does_not_make_the_noise_elsewhere_an_error():
+    """A sharp sky that only shines over most of the frame; nothing is wrong anywhere."""
+    frame = Frame(0.0, warped_noise=1.0)
+    sky = np.zeros((*SIZE, 1))
+    sky[:200] = 1.0
+    texture = 0.4 * np.random.default_rng(5).random((*SIZE, 1))
+    images = [
+        np.where(sky > 0, frame.truth + texture + 0.02 * (image - frame.truth), image)
+        for image in (frame.warped, frame.traced(), frame.traced())
+    ]
+    frame.warped = images[0]
+    probes, contrast = frame.probes()
+    measured = measure(probes, ~frame.holes, contrast, *(image[probes.mask] for image in images))
+    below = probes.tiles[0] > 26
+    assert np.median(local_noise(measured)[below]) > 0.7 * np.median(measured.noise_around[below])
+    chosen = choose_refined(measured, 1.1, worst=1.5) | stands_out(measured, 1.5)
+    assert chosen[below].mean() < 0.03
 
 
 def test_tiles_that_were_traced_tell_more_of_their_neighbours_than_their_probes_did():
@@ -315,6 +397,7 @@ def test_without_noise_whatever_is_off_is_traced():
     pixels = probes.pixels_of(choose_refined(measured, 1.1, worst=2.0))
     assert pixels[80:200, 104:256].all()
     assert not pixels[:72].any()
+    assert np.isnan(tile_estimates(measured)).all(), "without noise there is no ratio to it"
 
 
 def test_contrast_is_where_something_is_to_be_seen_and_noise_is_not_contrast():

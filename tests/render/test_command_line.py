@@ -26,7 +26,17 @@ from tests.blender.toolbox import add_camera, add_cube, add_plane, add_sun, diff
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
-FILES = ["grid.png", "holes.png", "left.exr", "report.json", "right.exr", "stereo.exr", "stereo.png"]
+FILES = [
+    "estimate.exr",
+    "estimate.png",
+    "grid.png",
+    "holes.png",
+    "left.exr",
+    "report.json",
+    "right.exr",
+    "stereo.exr",
+    "stereo.png",
+]
 SIZE = (96, 54)
 DEMO_OPTIONS = ["--interocular", "0.2", "--convergence", "6.9", "--size", "96x54", "--samples", "4"]
 
@@ -158,7 +168,7 @@ def test_every_file_is_there_and_nothing_else(demo):
 def test_output_is_the_table_alone(demo):
     """No progress without a terminal, and nothing that Blender prints."""
     words = [line.split()[0] for line in demo.out.splitlines() if line[:1].strip()]
-    assert words == ["cornell-box,", "took", "traced", "fill", "gained", "memory", "files"]
+    assert words == ["cornell-box,", "took", "traced", "fill", "estimate", "price", "gained", "memory", "files"]
     assert "\r" not in demo.out
     assert not re.search("Fra:|Saved|Info|Read blend", demo.out)
 

@@ -1,8 +1,11 @@
 """Probes in real renders: the two traces of a pixel know nothing of each other, and a mirror is found."""
 
 import numpy as np
+import OpenEXR
 import pytest
 
+from stereo_reproject.blender.frame import render_files
+from stereo_reproject.blender.pictures import COLOURS, read_png
 from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.scene import working_scene
 from stereo_reproject.holes import Reason
@@ -71,3 +74,33 @@ def test_a_mirror_is_found_and_traced(scene, tmp_path):
         warped = render_stereo_frame(BlenderRenderer(working, tmp_path), draft)
     assert measured < 1.25
     assert noise_ratio(warped.eyes["right"][COLOUR_PASS], reference, again) > measured + 0.2
+
+
+def test_the_estimate_is_told_tile_by_tile(scene, tmp_path):
+    """What the promise leaves warped shows in the map; what was traced is 1."""
+    # Allowed so much, the mirror stays.
+    told, picture, holes = told_by_files(scene, tmp_path / "loose", tolerance=9.0)
+    assert np.isfinite(told["Noise Ratio"]).all()
+    assert (told["Noise Ratio"][holes] == 1.0).all()
+    wrong = (told["Noise Ratio"] > 1.5) & (told["Noise Ratio Low"] > 1.0)
+    assert wrong[30:60, 60:110].mean() > 0.3 > 3.0 * wrong[:, :30].mean()
+    colours = np.abs(np.diff(picture, axis=-1)).max(axis=-1)
+    assert colours[wrong].mean() > 2.0 * colours[~wrong & ~holes].mean()
+
+    told, _, holes = told_by_files(scene, tmp_path / "draft", accuracy="draft")
+    assert np.isnan(told["Noise Ratio High"][~holes]).all()
+    assert (told["Noise Ratio High"][holes] == 1.0).all()
+
+
+def told_by_files(scene, folder, **settings):
+    """The channels of estimate.exr by name, estimate.png without its legend, and what was traced."""
+    folder.mkdir()
+    render_files(scene, StereoSettings(fill="packed", **settings), folder)
+    out = folder / "out"
+    with OpenEXR.File(str(out / "estimate.exr"), separate_channels=True) as file:
+        channels = {name.removesuffix(".V"): np.array(channel.pixels) for name, channel in file.channels().items()}
+    traced = np.zeros(SIZE[::-1], bool)
+    dimmed = read_png(out / "holes.png")[: SIZE[1]]
+    for colour in COLOURS.values():
+        traced |= np.all(np.rint(dimmed * 255) == colour, axis=-1)
+    return channels, read_png(out / "estimate.png")[: SIZE[1]], traced
