@@ -69,7 +69,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 
 def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32]) -> None:
-    """The target eye, dimmed, with the tiles in colour that are worse than a render, beyond chance.
+    """The target eye, dimmed, with the tiles in colour whose noise ratio is above 1 beyond chance, and how far.
 
     estimates (H, W, 3) as `estimates.estimate_map` gives them.
     """
@@ -80,7 +80,7 @@ def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[n
     shown = [(f"without probes {100.0 * np.mean(unknown):.1f} %", WITHOUT_PROBES, unknown)] if unknown.any() else []
     for limit, colour in ABOVE:
         above = (ratio > limit) & (low > 1.0)
-        shown.append((f"noise ratio above {limit:g}: {100.0 * np.mean(above):.1f} %", colour, above))
+        shown.append((f"above {limit:g}: {100.0 * np.mean(above):.1f} %", colour, above))
     for _, colour, where in shown:
         picture[where] = np.array(colour) // 2 + backdrop[where] // 2
     _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])

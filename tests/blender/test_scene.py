@@ -6,7 +6,8 @@ import pytest
 
 from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
+from stereo_reproject.blender.rig import frame_region
+from stereo_reproject.blender.scene import make_small, working_scene
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings import SceneOverrides, StereoSettings
@@ -22,6 +23,7 @@ from tests.blender.toolbox import (
     pixel_centres,
     px_from_world,
     render_plain,
+    set_border,
 )
 
 FRAME = 20
@@ -119,6 +121,23 @@ def test_overrides_replace_what_the_scene_says(scene):
         # Blender keeps distances in single precision.
         assert stereo.interocular_distance == pytest.approx(0.11)
         assert (stereo.convergence_distance, stereo.convergence_mode) == (3.0, "TOE")
+
+
+@pytest.mark.parametrize(
+    ("border", "width", "expected"),
+    [(None, 64, (64, 36)), ((0.4, 0.45, 0.5, 0.52), 8, (18, 4)), ((0.0, 0.5, 0.0, 1.0), 900, (160, 180))],
+)
+def test_a_small_render_is_no_smaller_than_blender_can(scene, tmp_path, border, width, expected):
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 1280, 720, 50
+    if border:
+        set_border(scene, border)
+    with working_scene(scene, SceneOverrides(samples=1)) as working:
+        before = frame_region(working.render).width
+        scale = make_small(working, width)
+        after = frame_region(working.render)
+        assert (after.width, after.height) == pytest.approx(expected, abs=1)
+        assert min(after.width, after.height) >= 4
+        assert after.width / before == pytest.approx(scale, rel=0.2)
 
 
 def test_samples_of_a_view_layer_give_way_too(scene, tmp_path):

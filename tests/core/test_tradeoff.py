@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -193,6 +194,13 @@ def test_csv_holds_what_json_holds(tmp_path):
     assert (lines[-1]["seconds"], lines[-1]["noise_ratio"], lines[-1]["accuracy"]) == ("20.0", "1.0", "")
 
 
+def test_what_is_not_known_is_left_empty_in_csv(tmp_path):
+    whole = {"noise_ratio": 1.0, "low": float("nan"), "high": float("nan"), "promise": 1.1}
+    write_csv(tmp_path / "t.csv", prices([replace(row("balanced", total=11.0, ratio=1.0), estimate=whole)]))
+    line = next(csv.DictReader((tmp_path / "t.csv").open(encoding="utf-8", newline="")))
+    assert (line["estimate"], line["estimate_low"], line["estimate_high"]) == ("1.0", "", "")
+
+
 def test_a_ratio_without_noise_is_null_and_shown_as_such():
     listed = prices([row("draft", total=11.0, ratio=float("inf"))])
     assert listed["rows"][0]["noise_ratio"] is None
@@ -325,6 +333,11 @@ def test_files_are_whole_and_texts_are_texts(charts, tmp_path):
     for word in ("Blender's multiview", "Pareto front", "noise floor: a second plain render", "bathroom: error"):
         assert any(text.startswith(word) for text in tradeoff), word
     assert {"source", "warp", "fill", "probes", "13.70 s", "20.00 s", "1.46 ×"} <= set(stages)
+
+
+def test_a_name_with_dollar_signs_is_no_formula(charts, tmp_path):
+    charts.draw_charts({**prices(), "scene": "price_$5_$10"}, tmp_path)
+    assert any(text.startswith("price_$5_$10: ") for text in texts_of(tmp_path / "tradeoff.svg"))
 
 
 def texts_of(path):

@@ -20,6 +20,7 @@ import pytest
 from stereo_reproject.blender.delivery import deliver_side_by_side
 from stereo_reproject.blender.pictures import read_png
 from stereo_reproject.blender.scene import open_blend
+from stereo_reproject.effects import Effect
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.report import OUTSIDE_TOTAL, STAGES, check_report
 from tests.blender.toolbox import add_camera, add_cube, add_plane, add_sun, diffuse, empty_scene, render_plain
@@ -189,6 +190,12 @@ def test_report_holds_what_was_promised(demo):
     assert compare["speedup"] == pytest.approx(compare["multiview_seconds"] / report["seconds"]["total"])
     assert compare["noise_ratio"] == pytest.approx(compare["rmse"] / compare["noise_rmse"])
     assert min(compare["flip"], compare["noise_flip"], compare["worst_tiles"]) > 0.0
+    assert [row["effect"] for row in report["effects"]] == [effect.label for effect in Effect]
+    assert not any(row["called_for"] for row in report["effects"] if row["effect"] in ("glossy", "hair", "volume"))
+    estimate, price = report["estimate"], report["price"]
+    assert (estimate["noise_ratio"], estimate["promise"], estimate["kept"]) == (None, 1.1, None)
+    assert price["accuracy"] == "high"
+    assert price["seconds"] == pytest.approx(report["seconds"]["total"] + price["more_seconds"])
 
 
 def test_source_is_blenders_own_left_eye(demo, plain_demo):

@@ -32,6 +32,7 @@ from tests.blender.toolbox import (
     set_background,
     set_border,
 )
+from tests.render.hard_scenes import smoke
 
 WIDTH, HEIGHT, SAMPLES = 128, 72, 32
 
@@ -215,6 +216,15 @@ def test_no_distance_between_the_eyes(tmp_path, fill, mode):
     assert set(eyes["left"]) == set(eyes["right"])
     for name, values in eyes["left"].items():
         np.testing.assert_allclose(eyes["right"][name], values, rtol=SINGLE_PRECISION, atol=SINGLE_PRECISION)
+
+
+def test_equal_eyes_stay_equal_with_smoke_before_the_sky(tmp_path):
+    scene = build(tmp_path)
+    bpy.data.objects.remove(scene.objects["Wall"])
+    add_cube(scene, smoke(), size=1.5, location=(0.0, 1.0, -5.0))
+    report, eyes = render_pair(scene, tmp_path, fill="packed", scene=SceneOverrides(interocular_distance=0.0))
+    assert report["fractions"]["rerendered"] == 0.0
+    np.testing.assert_array_equal(rgb(eyes["left"]), rgb(eyes["right"]))
 
 
 COINCIDENCE = 0.8

@@ -78,12 +78,12 @@ def test_a_mirror_is_found_and_traced(scene, tmp_path):
 
 def test_the_estimate_is_told_tile_by_tile(scene, tmp_path):
     """What the promise leaves warped shows in the map; what was traced is 1."""
-    # Allowed so much, the mirror stays.
+    # Allowed so much, most of the mirror stays.
     told, picture, holes = told_by_files(scene, tmp_path / "loose", tolerance=9.0)
     assert np.isfinite(told["Noise Ratio"]).all()
     assert (told["Noise Ratio"][holes] == 1.0).all()
-    wrong = (told["Noise Ratio"] > 1.5) & (told["Noise Ratio Low"] > 1.0)
-    assert wrong[30:60, 60:110].mean() > 0.3 > 3.0 * wrong[:, :30].mean()
+    wrong = (told["Noise Ratio"] > 1.1) & (told["Noise Ratio Low"] > 1.0)
+    assert wrong[20:70, 55:125].mean() > 0.1 > 3.0 * wrong[:, :40].mean()
     colours = np.abs(np.diff(picture, axis=-1)).max(axis=-1)
     assert colours[wrong].mean() > 2.0 * colours[~wrong & ~holes].mean()
 
