@@ -197,7 +197,7 @@ def test_csv_holds_what_json_holds(tmp_path):
 def test_what_is_not_known_is_left_empty_in_csv(tmp_path):
     whole = {"noise_ratio": 1.0, "low": float("nan"), "high": float("nan"), "promise": 1.1}
     write_csv(tmp_path / "t.csv", prices([replace(row("balanced", total=11.0, ratio=1.0), estimate=whole)]))
-    line = next(csv.DictReader((tmp_path / "t.csv").open(encoding="utf-8", newline="")))
+    line = next(csv.DictReader((tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()))
     assert (line["estimate"], line["estimate_low"], line["estimate_high"]) == ("1.0", "", "")
 
 
