@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
+from typing import Any
 
 
 class Effect(IntFlag):
@@ -90,6 +91,15 @@ class Finding:
     @property
     def called_for(self) -> bool:
         return bool(self.by)
+
+    def fields(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "effect": self.effect.label,
+            "called_for": self.called_for,
+            "by": list(self.by),
+            "handling": self.handling,
+        }
 
 
 @dataclass(frozen=True)

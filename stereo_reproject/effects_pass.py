@@ -18,6 +18,9 @@ from .passes import COLOUR_PASS, EFFECTS_PASS, Passes
 CRYPTOMATTE = "CryptoMaterial"
 """How the names of Blender's passes of materials begin."""
 
+UNKNOWN = -1
+"""In place of flags, where it is not known what a pixel shows."""
+
 LEAST_COVERAGE = 0.1
 """Share of a pixel from which a material counts as seen there."""
 
@@ -60,10 +63,6 @@ def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> 
     values, place = np.unique(hashes, return_inverse=True)
     flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
     return flags[place.reshape(hashes.shape)]
-
-
-UNKNOWN = -1
-"""In place of flags, where it is not known what a pixel shows."""
 
 
 def effects_of(passes: Passes) -> NDArray[np.int32]:

@@ -22,10 +22,7 @@ def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, Account]) -> lis
         account = accounts.get(finding.effect)
         rows.append(
             {
-                "effect": finding.effect.label,
-                "called_for": finding.called_for,
-                "by": list(finding.by),
-                "handling": finding.handling,
+                **finding.fields(),
                 "fraction": 0.0 if account is None else account.fraction,
                 "seconds": 0.0 if account is None else account.seconds,
                 **dict(zip(("excess", "excess_low", "excess_high"), _excess(account), strict=True)),

@@ -18,15 +18,7 @@ WHEN_KNOWN = "how much, only probes tell"
 
 def effects_rows(plan: EffectsPlan) -> list[dict[str, Any]]:
     """The plan's findings as JSON has them."""
-    return [
-        {
-            "effect": finding.effect.label,
-            "called_for": finding.called_for,
-            "by": list(finding.by),
-            "handling": finding.handling,
-        }
-        for finding in plan.findings
-    ]
+    return [finding.fields() for finding in plan.findings]
 
 
 def format_inspection(inspection: Mapping[str, Any]) -> str:

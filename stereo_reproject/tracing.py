@@ -211,4 +211,4 @@ class TargetEye:
 def _mean(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N, C) of two traces; where one is no number, the other."""
     once, again = np.where(np.isfinite(once), once, again), np.where(np.isfinite(again), again, once)
-    return 0.5 * once + 0.5 * again
+    return (0.5 * once + 0.5 * again).astype(np.float32)

@@ -27,7 +27,7 @@ from .delivery import deliver_side_by_side
 from .pictures import write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import evaluated, scene_warnings, working_scene
+from .scene import CYCLES, evaluated, scene_warnings, working_scene
 
 
 def render_files(
@@ -68,7 +68,7 @@ def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: Ster
     """What is rendered, and with which settings, as reports tell it."""
     render = working.render
     region = frame_region(render)
-    cycles = render.engine == "CYCLES"
+    cycles = render.engine == CYCLES
     stereo = evaluated(working.camera, working).data.stereo
     return {
         "schema": REPORT_SCHEMA,

@@ -21,7 +21,8 @@ from ..passes import DEPTH_PASS, Passes
 from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
-from .scene import evaluated, rendered_layer
+from .scene import CYCLES, evaluated, rendered_layer
+from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
 """Version of Blender from which textures in OSL are expected to have t upwards; the shader looks for itself."""
@@ -36,7 +37,7 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
     """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
     camera = evaluated(scene.camera, scene).data
     checks = {
-        "the scene renders with EEVEE": scene.render.engine != "CYCLES",
+        "the scene renders with EEVEE": scene.render.engine != CYCLES,
         "this Blender is built without OSL": not _has_osl(),
         "the device has no OSL cameras (only CPU and OptiX do)": not _device_has_osl(scene),
         "the camera is orthographic": camera.type != "PERSP",
@@ -182,9 +183,6 @@ def _set_camera(
     if packed.stereo.convergence_mode == "OFFAXIS":
         packed.stereo.convergence_mode = "PARALLEL"
     plane = target.plane
-    aperture = 0.0
-    if packed.dof.use_dof:
-        aperture = packed.lens * 1e-3 / (2.0 * max(packed.dof.aperture_fstop, 1e-5))
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
     parameters["size"] = (float(size[0]), float(size[1]), 0.0)
@@ -196,7 +194,7 @@ def _set_camera(
     )
     parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
     parameters["near_clip"] = float(packed.clip_start)
-    parameters["aperture_size"] = float(aperture)
+    parameters["aperture_size"] = aperture_radius(packed)
 
 
 @cache

@@ -16,11 +16,10 @@ from .node_trees import (
     origin,
     upstream,
 )
+from .scene import CYCLES
 
 SHARP = 0.25
 """Roughness below which what a surface throws on others is called a caustic."""
-
-CYCLES = "CYCLES"
 
 NOTHING = Effect(0)
 

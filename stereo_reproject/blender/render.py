@@ -11,7 +11,7 @@ import bpy
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_render
 from ..passes import DEPTH_PASS, Passes
-from .scene import rendered_layer
+from .scene import CYCLES, rendered_layer
 
 SKY_DEPTH = 1e9
 """Blender writes 1e10 where there is no surface; anything from here on is sky."""
@@ -34,7 +34,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     """Render these views of a scene that `working_scene` set up. Raises StereoReprojectError when Blender cannot."""
     for view in scene.render.views:
         view.use = view.name in views
-    if seed is not None and scene.render.engine == "CYCLES":
+    if seed is not None and scene.render.engine == CYCLES:
         scene.cycles.seed = seed
     path = folder / "render.exr"
     _write_exr(scene.render, path)

@@ -17,6 +17,7 @@ from stereo_reproject.frustum import Lens
 from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
+from stereo_reproject.passes import EFFECTS_PASS
 from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
@@ -591,6 +592,25 @@ def test_passes_that_do_not_carry_over_do_not_stop_the_probes():
     assert frame.refinement.estimate is not None
     assert "Vector" in frame.eyes["left"]
     assert "Vector" not in frame.eyes["right"]
+
+
+def test_edges_of_hair_are_traced_though_both_sides_look_alike():
+    """A strand may be thinner than a pixel: what is on either side of it is not known from colours."""
+
+    def grey(effects):
+        def spoil(passes):
+            passes["Combined"][..., :3] = 0.5
+            passes[EFFECTS_PASS] = (polished_part(passes)[..., None] * effects).astype(np.float32)
+
+        return spoil
+
+    def edges(effects):
+        frame = render_stereo_frame(caster(spoil=grey(effects)), settings())
+        return (frame.reasons & Reason.SILHOUETTE.bit) > 0
+
+    plain, hair = edges(Effect.GLOSSY.value), edges(Effect.HAIR.value)
+    assert hair.sum() > plain.sum() + 50
+    assert not (plain & ~hair).any()
 
 
 def test_equal_eyes_stay_equal_whatever_the_surfaces_are():

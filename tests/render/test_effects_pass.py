@@ -14,8 +14,9 @@ from stereo_reproject.blender.rig import stereo_cameras
 from stereo_reproject.blender.scene import open_blend, rendered_layer, working_scene
 from stereo_reproject.effects import Effect
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS
+from stereo_reproject.pipeline import render_stereo_frame
 from stereo_reproject.reprojection import reproject
-from stereo_reproject.settings import SceneOverrides
+from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
     add_camera,
@@ -120,17 +121,22 @@ def test_what_covers_nothing_of_a_pixel_does_not_count(scene, tmp_path):
     assert not alpha[:, int(x[2]) + EDGE :].any()
 
 
-def test_ours_is_gone_after_the_source(scene, tmp_path):
+@pytest.mark.parametrize("fill", ["full", "packed", "card"])
+def test_ours_is_in_no_result_and_stays_on_while_there_are_renders(scene, tmp_path, fill):
+    """Switched off between two renders, it has Blender 5.2.3 write where it must not."""
+    depth = scene.view_layers[0].pass_cryptomatte_depth
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, tmp_path)
-        source = renderer.render_source("left")[0]
         layer = rendered_layer(working)
-        assert set(source) == {COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS}
         assert not layer.use_pass_cryptomatte_material
-        assert layer.pass_cryptomatte_depth == scene.view_layers[0].pass_cryptomatte_depth
-        traced = renderer.trace("full", "right", np.ones(source[COLOUR_PASS].shape[:2], bool))
-    assert set(traced) == {COLOUR_PASS, DEPTH_PASS}
+        for _ in range(2):
+            assert set(renderer.render_source("left")[0]) == {COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS}
+        frame = render_stereo_frame(renderer, StereoSettings(fill=fill))
+        assert layer.use_pass_cryptomatte_material
+    for eye in frame.eyes.values():
+        assert set(eye) == {COLOUR_PASS, DEPTH_PASS}
     assert not scene.view_layers[0].use_pass_cryptomatte_material
+    assert scene.view_layers[0].pass_cryptomatte_depth == depth
 
 
 def test_the_user_s_own_cryptomatte_stays_as_it_is(scene, tmp_path):

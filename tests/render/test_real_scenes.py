@@ -66,13 +66,16 @@ def test_the_mirror_of_a_bathroom_is_put_right(shared_scenes, tmp_path):
     assert report["estimate"]["low"] <= report["estimate"]["noise_ratio"] <= report["estimate"]["high"]
 
 
-# Foliage finer than a pixel, a skinned character that moves, glass, a mirror, fog, hair: interocular and convergence.
+# Foliage finer than a pixel, a skinned character that moves, glass, fog, hair, an old file with depth of field:
+# interocular and convergence.
 HARD = {
     "meadow": ("0.065", "5.9"),
     "walking-man": ("0.065", "5"),
     "broken-window": ("0.03", "1.14"),
     "volumetric-caustic": ("0.2", "6"),
     "fur-ball": ("0.08", "3.4"),
+    "glass-vase": ("0.013", "0.54"),
+    "bmw27": ("0.28", "14"),
 }
 
 
