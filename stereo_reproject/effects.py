@@ -64,7 +64,7 @@ HANDLING: dict[Effect, str] = {
     Effect.SUBSURFACE: f"warped with its surface; {PROBED}",
     Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {PROBED}",
     Effect.VOLUME: f"an object's before the sky is traced, else it is warped with the surface behind it; {PROBED}",
-    Effect.HAIR: f"silhouettes of strands are traced, and what lies between is warped; {PROBED}",
+    Effect.HAIR: f"silhouettes of strands before other things are traced, within fur only what was hidden is; {PROBED}",
     Effect.DEPTH_OF_FIELD: f"blurred edges are traced, with the scene's lens, what else is blurred is warped; {PROBED}",
     Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {PROBED}",
     Effect.BUMP: "nothing: it looks the same to both eyes, and traced pixels filter it as a plain render does",

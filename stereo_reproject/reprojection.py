@@ -31,6 +31,10 @@ TOUCHED = 0.02
 """Share of a looked-up colour that may come from a pixel that should not be looked up."""
 
 
+FUR = 3
+"""Pixels each way within which nothing but hair makes it fur: as far as an edge's sides are looked at."""
+
+
 @dataclass(frozen=True)
 class Reprojection:
     """The source's passes as the target sees them, and (H, W) `Reason` flags where they are not the answer."""
@@ -97,8 +101,10 @@ class Marking:
         answered = reasons == 0
         blurred = _source_silhouettes(self, accuracy)
         target = _TargetEdges(self, warped, warp)
-        edges = target.silhouettes(reasons, accuracy)
-        reasons[answered & (edges | touches(blurred, warp.x, warp.y, share=TOUCHED))] |= Reason.SILHOUETTE.bit
+        edges = target.silhouettes(reasons, accuracy) | touches(blurred, warp.x, warp.y, share=TOUCHED)
+        if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
+            edges &= ~_within_fur(warped, warp)
+        reasons[answered & edges] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
             known = target.known_beforehand(accuracy)
             if len(self.volumes) and not see_the_same(self.source_camera, self.target_camera):
@@ -119,6 +125,15 @@ class Marking:
 def _strands(passes: Passes) -> NDArray[np.bool_]:
     """(H, W): hair, which may be thinner than a pixel: its one depth does not tell which side a pixel's colour is."""
     return shows(passes, Effect.HAIR)
+
+
+def _within_fur(warped: Passes, warp: Warp) -> NDArray[np.bool_]:
+    """(H, W): pixels around which all that was warped is hair.
+
+    There every pixel has an edge beside it, and most have hair of the same look on both sides: probes tell where not.
+    """
+    strands = _strands(warped)
+    return strands & ~dilate(warp.covered & ~strands, FUR) if strands.any() else strands
 
 
 def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:

@@ -610,7 +610,18 @@ def test_edges_of_hair_are_traced_though_both_sides_look_alike():
 
     plain, hair = edges(Effect.GLOSSY.value), edges(Effect.HAIR.value)
     assert hair.sum() > plain.sum() + 50
-    assert not (plain & ~hair).any()
+
+
+@pytest.mark.parametrize(("accuracy", "left_to_probes"), [("draft", False), ("balanced", True), ("exact", False)])
+def test_edges_within_fur_are_left_to_the_probes(accuracy, left_to_probes):
+    """Everything is hair: what lies on either side of an edge is alike, or probes find that it is not."""
+
+    def fur(passes):
+        passes[EFFECTS_PASS] = np.full_like(passes["Depth"], Effect.HAIR.value)
+
+    frame = render_stereo_frame(caster(noise=0.1, spoil=fur, view_dependent=("fur",)), settings(accuracy=accuracy))
+    assert ((frame.reasons & Reason.SILHOUETTE.bit) > 0).any() != left_to_probes
+    assert ((frame.reasons & Reason.DISOCCLUDED.bit) > 0).any()
 
 
 def test_equal_eyes_stay_equal_whatever_the_surfaces_are():
