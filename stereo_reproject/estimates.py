@@ -38,7 +38,7 @@ def _excess(account: Account | None) -> tuple[float | None, float | None, float 
 def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
     """What the probes say of the finished target, and whether that is what was promised; null where none were traced.
 
-    probes counts those of the tiles that stayed warped, from which the figures are; tiles is the side of one in pixels.
+    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels.
     """
     estimate, measured = refinement.estimate, refinement.measured
     if estimate is None:
@@ -57,13 +57,13 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
         "worst_tiles_promise": promised,
         "kept": kept and (promised is None or worst <= promised),
         "probes": 0 if probed is None else int((~probed.refined).sum()),
-        "tiles": None if measured is None else measured.probes.spacing,
+        "tile_size": None if measured is None else measured.probes.spacing,
         "from": "rendered whole" if probed is None else "probes",
     }
 
 
 def _no_estimate(accuracy: Accuracy) -> dict[str, Any]:
-    unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tiles")
+    unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tile_size")
     why = "this accuracy promises nothing, and has no probes"
     if accuracy.promise is not None:
         why = "nothing that is seen looks different from each eye, and calls for probes"

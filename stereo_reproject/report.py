@@ -226,14 +226,19 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     if not estimate or estimate["noise_ratio"] is None:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
-    kept = "kept" if estimate["kept"] else "not kept"
-    promise = _number(estimate["promise"], ".2f")
-    told = f"estimate      noise ratio {ratio} ({low} to {high}), from {estimate['from']}"
-    lines = [f"{told}; at most {promise} promised: {kept}"]
-    if estimate["worst_tiles_promise"] is not None:
-        worst, limit = (_number(estimate[name], ".2f") for name in ("worst_tiles", "worst_tiles_promise"))
-        lines.append(f"              worst tiles {worst}; at most {limit} promised, but for chance")
+    interval = f" ({low} to {high})" if estimate["low"] is not None else ""
+    told = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
+    lines = [told + _promised(estimate["noise_ratio"], estimate["promise"])]
+    worst, limit = estimate["worst_tiles"], estimate["worst_tiles_promise"]
+    if worst is not None and (worst > 1.0 or limit is not None):
+        lines.append(f"              worst tiles {_number(worst, '.2f')}, see estimate.png" + _promised(worst, limit))
     return lines
+
+
+def _promised(value: float, promise: float | None) -> str:
+    if promise is None:
+        return ""
+    return f"; at most {promise:g} promised: {'kept' if value <= promise else 'not kept'}"
 
 
 def _effects_lines(report: Mapping[str, Any]) -> list[str]:

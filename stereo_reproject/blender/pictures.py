@@ -77,10 +77,15 @@ def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[n
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
-    shown = [(f"without probes {100.0 * np.mean(unknown):.1f} %", WITHOUT_PROBES, unknown)] if unknown.any() else []
-    for limit, colour in ABOVE:
-        above = (ratio > limit) & (low > 1.0)
-        shown.append((f"above {limit:g}: {100.0 * np.mean(above):.1f} %", colour, above))
+    shown = [(f"no probe tells: {100.0 * np.mean(unknown):.1f} %", WITHOUT_PROBES, unknown)] if unknown.any() else []
+    if (~unknown & (ratio != 1.0)).any():
+        ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
+        for (limit, colour), end in zip(ABOVE, ends, strict=True):
+            band = (ratio > limit) & (ratio <= end) & (low > 1.0)
+            words = f"noise ratio {limit:g} to {end:g}" if np.isfinite(end) else f"above {limit:g}"
+            shown.append((f"{words}: {100.0 * np.mean(band):.1f} %", colour, band))
+    if not shown:
+        shown = [("all of it was traced", ABOVE[0][1], unknown)]
     for _, colour, where in shown:
         picture[where] = np.array(colour) // 2 + backdrop[where] // 2
     _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])

@@ -233,16 +233,26 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     check_report(report)
     table = format_report_table(report)
     assert "noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
-    assert "worst tiles 1.15; at most 1.20 promised" in table
+    assert "worst tiles 1.15, see estimate.png; at most 1.2 promised: kept" in table
     assert "full: +9.8 s, 100.0 % traced, predicted" in table
     assert "glossy                3.12 %    1.50 s" in table
     assert "hair" not in table
-    report["estimate"] = {**ESTIMATE, "kept": False, "worst_tiles_promise": None}
+    report["estimate"] = {**ESTIMATE, "kept": False, "worst_tiles": 1.25}
     report["price"] = {**PRICE, "complete": False}
     table = format_report_table(report)
-    assert "not kept" in table
-    assert "worst tiles" not in table
+    assert "at most 1.02 promised: kept" in table
+    assert "worst tiles 1.25, see estimate.png; at most 1.2 promised: not kept" in table
     assert "at least +9.8 s" in table
+    report["estimate"] = {
+        **ESTIMATE,
+        "noise_ratio": 1.03,
+        "kept": False,
+        "worst_tiles": 1.0,
+        "worst_tiles_promise": None,
+    }
+    table = format_report_table(report)
+    assert "at most 1.02 promised: not kept" in table
+    assert "worst tiles" not in table
 
 
 @pytest.mark.parametrize(
