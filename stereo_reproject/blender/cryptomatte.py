@@ -10,6 +10,16 @@ FEWEST_LEVELS = 2
 """Ranks that Blender makes at least: two to a pass."""
 
 
+OURS = "stereo_reproject_cryptomatte"
+"""Property of the working scene's view layer: that it was us who switched it on."""
+
+
+def cryptomatte_asked_for(scene: bpy.types.Scene) -> bool:
+    """Whether the user wants the materials' cryptomatte."""
+    layer = rendered_layer(scene)
+    return layer.use_pass_cryptomatte_material and OURS not in layer
+
+
 def switch_on_cryptomatte(scene: bpy.types.Scene) -> None:
     """Have the materials' cryptomatte rendered from now on.
 
@@ -18,6 +28,6 @@ def switch_on_cryptomatte(scene: bpy.types.Scene) -> None:
     layer = rendered_layer(scene)
     if layer.use_pass_cryptomatte_material:
         return
-    layer.use_pass_cryptomatte_material = True
+    layer.use_pass_cryptomatte_material = layer[OURS] = True
     if not (layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset):
         layer.pass_cryptomatte_depth = FEWEST_LEVELS

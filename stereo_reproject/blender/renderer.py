@@ -12,7 +12,7 @@ from ..effects import Effect
 from ..effects_pass import CRYPTOMATTE, effects_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, Passes
-from .cryptomatte import switch_on_cryptomatte
+from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
@@ -39,7 +39,6 @@ class BlenderRenderer:
         self.lens = lens_of(scene)
         self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
-        self._cryptomatte_asked_for = rendered_layer(scene).use_pass_cryptomatte_material
         self._traces = 0
 
     @property
@@ -57,7 +56,7 @@ class BlenderRenderer:
         passes = rendered.views[view]
         layer = rendered_layer(self.scene).name
         effects = effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer)
-        if not self._cryptomatte_asked_for:
+        if not cryptomatte_asked_for(self.scene):
             passes = {name: image for name, image in passes.items() if not name.startswith(CRYPTOMATTE)}
         return (passes if effects is None else {**passes, EFFECTS_PASS: effects}), _cost(rendered)
 
