@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
-from .effects_pass import UNKNOWN
+from .effects_pass import UNKNOWN, flagged
 from .holes import Reason
 from .probes import Measured
 from .refinement import CONFIDENT
@@ -73,8 +73,7 @@ def accounts(
 
 def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.bool_]:
     """(H, W): pixels that are traced as silhouettes because they show hair."""
-    hair = (shown != UNKNOWN) & ((shown & int(wanted & Effect.HAIR)) > 0)
-    return hair & ((reasons & Reason.SILHOUETTE.bit) > 0)
+    return flagged(shown, wanted & Effect.HAIR) & ((reasons & Reason.SILHOUETTE.bit) > 0)
 
 
 def _belonging(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:

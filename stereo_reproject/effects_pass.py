@@ -74,5 +74,9 @@ def effects_of(passes: Passes) -> NDArray[np.int32]:
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
     """(H, W): the pixels that are known to show the effect."""
-    flags = effects_of(passes)
+    return flagged(effects_of(passes), effect)
+
+
+def flagged(flags: NDArray[np.int32], effect: Effect) -> NDArray[np.bool_]:
+    """(H, W): where the effect is among the flags (H, W), as far as they are known."""
     return (flags != UNKNOWN) & ((flags & effect.value) > 0)

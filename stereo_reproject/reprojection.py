@@ -30,7 +30,6 @@ PINHOLE = Lens()
 TOUCHED = 0.02
 """Share of a looked-up colour that may come from a pixel that should not be looked up."""
 
-
 FUR = 3
 """Pixels each way within which nothing but hair makes it fur: as far as an edge's sides are looked at."""
 

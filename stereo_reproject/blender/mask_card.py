@@ -86,8 +86,6 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(material)
         bpy.data.images.remove(image)
-        # Else whoever asks next what the scene shows is handed the evaluated card, of which the data are gone.
-        scene.view_layers.update()
 
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:
