@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
-from .passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from .warp import Warp
 
 UNWARPED = ("Vector",)
@@ -25,6 +25,7 @@ NEAREST = (
     "Material Index",
     "Crypto",
     EFFECTS_PASS,
+    MATERIAL_PASS,
 )
 """Passes of which a mean of two neighbours is neither of them."""
 

@@ -1,4 +1,4 @@
-"""The pass of effects: what each pixel's materials call for, read off the cryptomatte that Cycles renders for free.
+"""What each pixel's materials are and call for, read off the cryptomatte that Cycles renders for free.
 
 Source: Psyop, "Cryptomatte specification" 1.2: ranks of (hash, coverage), two to a pass, the largest coverage first; a
 hash is 32 bits that are stored as a float, and the file's header says which name each of them stands for.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effects import Effect
-from .passes import COLOUR_PASS, EFFECTS_PASS, Passes
+from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 
 CRYPTOMATTE = "CryptoMaterial"
 """How the names of Blender's passes of materials begin."""
@@ -34,16 +34,38 @@ def effects_pass(
     calls for, by name. None where the file does not say which hash is whose.
     """
     manifest = _manifest(attributes, f"{layer}.{CRYPTOMATTE}")
-    levels = [image for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4]
+    levels = _levels(passes)
     if manifest is None or not levels:
         return None
     known = {_hash(manifest, name): effects for name, effects in materials.items()}
     flags = np.zeros(levels[0].shape[:2], np.int32)
     for image in levels:
         for rank in (0, 2):
-            hashes = np.ascontiguousarray(image[..., rank]).view(np.uint32)
-            flags |= np.where(image[..., rank + 1] >= LEAST_COVERAGE, _look_up(hashes, known), 0)
+            seen = image[..., rank + 1] >= LEAST_COVERAGE
+            flags |= np.where(seen, _look_up(_hashes(image, rank), known), 0)
     return flags[..., None].astype(np.float32)
+
+
+def material_pass(passes: Passes) -> NDArray[np.float32] | None:
+    """(H, W, 1): the number, within this picture, of the material that covers most of each pixel.
+
+    passes hold the cryptomatte of one view layer; None where they do not.
+    """
+    levels = _levels(passes)
+    if not levels:
+        return None
+    values, numbers = np.unique(_hashes(levels[0], 0), return_inverse=True)
+    assert values.size < 1 << np.finfo(np.float32).nmant
+    return numbers.reshape(*levels[0].shape[:2], 1).astype(np.float32)
+
+
+def _levels(passes: Passes) -> list[NDArray[np.float32]]:
+    names = sorted(name for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4)
+    return [passes[name] for name in names]
+
+
+def _hashes(image: NDArray[np.float32], rank: int) -> NDArray[np.uint32]:
+    return np.ascontiguousarray(image[..., rank]).view(np.uint32)
 
 
 def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
@@ -70,6 +92,11 @@ def effects_of(passes: Passes) -> NDArray[np.int32]:
     if EFFECTS_PASS not in passes:
         return np.full(passes[COLOUR_PASS].shape[:2], UNKNOWN, np.int32)
     return passes[EFFECTS_PASS][..., 0].astype(np.int32)
+
+
+def materials_of(passes: Passes) -> NDArray[np.intp] | None:
+    """(H, W) numbers of the materials that the pixels show, None without the pass."""
+    return passes[MATERIAL_PASS][..., 0].astype(np.intp) if MATERIAL_PASS in passes else None
 
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:

@@ -18,6 +18,10 @@ EFFECTS_PASS = "Effects"
 """(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""
 
 
+MATERIAL_PASS = "Shown Material"
+"""(H, W, 1) number of the material that covers most of each pixel. Ours alone, as the flags are."""
+
+
 def without_ours(passes: Passes) -> Passes:
     """What of the passes is the user's."""
-    return {name: image for name, image in passes.items() if name not in (EFFECTS_PASS, MASKED_PASS)}
+    return {name: image for name, image in passes.items() if name not in (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS)}

@@ -4,9 +4,10 @@ A plain render of the whole eye differs from another by 2 var(a). So, with W the
 
     noise ratio^2 = 1 + sum over W of excess / sum over all of 2 noise.
 
-A tile is judged by the probes around it. So the probes of the tiles that stay are as good as drawn after the choice was
-made, and their sum is what is left, on average: nothing was picked because it looked good. Only tiles whose own probe
-stands out far beyond noise are traced for that alone, and of them no more is taken off than was found (`with_refined`).
+A tile is judged by the probes around it, and by those of its materials wherever they are, but not by its own. So the
+probes of the tiles that stay are as good as drawn after the choice was made, and their sum is what is left, on average:
+nothing was picked because it looked good. Only tiles whose own probe stands out far beyond noise are traced for that
+alone, and of them no more is taken off than was found (`with_refined`).
 """
 
 from __future__ import annotations
@@ -34,6 +35,12 @@ BEYOND_DOUBT = 10.0
 
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
+
+BY_MATERIAL = 0.5
+"""Share of a tile's likely excess that all other probes of the materials it shows tell; the rest those around it do."""
+
+FEWEST = 4
+"""Other probes of a material from which they tell how wrong it is."""
 
 SURE = 0.5
 """Standard errors by which the estimate must be within the promise before refinement stops."""
@@ -186,14 +193,18 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
 
 def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     """(N,) excess of a pixel of each tile, judged by the risk of the tile and the excess over the risk of those around
-    it, its own left out; and the standard error of that."""
+    it and of its materials, its own left out; and its standard error, which is that of those around it."""
     around = measured.probes.around(measured.excess, reach)
     risk = np.maximum(np.maximum(measured.probes.around(measured.risk, reach), measured.risk), 1e-30)
     pixels = np.maximum(measured.probes.around(measured.pixels, reach), 1.0)
     # What a refined tile has is known; of the others each is known by one probe.
     chance = measured.probes.around(np.where(measured.refined, 0.0, measured.excess) ** 2, reach)
     per_pixel = (1.0 - UNMOVED) * measured.risk / risk / measured.pixels + UNMOVED / pixels
-    return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
+    likely, error = around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
+    if measured.materials is not None:
+        told = measured.materials.excess(measured.excess, likely * measured.pixels, fewest=FEWEST)
+        likely = (1.0 - BY_MATERIAL) * likely + BY_MATERIAL * told / measured.pixels
+    return likely, error
 
 
 def local_noise(measured: Measured) -> NDArray[np.float64]:

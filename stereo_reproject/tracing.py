@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .composite import composite, filtered
+from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
 from .probes import Measured, measure, place_probes, with_refined
@@ -205,7 +206,7 @@ class TargetEye:
         both = {name: (passes[name][twins], traced[name][count:]) for name in passes if name in traced}
         self.passes = composite(passes, {name: _mean(*two) for name, two in both.items() if filtered(name)}, twins)
         self.traced, self.probed = self.traced | wanted, self.probed | twins
-        return measure(probes, warped, self._contrast, before, once, again)
+        return measure(probes, warped, self._contrast, before, once, again, shown=materials_of(self.passes))
 
 
 def _mean(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:

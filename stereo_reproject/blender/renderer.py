@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import Effect, EffectsPlan
-from ..effects_pass import CRYPTOMATTE, effects_pass
+from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
-from ..passes import EFFECTS_PASS, Passes
+from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
@@ -55,7 +55,7 @@ class BlenderRenderer:
         return self.plan.view_dependent
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """The source eye, whole, with the pass of effects if there are any that the eyes see differently."""
+        """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
         if not self.view_dependent or self.scene.render.engine != CYCLES:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
             return rendered.views[view], _cost(rendered)
@@ -63,10 +63,14 @@ class BlenderRenderer:
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         passes = rendered.views[view]
         layer = rendered_layer(self.scene).name
-        effects = effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer)
+        ours = {
+            EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
+            MATERIAL_PASS: material_pass(passes),
+        }
         if not cryptomatte_asked_for(self.scene):
             passes = {name: image for name, image in passes.items() if not name.startswith(CRYPTOMATTE)}
-        return (passes if effects is None else {**passes, EFFECTS_PASS: effects}), _cost(rendered)
+        known = {name: image for name, image in ours.items() if image is not None}
+        return {**passes, **known}, _cost(rendered)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return {

@@ -35,7 +35,7 @@ from stereo_reproject.composite import contain
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.fill import SourceCost
 from stereo_reproject.metrics import noise_ratio, worst_tiles
-from stereo_reproject.passes import COLOUR_PASS, Passes
+from stereo_reproject.passes import COLOUR_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.reprojection import Reprojection, reproject
 from stereo_reproject.settings import StereoSettings
 from stereo_reproject.tracing import Means, TargetEye
@@ -84,6 +84,7 @@ KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
     Knob("NEIGHBOURS", (1, 2, 3), vars(refinement)),
     Knob("UNMOVED", (0.0, 0.25, 0.5), vars(refinement)),
+    Knob("BY_MATERIAL", (0.0, 0.25, 0.5, 0.75), vars(refinement)),
     Knob("EVEN", (1.0, 0.5, 0.2), vars(probes)),
     # The constant is a default argument, and that is bound when the function is defined.
     Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_refined.__kwdefaults__, key="sure"),
@@ -140,7 +141,7 @@ class Scene:
     def _finished(self, accuracy: Accuracy, seed: int) -> tuple[TargetEye, float]:
         """As `pipeline.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
-        passes = {COLOUR_PASS: self.warped.passes[COLOUR_PASS]}
+        passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, MATERIAL_PASS)}
         warped = replace(self.warped, passes=passes, reasons=self.warped.reasons_at(accuracy))
         tracer, means = StoredTracer(once, again), Means("auto", COST, {})
         eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)
@@ -187,7 +188,7 @@ def make_pictures(
 
     width, height = options.size
     seeds = f"seed{SOURCE_SEED}-{REFERENCE_SEED}-{RENDERS}"
-    key = f"spending-{name}-{width}x{height}-{options.samples}-{seeds}-{bpy.app.version_string}.npz"
+    key = f"spending-materials-{name}-{width}x{height}-{options.samples}-{seeds}-{bpy.app.version_string}.npz"
     kept = None if options.cache is None else options.cache / key.replace(" ", "-")
     if kept is not None and kept.exists():
         return load_pictures(kept)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from stereo_reproject.effects import Effect
-from stereo_reproject.effects_pass import effects_pass
+from stereo_reproject.effects_pass import effects_pass, material_pass, materials_of
+from stereo_reproject.passes import MATERIAL_PASS
 
 LAYER = "View Layer"
 MIRROR, LEAF = 0xDAA67E50, 0x3F9E2419
@@ -53,6 +54,23 @@ def test_further_levels_count_too():
 def test_other_passes_are_passed_over():
     passes = {"CryptoObject00": level((LEAF, 1.0, 0, 0.0)), "CryptoMaterial00": level((MIRROR, 1.0, 0, 0.0))}
     assert flags_of(passes) == [Effect.GLOSSY]
+
+
+def test_the_number_is_that_of_the_material_that_covers_most():
+    pixels = (MIRROR, 1.0, 0, 0.0), (LEAF, 0.6, MIRROR, 0.4), (MIRROR, 0.5, LEAF, 0.4), (0, 0.0, 0, 0.0)
+    passes = {"CryptoMaterial01": level(*[(LEAF, 0.1, 0, 0.0)] * 4), "CryptoMaterial00": level(*pixels)}
+    found = material_pass(passes)
+    assert found is not None
+    assert found.shape == (1, 4, 1)
+    mirror, leaf, again, nothing = found[0, :, 0]
+    assert mirror == again
+    assert len({mirror, leaf, nothing}) == 3
+    assert materials_of({MATERIAL_PASS: found})[0, 1] == leaf
+
+
+def test_without_a_cryptomatte_no_material_is_known():
+    assert material_pass({"Combined": np.zeros((1, 4, 4), np.float32)}) is None
+    assert materials_of({"Combined": np.zeros((1, 4, 4), np.float32)}) is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.rig import stereo_cameras
 from stereo_reproject.blender.scene import open_blend, rendered_layer, working_scene
 from stereo_reproject.effects import Effect
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS
+from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS
 from stereo_reproject.pipeline import render_stereo_frame
 from stereo_reproject.reprojection import reproject
 from stereo_reproject.settings import SceneOverrides, StereoSettings
@@ -130,7 +130,7 @@ def test_ours_is_in_no_result_and_stays_on_while_there_are_renders(scene, tmp_pa
         layer = rendered_layer(working)
         assert not layer.use_pass_cryptomatte_material
         for _ in range(2):
-            assert set(renderer.render_source("left")[0]) == {COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS}
+            assert set(renderer.render_source("left")[0]) == {COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS}
         frame = render_stereo_frame(renderer, StereoSettings(fill=fill))
         assert layer.use_pass_cryptomatte_material
     for eye in frame.eyes.values():
@@ -147,7 +147,7 @@ def test_the_user_s_own_cryptomatte_stays_as_it_is(scene, tmp_path):
         source = BlenderRenderer(working, tmp_path).render_source("left")[0]
         assert rendered_layer(working).use_pass_cryptomatte_material
         assert rendered_layer(working).pass_cryptomatte_depth == 6
-    assert set(source) == {*plain, EFFECTS_PASS}
+    assert set(source) == {*plain, EFFECTS_PASS, MATERIAL_PASS}
     levels = [name for name in plain if name.startswith("Crypto")]
     assert len(levels) == 3
     for name in levels:
