@@ -23,7 +23,7 @@ from ..pixel_filter import filter_support
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
-from .scene import CYCLES, evaluated, focus_distance
+from .scene import CYCLES, evaluated, focus_distance, rendered_layer
 
 NAME = "Stereo Reproject mask"
 
@@ -77,7 +77,6 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
         # The card is a transparent surface more.
         scene.cycles.transparent_max_bounces = most + 1
         scene.cycles.min_transparent_bounces = fewest + 1
-        scene.view_layers.update()
         yield
     finally:
         scene.cycles.transparent_max_bounces = most
@@ -86,6 +85,9 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(material)
         bpy.data.images.remove(image)
+        # Else Blender crashes when it lists what the scene shows: the card that it has evaluated is gone. And
+        # scene.view_layers.update() passes over a scene that no window shows.
+        rendered_layer(scene).update()
 
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:

@@ -92,14 +92,12 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
 
 @dataclass(frozen=True)
 class RenderedSource:
-    """The source eye that runs share: its view, what the renderer said of it, the seconds of the whole call, and that
-    renderer."""
+    """The source eye that runs share: its view, what the renderer said of it, and the seconds of the whole call."""
 
     view: str
     passes: Passes
     cost: SourceCost
     seconds: float
-    renderer: BlenderRenderer
 
 
 @dataclass
@@ -156,14 +154,14 @@ def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Pat
     renderer = BlenderRenderer(working, work)
     start = time.perf_counter()
     passes, cost = renderer.render_source(settings.source)
-    return RenderedSource(settings.source, passes, cost, time.perf_counter() - start, renderer)
+    return RenderedSource(settings.source, passes, cost, time.perf_counter() - start)
 
 
 class SharedSourceRenderer(BlenderRenderer):
     """A renderer whose source was rendered before."""
 
     def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
-        super().__init__(scene, folder, like=source.renderer)
+        super().__init__(scene, folder)
         self._source = source
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:

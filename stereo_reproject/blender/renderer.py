@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import Effect, EffectsPlan
+from ..effects import Effect
 from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes
@@ -28,24 +28,16 @@ FILL_SEED = 1_000_003
 class BlenderRenderer:
     """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages.
 
-    user_scene is what the working scene is a copy of; `plan` says what the scene calls for. like is a renderer of the
-    same scene, whose plan holds here too: Blender may crash when it lists what a scene shows after a card was rendered.
+    user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """
 
-    def __init__(
-        self,
-        scene: bpy.types.Scene,
-        folder: Path,
-        *,
-        user_scene: bpy.types.Scene | None = None,
-        like: BlenderRenderer | None = None,
-    ) -> None:
+    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
         self.scene = scene
         self.folder = folder
         self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.lens = lens_of(scene)
-        self.plan = plan_effects(scene, user_scene=user_scene) if like is None else like.plan
-        self.volumes = _volumes(scene, self.plan) if like is None else like.volumes
+        self.plan = plan_effects(scene, user_scene=user_scene)
+        self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
         self._traces = 0
 
@@ -98,10 +90,6 @@ class BlenderRenderer:
         """A seed that no render of this frame has had: noise that is there already must not come twice."""
         self._traces += 1
         return shifted_seed(self.seed, FILL_SEED * self._traces)
-
-
-def _volumes(scene: bpy.types.Scene, plan: EffectsPlan) -> tuple[NDArray, ...]:
-    return volume_boxes(scene) if plan.called_for & Effect.VOLUME else ()
 
 
 def _cost(rendered: Rendered) -> SourceCost:

@@ -183,9 +183,8 @@ def test_a_shared_source_makes_the_very_frame_that_a_run_of_its_own_makes(scene,
     with working_scene(scene, SceneOverrides(seed=3)) as working:
         alone = render_stereo_frame(BlenderRenderer(working, tmp_path), settings)
     with working_scene(scene, SceneOverrides(seed=3)) as working:
-        first = BlenderRenderer(working, tmp_path)
-        passes, cost = first.render_source("left")
-        shared = RenderedSource("left", passes, cost, 0.0, first)
+        passes, cost = BlenderRenderer(working, tmp_path).render_source("left")
+        shared = RenderedSource("left", passes, cost, 0.0)
         for accuracy in ("exact", "draft"):
             working.cycles.seed = 3
             renderer = SharedSourceRenderer(working, tmp_path, shared)
