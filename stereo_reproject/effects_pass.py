@@ -47,14 +47,19 @@ def effects_pass(
 
 
 def material_pass(passes: Passes) -> NDArray[np.float32] | None:
-    """(H, W, 1): the number, within this picture, of the material that covers most of each pixel.
+    """(H, W, 1): a number, within this picture, of the materials that cover at least a tenth of each pixel.
 
-    passes hold the cryptomatte of one view layer; None where they do not.
+    Pixels have the same where these are the same: what is seen through a pane is another thing than beside it. passes
+    hold the cryptomatte of one view layer; None where they do not.
     """
     levels = _levels(passes)
     if not levels:
         return None
-    values, numbers = np.unique(_hashes(levels[0], 0), return_inverse=True)
+    names = np.zeros(levels[0].shape[:2], np.uint64)
+    for image in levels:
+        for rank in (0, 2):
+            names += np.where(image[..., rank + 1] >= LEAST_COVERAGE, _hashes(image, rank), 0).astype(np.uint64)
+    values, numbers = np.unique(names, return_inverse=True)
     assert values.size < 1 << np.finfo(np.float32).nmant
     return numbers.reshape(*levels[0].shape[:2], 1).astype(np.float32)
 

@@ -19,7 +19,7 @@ EFFECTS_PASS = "Effects"
 
 
 MATERIAL_PASS = "Shown Material"
-"""(H, W, 1) number of the material that covers most of each pixel. Ours alone, as the flags are."""
+"""(H, W, 1) number of the materials that each pixel shows. Ours alone, as the flags are."""
 
 
 def without_ours(passes: Passes) -> Passes:

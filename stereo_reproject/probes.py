@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from .metrics import squared_error, tone
 from .risk import Contrast, box_sum
+from .shown_materials import ShownMaterials
 
 EVEN = 0.5
 """Share of a probe's chance that is spread evenly over its tile: no pixel stands for more than the rest allows."""
@@ -111,52 +112,6 @@ def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class Materials:
-    """Which materials the tiles (N,) show, as pairs (P,) of a tile and a material in it.
-
-    risk (P,) is that part of the tile's (see `Measured`) which its pixels have that show the material; of_probe (N,) is
-    the material that each probe's pixel shows.
-    """
-
-    tile: NDArray[np.intp]
-    material: NDArray[np.intp]
-    risk: NDArray[np.float64]
-    of_probe: NDArray[np.intp]
-
-    def excess(
-        self, excess: NDArray[np.float64], otherwise: NDArray[np.float64], *, fewest: int
-    ) -> NDArray[np.float64]:
-        """(N,): the excess of each tile, were its materials as wrong for their risk as they are in all other tiles.
-
-        excess (N,) is what each probe found; otherwise (N,) is taken where fewer than `fewest` other probes tell of a
-        material, or nothing is at risk.
-        """
-        count = 1 + max(self.material.max(initial=0), self.of_probe.max(initial=0))
-        own = self.material == self.of_probe[self.tile]
-        others = np.bincount(self.of_probe, minlength=count)[self.material] - own
-        found = np.bincount(self.of_probe, weights=excess, minlength=count)[self.material]
-        found -= np.where(own, excess[self.tile], 0.0)
-        elsewhere = np.bincount(self.material, weights=self.risk, minlength=count)[self.material] - self.risk
-        known = (others >= fewest) & (elsewhere > 0.0)
-        in_tile = np.bincount(self.tile, weights=self.risk, minlength=excess.size)
-        by_rest = otherwise[self.tile] * self.risk / in_tile[self.tile]
-        told = np.where(known, found / np.where(known, elsewhere, 1.0) * self.risk, by_rest)
-        return np.where(in_tile > 0.0, np.bincount(self.tile, weights=told, minlength=excess.size), otherwise)
-
-
-def materials_in(probes: Probes, shown: NDArray[np.intp], risk: NDArray) -> Materials:
-    """What the tiles show of the materials shown (H, W), and how much of the risk (H, W) is theirs."""
-    count = int(shown.max(initial=0)) + 1
-    names = np.full(probes.tile_grid, -1, np.intp)
-    names[probes.tiles] = np.arange(probes.rows.size)
-    rows, columns = np.nonzero(risk > 0.0)
-    tile = names[rows // probes.spacing, columns // probes.spacing]
-    pairs, place = np.unique(tile * count + shown[rows, columns], return_inverse=True)
-    summed = np.bincount(place, weights=risk[rows, columns], minlength=pairs.size)
-    return Materials(pairs // count, pairs % count, summed, shown[probes.rows, probes.columns])
-
-
-@dataclass(frozen=True)
 class Measured:
     """What the probes say, per tile (N,) that has one.
 
@@ -176,7 +131,7 @@ class Measured:
     risk: NDArray[np.float64]
     refined: NDArray[np.bool_]
     frame_pixels: int
-    materials: Materials | None = None
+    materials: ShownMaterials | None = None
 
     @property
     def mean_noise(self) -> float:
@@ -209,7 +164,7 @@ def measure(
 ) -> Measured:
     """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`.
 
-    shown (H, W) is the number of the material that each pixel shows, if that is known.
+    shown (H, W) numbers what materials each pixel shows, if that is known.
 
     A probe with a value that is no number says nothing: it counts as neither error nor noise.
     """
@@ -230,8 +185,17 @@ def measure(
         risk=probes.in_tiles(risk),
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
-        materials=None if shown is None else materials_in(probes, shown, risk),
+        materials=None if shown is None else _materials_in(probes, shown, risk),
     )
+
+
+def _materials_in(probes: Probes, shown: NDArray[np.intp], risk: NDArray) -> ShownMaterials:
+    names = np.zeros(probes.tile_grid, np.intp)
+    names[probes.tiles] = np.arange(probes.rows.size)
+    rows, columns = np.nonzero(risk > 0.0)
+    tile = names[rows // probes.spacing, columns // probes.spacing]
+    of_probe = shown[probes.rows, probes.columns]
+    return ShownMaterials.of_pixels(tile, shown[rows, columns], risk[rows, columns], of_probe)
 
 
 def _heard(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:

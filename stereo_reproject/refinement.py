@@ -36,12 +36,6 @@ BEYOND_DOUBT = 10.0
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
 
-BY_MATERIAL = 0.5
-"""Share of a tile's likely excess that all other probes of the materials it shows tell; the rest those around it do."""
-
-FEWEST = 4
-"""Other probes of a material from which they tell how wrong it is."""
-
 SURE = 0.5
 """Standard errors by which the estimate must be within the promise before refinement stops."""
 
@@ -202,8 +196,7 @@ def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     per_pixel = (1.0 - UNMOVED) * measured.risk / risk / measured.pixels + UNMOVED / pixels
     likely, error = around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
     if measured.materials is not None:
-        told = measured.materials.excess(measured.excess, likely * measured.pixels, fewest=FEWEST)
-        likely = (1.0 - BY_MATERIAL) * likely + BY_MATERIAL * told / measured.pixels
+        likely = measured.materials.likely(measured.excess, likely * measured.pixels) / measured.pixels
     return likely, error
 
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from stereo_reproject import probes, refinement, tracing
+from stereo_reproject import probes, refinement, shown_materials, tracing
 from stereo_reproject.accuracy import SETTINGS, Accuracy
 from stereo_reproject.composite import contain
 from stereo_reproject.errors import StereoReprojectError
@@ -84,7 +84,7 @@ KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
     Knob("NEIGHBOURS", (1, 2, 3), vars(refinement)),
     Knob("UNMOVED", (0.0, 0.25, 0.5), vars(refinement)),
-    Knob("BY_MATERIAL", (0.0, 0.25, 0.5, 0.75), vars(refinement)),
+    Knob("FEWEST", (2, 4, 8, 10**6), vars(shown_materials)),
     Knob("EVEN", (1.0, 0.5, 0.2), vars(probes)),
     # The constant is a default argument, and that is bound when the function is defined.
     Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_refined.__kwdefaults__, key="sure"),
@@ -188,7 +188,7 @@ def make_pictures(
 
     width, height = options.size
     seeds = f"seed{SOURCE_SEED}-{REFERENCE_SEED}-{RENDERS}"
-    key = f"spending-materials-{name}-{width}x{height}-{options.samples}-{seeds}-{bpy.app.version_string}.npz"
+    key = f"spending-shown-{name}-{width}x{height}-{options.samples}-{seeds}-{bpy.app.version_string}.npz"
     kept = None if options.cache is None else options.cache / key.replace(" ", "-")
     if kept is not None and kept.exists():
         return load_pictures(kept)

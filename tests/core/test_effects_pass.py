@@ -56,16 +56,24 @@ def test_other_passes_are_passed_over():
     assert flags_of(passes) == [Effect.GLOSSY]
 
 
-def test_the_number_is_that_of_the_material_that_covers_most():
-    pixels = (MIRROR, 1.0, 0, 0.0), (LEAF, 0.6, MIRROR, 0.4), (MIRROR, 0.5, LEAF, 0.4), (0, 0.0, 0, 0.0)
-    passes = {"CryptoMaterial01": level(*[(LEAF, 0.1, 0, 0.0)] * 4), "CryptoMaterial00": level(*pixels)}
-    found = material_pass(passes)
+def test_pixels_of_the_same_materials_have_the_same_number():
+    pixels = (MIRROR, 1.0), (LEAF, 0.6, MIRROR, 0.4), (MIRROR, 0.95, LEAF, 0.05), (MIRROR, 0.5, LEAF, 0.4), (0, 0.0)
+    found = material_pass({"CryptoMaterial00": level(*((*pixel, 0, 0.0)[:4] for pixel in pixels))})
     assert found is not None
-    assert found.shape == (1, 4, 1)
-    mirror, leaf, again, nothing = found[0, :, 0]
-    assert mirror == again
-    assert len({mirror, leaf, nothing}) == 3
-    assert materials_of({MATERIAL_PASS: found})[0, 1] == leaf
+    assert found.shape == (1, 5, 1)
+    mirror, both, hardly_both, again_both, nothing = found[0, :, 0]
+    assert mirror == hardly_both
+    assert both == again_both
+    assert len({mirror, both, nothing}) == 3
+    assert materials_of({MATERIAL_PASS: found})[0, 1] == both
+
+
+def test_a_material_on_a_further_level_makes_another_number():
+    first = level((MIRROR, 0.5, 0x78D05529, 0.3), (MIRROR, 0.5, 0x78D05529, 0.3))
+    further = level((LEAF, 0.2, 0, 0.0), (LEAF, 0.02, 0, 0.0))
+    found = material_pass({"CryptoMaterial01": further, "CryptoMaterial00": first})
+    assert found is not None
+    assert found[0, 0, 0] != found[0, 1, 0]
 
 
 def test_without_a_cryptomatte_no_material_is_known():

@@ -36,6 +36,7 @@ NUMERIC = {
     "probes",
     "risk",
     "refinement",
+    "shown_materials",
     "heuristic",
     "defocus",
     "refracted",

@@ -7,7 +7,7 @@ import pytest
 
 from stereo_reproject.estimates import estimate_map
 from stereo_reproject.metrics import noise_ratio, squared_error
-from stereo_reproject.probes import materials_in, measure, place_probes, with_refined
+from stereo_reproject.probes import measure, place_probes, with_refined
 from stereo_reproject.refinement import (
     choose_refined,
     estimate,
@@ -308,37 +308,6 @@ def test_a_material_is_judged_as_a_whole_however_its_pieces_lie():
     alone, together = np.mean(found[::2]), np.mean(found[1::2])
     assert together > 0.7 > 0.1 > alone
     assert np.mean(beside[1::2]) < np.mean(beside[::2])
-
-
-@pytest.mark.parametrize("fewest", [1, 6])
-def test_what_materials_tell_of_a_tile_is_without_its_own_probe(fewest):
-    rng = np.random.default_rng(9)
-    shape = (45, 66)
-    shown = rng.integers(0, 5, (6, 9)).repeat(8, axis=0).repeat(8, axis=1)[2:47, 5:71].astype(np.intp)
-    warped = rng.random(shape) > 0.3
-    risk = np.where(warped, rng.random(shape), 0.0)
-    risk[:8] = 0.0
-    probes = place_probes(warped, even(shape), spacing=8, seed=2)
-    excess, otherwise = rng.normal(size=(2, probes.rows.size))
-    told = materials_in(probes, shown, risk).excess(excess, otherwise, fewest=fewest)
-
-    of_probe = shown[probes.rows, probes.columns]
-    tile_of = np.full(probes.tile_grid, -1)
-    tile_of[probes.tiles] = np.arange(probes.rows.size)
-    tile_of = tile_of.repeat(8, axis=0).repeat(8, axis=1)[: shape[0], : shape[1]]
-    for tile, expected in enumerate(otherwise):
-        in_tile = tile_of == tile
-        if risk[in_tile].any():
-            expected = 0.0
-            for material in np.unique(shown[in_tile]):
-                own = risk[in_tile & (shown == material)].sum()
-                others = (of_probe == material) & (np.arange(probes.rows.size) != tile)
-                elsewhere = risk[~in_tile & (shown == material)].sum()
-                if others.sum() >= fewest and elsewhere > 0.0:
-                    expected += excess[others].sum() / elsewhere * own
-                else:
-                    expected += otherwise[tile] * own / risk[in_tile].sum()
-        assert told[tile] == pytest.approx(expected), tile
 
 
 def test_a_firefly_on_a_probe_refines_no_wall_and_hides_no_error():

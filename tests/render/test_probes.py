@@ -84,7 +84,9 @@ def test_the_estimate_is_told_tile_by_tile(scene, tmp_path):
     assert (told["Noise Ratio"][holes] == 1.0).all()
     wrong = (told["Noise Ratio"] > 1.1) & (told["Noise Ratio Low"] > 1.0)
     # Of the few tiles beside the mirror one may well be beyond its interval of 95 %.
-    assert wrong[20:70, 55:125].mean() > max(0.2, 5.0 * wrong[:, :40].mean())
+    ball = np.zeros_like(holes)
+    ball[20:70, 55:125] = True
+    assert wrong[ball & ~holes].mean() > max(0.1, 5.0 * wrong[:, :40].mean())
     colours = np.abs(np.diff(picture, axis=-1)).max(axis=-1)
     assert colours[wrong].mean() > 2.0 * colours[~wrong & ~holes].mean()
 
