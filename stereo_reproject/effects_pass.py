@@ -49,8 +49,9 @@ def effects_pass(
 def material_pass(passes: Passes) -> NDArray[np.float32] | None:
     """(H, W, 1): a number, within this picture, of the materials that cover at least a tenth of each pixel.
 
-    Pixels have the same where these are the same: what is seen through a pane is another thing than beside it. passes
-    hold the cryptomatte of one view layer; None where they do not.
+    Pixels have the same where these are the same: what is seen through something transparent, or behind a blur, is
+    another thing than beside it. passes hold the cryptomatte of one view layer; None where they do not, or where there
+    are more than float32 can tell apart.
     """
     levels = _levels(passes)
     if not levels:
@@ -59,9 +60,9 @@ def material_pass(passes: Passes) -> NDArray[np.float32] | None:
     for image in levels:
         for rank in (0, 2):
             names += np.where(image[..., rank + 1] >= LEAST_COVERAGE, _hashes(image, rank), 0).astype(np.uint64)
-    values, numbers = np.unique(names, return_inverse=True)
-    assert values.size < 1 << np.finfo(np.float32).nmant
-    return numbers.reshape(*levels[0].shape[:2], 1).astype(np.float32)
+    values, numbers = _distinct(names)
+    # As many as float32 tells apart.
+    return numbers[..., None].astype(np.float32) if values.size <= 1 << 24 else None
 
 
 def _levels(passes: Passes) -> list[NDArray[np.float32]]:
@@ -87,9 +88,18 @@ def _hash(manifest: str, name: str) -> int | None:
 
 
 def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> NDArray[np.int32]:
-    values, place = np.unique(hashes, return_inverse=True)
+    values, place = _distinct(hashes)
     flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
-    return flags[place.reshape(hashes.shape)]
+    return flags[place]
+
+
+def _distinct(image: NDArray) -> tuple[NDArray, NDArray[np.intp]]:
+    """The values in an image (H, W), each once, and (H, W) the place of each pixel's among them."""
+    flat = image.ravel()
+    # What is seen lies together: there are few runs to be sorted.
+    starts = np.flatnonzero(np.concatenate([np.ones(min(flat.size, 1), bool), flat[1:] != flat[:-1]]))
+    values, place = np.unique(flat[starts], return_inverse=True)
+    return values, np.repeat(place, np.diff(starts, append=flat.size)).reshape(image.shape)
 
 
 def effects_of(passes: Passes) -> NDArray[np.int32]:
@@ -99,9 +109,9 @@ def effects_of(passes: Passes) -> NDArray[np.int32]:
     return passes[EFFECTS_PASS][..., 0].astype(np.int32)
 
 
-def materials_of(passes: Passes) -> NDArray[np.intp] | None:
+def materials_of(passes: Passes) -> NDArray[np.int32] | None:
     """(H, W) numbers of the materials that the pixels show, None without the pass."""
-    return passes[MATERIAL_PASS][..., 0].astype(np.intp) if MATERIAL_PASS in passes else None
+    return passes[MATERIAL_PASS][..., 0].astype(np.int32) if MATERIAL_PASS in passes else None
 
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:

@@ -17,7 +17,6 @@ MASKED_PASS = "Masked"
 EFFECTS_PASS = "Effects"
 """(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""
 
-
 MATERIAL_PASS = "Shown Material"
 """(H, W, 1) number of the materials that each pixel shows. Ours alone, as the flags are."""
 

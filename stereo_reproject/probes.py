@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .metrics import squared_error, tone
 from .risk import Contrast, box_sum
-from .shown_materials import ShownMaterials
+from .shown_materials import ShownMaterials, materials_by_tile
 
 EVEN = 0.5
 """Share of a probe's chance that is spread evenly over its tile: no pixel stands for more than the rest allows."""
@@ -160,11 +160,11 @@ def measure(
     a: NDArray,
     b: NDArray,
     *,
-    shown: NDArray[np.intp] | None = None,
+    shown: NDArray[np.integer] | None = None,
 ) -> Measured:
     """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`.
 
-    shown (H, W) numbers what materials each pixel shows, if that is known.
+    shown (H, W) is a number for the materials that each pixel shows, if that is known.
 
     A probe with a value that is no number says nothing: it counts as neither error nor noise.
     """
@@ -185,17 +185,24 @@ def measure(
         risk=probes.in_tiles(risk),
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
-        materials=None if shown is None else _materials_in(probes, shown, risk),
+        materials=None if shown is None else _materials_in(probes, shown, risk, excess),
     )
 
 
-def _materials_in(probes: Probes, shown: NDArray[np.intp], risk: NDArray) -> ShownMaterials:
-    names = np.zeros(probes.tile_grid, np.intp)
-    names[probes.tiles] = np.arange(probes.rows.size)
-    rows, columns = np.nonzero(risk > 0.0)
-    tile = names[rows // probes.spacing, columns // probes.spacing]
-    of_probe = shown[probes.rows, probes.columns]
-    return ShownMaterials.of_pixels(tile, shown[rows, columns], risk[rows, columns], of_probe)
+def _materials_in(
+    probes: Probes, shown: NDArray[np.integer], risk: NDArray, found: NDArray[np.float64]
+) -> ShownMaterials:
+    numbers = np.zeros(probes.tile_grid, np.intp)
+    numbers[probes.tiles] = np.arange(probes.rows.size)
+    side = probes.spacing
+
+    def row_of_tiles(row: int) -> tuple[NDArray, NDArray, NDArray]:
+        band = slice(row * side, (row + 1) * side)
+        rows, columns = np.nonzero(risk[band] > 0.0)
+        return numbers[row, columns // side], shown[band][rows, columns], risk[band][rows, columns]
+
+    pairs = materials_by_tile(row_of_tiles(row) for row in range(probes.tile_grid[0]))
+    return ShownMaterials(*pairs, of_probe=shown[probes.rows, probes.columns].astype(np.intp), found=found)
 
 
 def _heard(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -128,7 +128,7 @@ def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
 def worst_tiles(measured: Measured) -> float:
     """What `metrics.worst_tiles` is likely to be, but for chance: a second plain render too is above 1 by that.
 
-    Each tile is judged by those around it: what is wrong in one alone is told too low.
+    Each tile is judged by those around it and by its materials: what is wrong in one alone is told too low.
     """
     if not measured.frame_noise:
         return 1.0
@@ -145,7 +145,7 @@ def worst_tiles(measured: Measured) -> float:
 def tile_estimates(measured: Measured) -> NDArray[np.float64]:
     """(N, 3): noise ratio of each tile, and the ends of its 95 % interval.
 
-    Told by those around it, as in `worst_tiles`. 1 for what was refined; not a number where there is no noise at all.
+    Told as in `worst_tiles`. 1 for what was refined; not a number where there is no noise at all.
     """
     if not measured.frame_noise:
         return np.full((measured.refined.size, 3), np.nan)
@@ -186,18 +186,24 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
 
 
 def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
-    """(N,) excess of a pixel of each tile, judged by the risk of the tile and the excess over the risk of those around
-    it and of its materials, its own left out; and its standard error, which is that of those around it."""
+    """(N,) excess of a pixel of each tile, judged by those around it and by its materials, its own probe left out; and
+    the standard error of that."""
+    nearby, error = _nearby(measured, reach)
+    if measured.materials is None:
+        return nearby, error
+    likely, more = measured.materials.likely(nearby * measured.pixels)
+    return likely / measured.pixels, np.hypot(error, more / measured.pixels)
+
+
+def _nearby(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
+    """The same judged by the risk of the tile and the excess over the risk of those around it."""
     around = measured.probes.around(measured.excess, reach)
     risk = np.maximum(np.maximum(measured.probes.around(measured.risk, reach), measured.risk), 1e-30)
     pixels = np.maximum(measured.probes.around(measured.pixels, reach), 1.0)
     # What a refined tile has is known; of the others each is known by one probe.
     chance = measured.probes.around(np.where(measured.refined, 0.0, measured.excess) ** 2, reach)
     per_pixel = (1.0 - UNMOVED) * measured.risk / risk / measured.pixels + UNMOVED / pixels
-    likely, error = around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
-    if measured.materials is not None:
-        likely = measured.materials.likely(measured.excess, likely * measured.pixels) / measured.pixels
-    return likely, error
+    return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
 
 
 def local_noise(measured: Measured) -> NDArray[np.float64]:
@@ -223,8 +229,12 @@ def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) 
 
 
 def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_]:
-    """(N,): tiles that are likely to have a noise ratio above `worst`, as `metrics.worst_tiles` measures it."""
-    likely, error = _likely(measured, NEAREST)
+    """(N,): tiles that are likely to have a noise ratio above `worst`, as `metrics.worst_tiles` measures it.
+
+    Or of which those around it alone are sure of that: a material may be wrong in one small place.
+    """
     noise = local_noise(measured)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
-    return (likely > allowed) & (likely > error)
+    likely, error = _likely(measured, NEAREST)
+    nearby, doubt = _nearby(measured, NEAREST)
+    return ((likely > allowed) & (likely > error)) | ((nearby > allowed) & (nearby > CONFIDENT * doubt))

@@ -7,70 +7,108 @@ probes are foretold better by it than by the probes around them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 FEWEST = 4
-"""Other probes of a material from which they tell anything."""
+"""Other probes on a material without which it tells nothing."""
 
 
 @dataclass(frozen=True)
 class ShownMaterials:
-    """Which materials the tiles (N,) show, as pairs (P,) of a tile and a material in it.
+    """Which materials the tiles (N,) show, as pairs (P,) of a tile and a material in it, and what their probes found.
 
-    risk (P,) is that part of the tile's (see `probes.Measured`) which its pixels have that show the material; of_probe
-    (N,) is the material at each tile's probe. A material is a number, and what shows through another is one of its own.
+    risk (P,) is summed over the tile's pixels that show the material (see `probes.Measured`); of_probe (N,) is the
+    material at each tile's probe, and found (N,) the excess that it found, summed over its tile. Materials are numbers
+    from 0; what they stand for does not matter here.
     """
 
     tile: NDArray[np.intp]
     material: NDArray[np.intp]
     risk: NDArray[np.float64]
     of_probe: NDArray[np.intp]
+    found: NDArray[np.float64]
 
-    @classmethod
-    def of_pixels(
-        cls, tile: NDArray[np.intp], material: NDArray[np.intp], risk: NDArray, of_probe: NDArray[np.intp]
-    ) -> ShownMaterials:
-        """From the tile, the material and the risk of each of some pixels (M,)."""
-        count = int(material.max(initial=0)) + 1
-        pairs, place = np.unique(tile * count + material, return_inverse=True)
-        summed = np.bincount(place, weights=risk, minlength=pairs.size)
-        return cls(pairs // count, pairs % count, summed, of_probe)
+    def likely(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(N,): the excess that each tile is likely to have, judged without its own probe; and what of its standard
+        error the materials bring in.
 
-    def likely(self, excess: NDArray[np.float64], nearby: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,): the excess that each tile is likely to have; what its own probe says plays next to no part in it.
-
-        excess (N,) is what each probe found, nearby (N,) what those around each tell of it.
+        nearby (N,) is what the probes around each tell of it.
         """
-        told = self.excess(excess, nearby)
-        risk = self._of_tiles(self.risk)
-        # Each tile has the same say, however much is at risk in it.
-        scale = 1.0 / np.where(risk > 0.0, risk, np.inf)
-        apart, off = scale * (told - nearby), scale * (excess - nearby)
-        agreed, size = (np.bincount(self.of_probe, weights=apart * by) for by in (off, apart))
-        share = np.clip(agreed / np.where(size > 0.0, size, 1.0), 0.0, 1.0)
-        return nearby + share[self.of_probe] * (told - nearby)
+        told, error = self._told_by_materials(nearby)
+        apart = told - self._part_of(nearby)
+        share = self._belief(self._of_tiles(apart), self.found - nearby)
+        likely = nearby + self._of_tiles(share * apart)
+        return likely, np.sqrt(self._of_tiles((share * error) ** 2))
 
-    def excess(self, excess: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,): the excess of each tile, were its materials as wrong for their risk as they are in all other tiles.
-
-        excess (N,) is what each probe found; otherwise (N,) is taken where fewer than FEWEST other probes tell of a
-        material, or nothing is at risk.
-        """
-        count = 1 + max(self.material.max(initial=0), self.of_probe.max(initial=0))
-        own = self.material == self.of_probe[self.tile]
-        others = np.bincount(self.of_probe, minlength=count)[self.material] - own
-        found = np.bincount(self.of_probe, weights=excess, minlength=count)[self.material]
-        found = found - np.where(own, excess[self.tile], 0.0)
-        elsewhere = np.bincount(self.material, weights=self.risk, minlength=count)[self.material] - self.risk
+    def _told_by_materials(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(P,): the excess of each pair, were the material as wrong for its risk as it is in all other tiles, and the
+        standard error of that. Where fewer than FEWEST other probes tell: its part of nearby (N,), and 0."""
+        others = self._by_material(np.ones_like(self.found)) - self._own
+        elsewhere = np.bincount(self.material, weights=self.risk, minlength=self._count)[self.material] - self.risk
         known = (others >= FEWEST) & (elsewhere > 0.0)
-        risk = self._of_tiles(self.risk)
-        by_rest = otherwise[self.tile] * self.risk / risk[self.tile]
-        told = np.where(known, found / np.where(known, elsewhere, 1.0) * self.risk, by_rest)
-        return np.where(risk > 0.0, self._of_tiles(told), otherwise)
+        per_risk = np.where(known, self.risk / np.where(known, elsewhere, 1.0), 0.0)
+        found = self._by_material(self.found) - self._own * self.found[self.tile]
+        squares = self._by_material(self.found**2) - self._own * self.found[self.tile] ** 2
+        told = np.where(known, found * per_risk, self._part_of(nearby))
+        return told, np.sqrt(np.maximum(squares, 0.0)) * per_risk
+
+    def _belief(self, told: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(P,) share of what each material tells that is believed: the least-squares slope of found on told (N,), both
+        from what those nearby tell, over the other tiles that have their probe on it."""
+        tile_risk = self._of_tiles(self.risk)
+        mean_risk = np.bincount(self.of_probe, weights=tile_risk, minlength=self._count)
+        mean_risk = mean_risk / np.maximum(np.bincount(self.of_probe, minlength=self._count), 1)
+        # Per risk, so that bright tiles do not decide alone; but flat ones, where hardly anything is, not at all.
+        scale = np.maximum(tile_risk, mean_risk[self.of_probe])
+        scale = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
+        products, squares = scale**2 * told * found, (scale * told) ** 2
+        products = self._by_material(products) - self._own * products[self.tile]
+        squares = self._by_material(squares) - self._own * squares[self.tile]
+        return np.where(squares > 0.0, np.clip(products / np.where(squares > 0.0, squares, 1.0), 0.0, 1.0), 0.0)
+
+    @cached_property
+    def _count(self) -> int:
+        return 1 + int(max(self.material.max(initial=0), self.of_probe.max(initial=0)))
+
+    @cached_property
+    def _own(self) -> NDArray[np.bool_]:
+        """(P,): whether the tile's own probe is on the material."""
+        return self.material == self.of_probe[self.tile]
+
+    def _by_material(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(P,): the sum of values (N,) over all tiles that have their probe on the material."""
+        return np.bincount(self.of_probe, weights=values, minlength=self._count)[self.material] * 1.0
 
     def _of_tiles(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,): the sum of values (P,) over each tile's materials."""
-        return np.bincount(self.tile, weights=values, minlength=self.of_probe.size)
+        return np.bincount(self.tile, weights=values, minlength=self.of_probe.size) * 1.0
+
+    def _part_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(P,): what of values (N,) is on each of the tile's materials, by their risk."""
+        return values[self.tile] * self.risk / self._of_tiles(self.risk)[self.tile]
+
+
+def materials_by_tile(
+    rows: Iterable[tuple[NDArray[np.intp], NDArray[np.intp], NDArray]],
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Pairs (P,) of a tile and a material in it: both, and their risk, which is above 0.
+
+    rows hold the tile, the material and the risk of pixels (M,), a row of tiles after the other.
+    """
+    pairs = []
+    for tile, material, risk in rows:
+        if not tile.size:
+            continue
+        first, count = int(tile.min()), int(material.max()) + 1
+        summed = np.bincount((tile - first) * count + material, weights=risk)
+        names = np.nonzero(summed)[0]
+        pairs.append((first + names // count, names % count, summed[names]))
+    if not pairs:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
+    tile, material, risk = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    return tile, material, risk

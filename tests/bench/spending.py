@@ -1,9 +1,9 @@
 """What is spent on probes and refinement, and what it buys, when one of their numbers is changed at a time.
 
-    python tests/bench/spending.py --scenes DIR [--seeds 4] [--cache DIR] [--json FILE] [SCENE ...]
+    python tests/bench/spending.py --scenes DIR [--accuracy NAME] [--seeds 4] [--cache DIR] [--json FILE] [SCENE ...]
 
 DIR holds a folder with a .blend of the same name for each scene. Of each, the source eye is rendered once, and the
-target four times with other seeds. Then the target is made at accuracy "balanced" as the pipeline makes it, but traces
+target four times with other seeds. Then the target is made at the given accuracy as the pipeline makes it, but traces
 come from two of the four renders; the other two tell the true noise ratio and worst tiles. A seed places the probes,
 and shifts which two are which. Every value of a knob sees the same renders and seeds, so rows may be compared though
 each depends on chance. The fill is chosen as for a source that took a minute: by time, so small a picture would often
@@ -62,20 +62,19 @@ class Knob:
     place: dict[str, Any] | None = field(default=None, repr=False)
     key: str = ""
 
-    @property
-    def shipped(self) -> float:
-        return getattr(SHIPPED, self.name) if self.place is None else self.place[self.key or self.name]
+    def shipped(self, accuracy: Accuracy = SHIPPED) -> float:
+        return getattr(accuracy, self.name) if self.place is None else self.place[self.key or self.name]
 
     @contextmanager
-    def turned(self, value: float) -> Iterator[Accuracy]:
+    def turned(self, value: float, accuracy: Accuracy = SHIPPED) -> Iterator[Accuracy]:
         """The accuracy to run with while the knob stands at `value`."""
         if self.place is None:
-            yield replace(SHIPPED, **{self.name: value})
+            yield replace(accuracy, **{self.name: value})
             return
-        shipped, key = self.shipped, self.key or self.name
+        shipped, key = self.shipped(), self.key or self.name
         self.place[key] = value
         try:
-            yield SHIPPED
+            yield accuracy
         finally:
             self.place[key] = shipped
 
@@ -130,8 +129,8 @@ class Scene:
     warped: Reprojection
     targets: Sequence[NDArray]
 
-    def outcome(self, knob: Knob, value: float, seed: int) -> Outcome:
-        with knob.turned(value) as accuracy:
+    def outcome(self, knob: Knob, value: float, seed: int, accuracy: Accuracy) -> Outcome:
+        with knob.turned(value, accuracy) as accuracy:
             eye, estimate = self._finished(accuracy, seed)
         _, _, reference, again = self._shifted(seed)
         ours = eye.passes[COLOUR_PASS]
@@ -225,7 +224,7 @@ def load_pictures(path: Path) -> tuple[Passes, list[NDArray]]:
 COLUMNS = ("traced", "rendered whole", "noise ratio", "greatest", "worst tiles", "estimate", "off by")
 
 
-def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS) -> str:
+def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS, accuracy: Accuracy = SHIPPED) -> str:
     """A row per value of each knob, over all its outcomes; the value that ships is bold.
 
     Targets that were rendered whole are counted apart as well: one of them moves the mean share that is traced by more
@@ -235,7 +234,7 @@ def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS) -> str:
     for knob in knobs:
         for value in knob.values:
             of_value = [outcome for outcome in outcomes if (outcome.knob, outcome.value) == (knob.name, value)]
-            shown = f"**{value:g}**" if value == knob.shipped else f"{value:g}"
+            shown = f"**{value:g}**" if value == knob.shipped(accuracy) else f"{value:g}"
             lines.append(f"| `{knob.name}` | {shown} | {_row(of_value)} |")
     return "\n".join(lines)
 
@@ -251,18 +250,21 @@ def _row(outcomes: Sequence[Outcome]) -> str:
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = scenes_parser(__doc__)
+    promising = [name for name, accuracy in SETTINGS.items() if accuracy.promise is not None]
+    parser.add_argument("--accuracy", choices=promising, default="balanced")
     parser.add_argument("--seeds", type=int, default=4, help="targets per scene and value")
     return parse_scenes(parser, arguments)
 
 
 def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Outcome]:
     outcomes: list[Outcome] = []
+    accuracy = SETTINGS[options.accuracy]
     for name in options.names:
         scene = prepare(name, options)
         for knob in KNOBS:
             for value in knob.values:
-                outcomes += [scene.outcome(knob, value, seed) for seed in range(1, options.seeds + 1)]
-    tell(table(outcomes))
+                outcomes += [scene.outcome(knob, value, seed, accuracy) for seed in range(1, options.seeds + 1)]
+    tell(table(outcomes, accuracy=accuracy))
     return outcomes
 
 
