@@ -93,13 +93,13 @@ def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> 
     return flags[place]
 
 
-def _distinct(image: NDArray) -> tuple[NDArray, NDArray[np.intp]]:
+def _distinct(image: NDArray) -> tuple[NDArray, NDArray[np.int32]]:
     """The values in an image (H, W), each once, and (H, W) the place of each pixel's among them."""
     flat = image.ravel()
     # What is seen lies together: there are few runs to be sorted.
     starts = np.flatnonzero(np.concatenate([np.ones(min(flat.size, 1), bool), flat[1:] != flat[:-1]]))
     values, place = np.unique(flat[starts], return_inverse=True)
-    return values, np.repeat(place, np.diff(starts, append=flat.size)).reshape(image.shape)
+    return values, np.repeat(place.astype(np.int32), np.diff(starts, append=flat.size)).reshape(image.shape)
 
 
 def effects_of(passes: Passes) -> NDArray[np.int32]:

@@ -34,8 +34,8 @@ class ShownMaterials:
     found: NDArray[np.float64]
 
     def likely(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N,): the excess that each tile is likely to have, judged without its own probe; and what of its standard
-        error the materials bring in.
+        """(N,): the excess that each tile is likely to have, its own probe left out; and what of its standard error the
+        materials bring in.
 
         nearby (N,) is what the probes around each tell of it.
         """
@@ -47,10 +47,12 @@ class ShownMaterials:
 
     def _told_by_materials(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(P,): the excess of each pair, were the material as wrong for its risk as it is in all other tiles, and the
-        standard error of that. Where fewer than FEWEST other probes tell: its part of nearby (N,), and 0."""
+        standard error of that. Where fewer than FEWEST other probes tell, or more is at risk here than in all other tiles:
+        its part of nearby (N,), and 0."""
         others = self._by_material(np.ones_like(self.found)) - self._own
         elsewhere = np.bincount(self.material, weights=self.risk, minlength=self._count)[self.material] - self.risk
-        known = (others >= FEWEST) & (elsewhere > 0.0)
+        # What little is at risk elsewhere must not be scaled up to much.
+        known = (others >= FEWEST) & (elsewhere >= self.risk)
         per_risk = np.where(known, self.risk / np.where(known, elsewhere, 1.0), 0.0)
         found = self._by_material(self.found) - self._own * self.found[self.tile]
         squares = self._by_material(self.found**2) - self._own * self.found[self.tile] ** 2
@@ -104,10 +106,14 @@ def materials_by_tile(
     for tile, material, risk in rows:
         if not tile.size:
             continue
-        first, count = int(tile.min()), int(material.max()) + 1
-        summed = np.bincount((tile - first) * count + material, weights=risk)
-        names = np.nonzero(summed)[0]
-        pairs.append((first + names // count, names % count, summed[names]))
+        first = int(tile.min())
+        # A row shows few of the picture's materials.
+        kinds = np.flatnonzero(np.bincount(material))
+        number = np.zeros(int(kinds[-1]) + 1, np.intp)
+        number[kinds] = np.arange(kinds.size)
+        summed = np.bincount((tile - first) * kinds.size + number[material], weights=risk)
+        codes = np.flatnonzero(summed)
+        pairs.append((first + codes // kinds.size, kinds[codes % kinds.size], summed[codes]))
     if not pairs:
         return np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0)
     tile, material, risk = (np.concatenate(parts) for parts in zip(*pairs, strict=True))

@@ -27,7 +27,7 @@ def by_the_book(tile, material, risk, of_probe, found, nearby):
         others = (of_probe == m) & (np.arange(TILES) != t)
         elsewhere = np.delete(at_risk[:, m], t).sum()
         parts[t, m] = told[t, m] = nearby[t] * at_risk[t, m] / totals[t]
-        if others.sum() >= FEWEST and elsewhere > 0.0:
+        if others.sum() >= FEWEST and elsewhere >= at_risk[t, m]:
             told[t, m] = found[others].sum() * at_risk[t, m] / elsewhere
     apart = told - parts
     likely = nearby.copy()
