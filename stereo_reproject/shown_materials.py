@@ -47,8 +47,10 @@ class ShownMaterials:
 
     def _told_by_materials(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(P,): the excess of each pair, were the material as wrong for its risk as it is in all other tiles, and the
-        standard error of that. Where fewer than FEWEST other probes tell, or more is at risk here than in all other tiles:
-        its part of nearby (N,), and 0."""
+        standard error of that.
+
+        Its part of nearby (N,), and 0, where fewer than FEWEST other probes tell, or more is at risk here than there.
+        """
         others = self._by_material(np.ones_like(self.found)) - self._own
         elsewhere = np.bincount(self.material, weights=self.risk, minlength=self._count)[self.material] - self.risk
         # What little is at risk elsewhere must not be scaled up to much.
