@@ -34,15 +34,13 @@ def effects_pass(
     calls for, by name. None where the file does not say which hash is whose.
     """
     manifest = _manifest(attributes, f"{layer}.{CRYPTOMATTE}")
-    levels = _levels(passes)
-    if manifest is None or not levels:
+    ranks = _ranks(passes)
+    if manifest is None or not ranks:
         return None
     known = {_hash(manifest, name): effects for name, effects in materials.items()}
-    flags = np.zeros(levels[0].shape[:2], np.int32)
-    for image in levels:
-        for rank in (0, 2):
-            seen = image[..., rank + 1] >= LEAST_COVERAGE
-            flags |= np.where(seen, _look_up(_hashes(image, rank), known), 0)
+    flags = np.zeros(ranks[0][0].shape, np.int32)
+    for hashes, seen in ranks:
+        flags |= np.where(seen, _look_up(hashes, known), 0)
     return flags[..., None].astype(np.float32)
 
 
@@ -53,25 +51,25 @@ def material_pass(passes: Passes) -> NDArray[np.float32] | None:
     another thing than beside it. passes hold the cryptomatte of one view layer; None where they do not, or where there
     are more than float32 can tell apart.
     """
-    levels = _levels(passes)
-    if not levels:
+    ranks = _ranks(passes)
+    if not ranks:
         return None
-    names = np.zeros(levels[0].shape[:2], np.uint64)
-    for image in levels:
-        for rank in (0, 2):
-            names += np.where(image[..., rank + 1] >= LEAST_COVERAGE, _hashes(image, rank), 0).astype(np.uint64)
+    names = np.zeros(ranks[0][0].shape, np.uint64)
+    for hashes, seen in ranks:
+        names += np.where(seen, hashes, 0).astype(np.uint64)
     values, numbers = _distinct(names)
     # As many as float32 tells apart.
     return numbers[..., None].astype(np.float32) if values.size <= 1 << 24 else None
 
 
-def _levels(passes: Passes) -> list[NDArray[np.float32]]:
-    names = sorted(name for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4)
-    return [passes[name] for name in names]
-
-
-def _hashes(image: NDArray[np.float32], rank: int) -> NDArray[np.uint32]:
-    return np.ascontiguousarray(image[..., rank]).view(np.uint32)
+def _ranks(passes: Passes) -> list[tuple[NDArray[np.uint32], NDArray[np.bool_]]]:
+    """Hashes (H, W) of each rank, and where what they stand for covers enough of the pixel to count as seen."""
+    levels = [image for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4]
+    return [
+        (np.ascontiguousarray(image[..., rank]).view(np.uint32), image[..., rank + 1] >= LEAST_COVERAGE)
+        for image in levels
+        for rank in (0, 2)
+    ]
 
 
 def _manifest(attributes: Mapping[str, str], name: str) -> str | None:

@@ -188,7 +188,11 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
 def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     """(N,) excess of a pixel of each tile, judged by those around it and by its materials, its own probe left out; and
     the standard error of that."""
-    nearby, error = _nearby(measured, reach)
+    return _with_materials(measured, *_nearby(measured, reach))
+
+
+def _with_materials(measured: Measured, nearby: NDArray, error: NDArray) -> tuple[NDArray, NDArray]:
+    """`_likely`, from what those around each tell and the standard error of that."""
     if measured.materials is None:
         return nearby, error
     likely, more = measured.materials.likely(nearby * measured.pixels)
@@ -235,6 +239,6 @@ def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_
     """
     noise = local_noise(measured)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
-    likely, error = _likely(measured, NEAREST)
     nearby, doubt = _nearby(measured, NEAREST)
+    likely, error = _with_materials(measured, nearby, doubt)
     return ((likely > allowed) & (likely > error)) | ((nearby > allowed) & (nearby > CONFIDENT * doubt))

@@ -64,11 +64,10 @@ class ShownMaterials:
     def _belief(self, told: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
         """(P,) share of what each material tells that is believed: the least-squares slope of found on told (N,), both
         from what those nearby tell, over the other tiles that have their probe on it."""
-        tile_risk = self._of_tiles(self.risk)
-        mean_risk = np.bincount(self.of_probe, weights=tile_risk, minlength=self._count)
+        mean_risk = np.bincount(self.of_probe, weights=self._tile_risk, minlength=self._count)
         mean_risk = mean_risk / np.maximum(np.bincount(self.of_probe, minlength=self._count), 1)
         # Per risk, so that bright tiles do not decide alone; but flat ones, where hardly anything is, not at all.
-        scale = np.maximum(tile_risk, mean_risk[self.of_probe])
+        scale = np.maximum(self._tile_risk, mean_risk[self.of_probe])
         scale = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
         products, squares = scale**2 * told * found, (scale * told) ** 2
         products = self._by_material(products) - self._own * products[self.tile]
@@ -84,17 +83,23 @@ class ShownMaterials:
         """(P,): whether the tile's own probe is on the material."""
         return self.material == self.of_probe[self.tile]
 
+    @cached_property
+    def _tile_risk(self) -> NDArray[np.float64]:
+        """(N,): the risk of each tile."""
+        return self._of_tiles(self.risk)
+
     def _by_material(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(P,): the sum of values (N,) over all tiles that have their probe on the material."""
-        return np.bincount(self.of_probe, weights=values, minlength=self._count)[self.material] * 1.0
+        # Of nothing, bincount makes integers.
+        return np.bincount(self.of_probe, weights=values, minlength=self._count)[self.material].astype(np.float64)
 
     def _of_tiles(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,): the sum of values (P,) over each tile's materials."""
-        return np.bincount(self.tile, weights=values, minlength=self.of_probe.size) * 1.0
+        return np.bincount(self.tile, weights=values, minlength=self.of_probe.size).astype(np.float64)
 
     def _part_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(P,): what of values (N,) is on each of the tile's materials, by their risk."""
-        return values[self.tile] * self.risk / self._of_tiles(self.risk)[self.tile]
+        return values[self.tile] * self.risk / self._tile_risk[self.tile]
 
 
 def materials_by_tile(

@@ -9,7 +9,6 @@ from .scene import rendered_layer
 FEWEST_LEVELS = 2
 """Ranks that Blender makes at least: two to a pass."""
 
-
 OURS = "stereo_reproject_cryptomatte"
 """Property of the working scene's view layer: that it was us who switched it on."""
 
