@@ -1,18 +1,52 @@
-"""The artist's surface: properties, operators and panels."""
+"""The artist's surface: properties, operators, panels, and the command line within Blender."""
 
-# In the order in which Blender must meet them: a property group before what points to it.
-classes: tuple[type, ...] = ()
+from __future__ import annotations
+
+from typing import Any
+
+_commands: list[Any] = []
+
+
+def _classes() -> tuple[type, ...]:
+    """In the order in which Blender must meet them: a property group before what points to it."""
+    from . import image_panels, jobs, panels, pictures, properties, render, stereo
+
+    return (
+        properties.StereoReprojectSettings,
+        jobs.STEREO_REPROJECT_OT_cancel,
+        render.RENDER_OT_stereo_reproject_image,
+        render.RENDER_OT_stereo_reproject_animation,
+        render.STEREO_REPROJECT_OT_check_scene,
+        stereo.STEREO_REPROJECT_OT_set_convergence,
+        pictures.STEREO_REPROJECT_OT_show_picture,
+        *panels.PANELS,
+        *image_panels.IMAGE_PANELS,
+    )
 
 
 def register() -> None:
     import bpy
 
-    for cls in classes:
+    from . import panels, properties
+    from .command import COMMAND, run_command
+
+    for cls in _classes():
         bpy.utils.register_class(cls)
+    bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
+    bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
+    _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
 
 def unregister() -> None:
     import bpy
 
-    for cls in reversed(classes):
+    from . import jobs, panels, results
+
+    while _commands:
+        bpy.utils.unregister_cli_command(_commands.pop())
+    jobs.stop_running()
+    results.forget_all()
+    bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
+    del bpy.types.Scene.stereo_reproject
+    for cls in reversed(_classes()):
         bpy.utils.unregister_class(cls)

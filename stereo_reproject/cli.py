@@ -30,6 +30,7 @@ from .report import format_report_table, to_json
 from .settings import StereoSettings
 from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
+from .work_folder import pair_files
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
@@ -55,7 +56,9 @@ def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | N
 
 
 def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
-    return _run(_scene_job(arguments, settings_of(arguments)), arguments, console, worker_command, format_report_table)
+    settings = settings_of(arguments)
+    job = _scene_job(arguments, settings, files=pair_files(compare=settings.compare))
+    return _run(job, arguments, console, worker_command, format_report_table)
 
 
 def _tradeoff(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:

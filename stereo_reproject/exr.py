@@ -89,6 +89,19 @@ def write_eye(path: Path, passes: Passes, *, view: str) -> None:
     _write(path, _channels(passes), {"compression": _openexr().ZIP_COMPRESSION, "view": view})
 
 
+def read_eye(path: Path) -> Passes:
+    """The passes of a file that `write_eye` wrote. Raises BadInputError when it is not whole."""
+    try:
+        (part,) = _read_parts(path)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise BadInputError(f"{path.name} is not whole: {error}") from error
+    found: dict[str, dict[str, NDArray]] = {}
+    for name, channel in part.channels.items():
+        pass_name, _, letter = name.rpartition(".")
+        found.setdefault(pass_name or COLOUR_PASS, {})[letter] = channel.pixels
+    return {name: _stack(channels) for name, channels in found.items()}
+
+
 def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
     """Both eyes in one multi-view EXR: the first is the default view, whose R, G, B and A carry no view name.
 
@@ -105,14 +118,15 @@ def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
 def _channels(passes: Passes, view: str = "", *, default: bool = False) -> dict[str, NDArray]:
     result = {}
     for name, image in passes.items():
-        for k, letter in enumerate(_letters(name, image.shape[2])):
+        for k, letter in enumerate(pass_letters(name, image.shape[2])):
             parts = [] if name == COLOUR_PASS else [name]
             parts += [view] if view and not (default and name == COLOUR_PASS) else []
             result[".".join([*parts, letter])] = np.ascontiguousarray(image[..., k], np.float32)
     return result
 
 
-def _letters(name: str, channels: int) -> str:
+def pass_letters(name: str, channels: int) -> str:
+    """A letter for each channel of a pass, as Blender names them."""
     if channels == 1:
         return "Z" if name == DEPTH_PASS else "V"
     vector = name.startswith(("Normal", "Position", "Vector", "Denoising Normal"))

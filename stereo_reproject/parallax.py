@@ -1,9 +1,14 @@
-"""Binocular parallax: how differently two eyes see a depth (paper, section 3.1, equation 1)."""
+"""Binocular parallax: how differently two eyes see a depth (paper, section 3.1, equation 1), and how far apart a point
+appears on the screen."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
+
+from .camera import Camera, target_px_from_source_px
 
 ARC_MINUTE = np.pi / (180.0 * 60.0)
 """One arc minute in radians: about what a healthy eye resolves."""
@@ -31,3 +36,49 @@ def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float
     both_sky = np.isinf(near) & np.isinf(far)
     only_far_sky = np.isinf(far) & ~np.isinf(near)
     return np.where(both_sky, 0.0, np.where(only_far_sky, parallax_angle(near, interocular_distance), finite))
+
+
+@dataclass(frozen=True)
+class ScreenParallax:
+    """Where the right eye sees a point minus where the left one does, positive behind the screen.
+
+    depth is in scene units, +inf for the sky; the rest in pixels, and in percent of the frame's width.
+    """
+
+    depth: float
+    pixels: float
+    percent: float
+
+    def width_on(self, screen_width: float) -> float:
+        """The distance between a point's two pictures on a screen as wide as that, in its unit."""
+        return 0.01 * self.percent * screen_width
+
+
+def parallax_at(left: Camera, right: Camera, depth: float, frame_width: int) -> ScreenParallax:
+    """The parallax of a depth in the middle of the picture; with toe-in it differs towards the sides.
+
+    frame_width is that of the whole frame in pixels, of which the cameras may show a part.
+    """
+    x, y = np.array(0.5 * left.width), np.array(0.5 * left.height)
+    right_x, _, _ = target_px_from_source_px(left, right, x, y, np.array(depth))
+    pixels = float(right_x - x)
+    return ScreenParallax(depth, pixels, 100.0 * pixels / frame_width)
+
+
+def visible_parallax(
+    left: Camera, right: Camera, depth: NDArray, frame_width: int
+) -> tuple[ScreenParallax, ScreenParallax] | None:
+    """The parallax of the nearest and of the farthest of the depths (H, W) that are seen; None without any.
+
+    What is no depth (0, negative, NaN) is passed over.
+    """
+    seen = depth[depth > 0.0]
+    if not seen.size:
+        return None
+    near, far = float(seen.min()), float(seen.max())
+    return parallax_at(left, right, near, frame_width), parallax_at(left, right, far, frame_width)
+
+
+def is_wider_than_eyes(parallax: ScreenParallax, screen_width: float, eye_distance: float) -> bool:
+    """Whether a viewer's eyes would have to turn outwards; both lengths in one unit."""
+    return parallax.width_on(screen_width) > eye_distance

@@ -90,6 +90,10 @@ _REQUIRED: dict[str, _Rule] = {
 }
 _FLAG: _Rule = (lambda value: isinstance(value, bool), "true or false")
 _VERDICT: _Rule = (lambda value: value is None or isinstance(value, bool), "true, false or null")
+_PARALLAX: _Rule = (
+    lambda value: isinstance(value, Mapping) and set(value) == {"depth", "pixels", "percent"},
+    "depth, pixels and percent",
+)
 
 _PARTS: dict[str, dict[str, _Rule]] = {
     "estimate": {
@@ -98,6 +102,7 @@ _PARTS: dict[str, dict[str, _Rule]] = {
         "kept": _VERDICT,
         "from": _TEXT,
     },
+    "parallax": dict.fromkeys(("nearest", "farthest"), _PARALLAX),
     "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
 }
 _EFFECT: dict[str, _Rule] = {

@@ -7,7 +7,8 @@ removes the run's private folder, and only a complete result is moved into the o
 The worker (`python -m stereo_reproject.worker`)
 ------------------------------------------------
 stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
-         "settings": StereoSettings as nested dicts, "only": names of runs}.
+         "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
+         Session as a dict}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "fraction": 0..1 or null, "detail": "optional text"}
@@ -25,6 +26,7 @@ After "done" the worker has EXIT_SECONDS to end; how it ends then changes nothin
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import json
 import os
 import queue
@@ -35,8 +37,8 @@ import sysconfig
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -44,12 +46,17 @@ from typing import Any
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
-from .work_folder import FILES, check_complete, publish, work_folder
+from .work_folder import FILES, check_complete, pair_files, publish, work_folder
 
 POLL_SECONDS = 0.1
+LIBRARIES = ("OpenEXR",)
+"""What the worker needs that Blender does not bring."""
 EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
 LAST_WORDS_LENGTH = 240
+
+# On Windows a program without a console must not open one for its worker.
+_CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 _SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
@@ -58,11 +65,26 @@ Event = dict[str, Any]
 
 
 @dataclass(frozen=True)
+class Session:
+    """What an open Blender knows that a .blend which it saved does not say; as it is, what a .blend says itself.
+
+    scene is as `blender.scene.scene_key` has it, None the one that was active; devices are as `blender.devices` has
+    them, None those of the worker's own preferences; output_path is the scene's, made absolute. scripts of the .blend
+    run only when told to.
+    """
+
+    scene: tuple[str, str | None] | None = None
+    devices: Mapping[str, Any] | None = None
+    output_path: str | None = None
+    scripts: bool = False
+
+
+@dataclass(frozen=True)
 class Job:
     """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
 
-    files are those that the command (one of `worker.COMMANDS`) makes; without any, output may be None. only names the
-    runs that a price list is to have; without any it has all.
+    files are those that the command (one of `worker.COMMANDS`) is to make, the one that vouches for the others last;
+    without any, output may be None. only names the runs that a price list is to have; without any it has all.
     """
 
     blend: Path
@@ -71,6 +93,7 @@ class Job:
     command: str = "render"
     files: tuple[str, ...] = FILES
     only: tuple[str, ...] = ()
+    session: Session = field(default_factory=Session)
 
 
 class RunInterruptedError(StereoReprojectError):
@@ -140,7 +163,8 @@ def run_worker(
             check_report(report)
         if job.output is not None:
             check_complete(work / "out", done.get("files"), job.files)
-            publish(work, job.output, job.files, between_steps=interrupts.check)
+            superseded = {*pair_files(compare=True)} - {*job.files} if job.command == "render" else ()
+            publish(work, job.output, job.files, superseded=tuple(superseded), between_steps=interrupts.check)
     return report
 
 
@@ -156,7 +180,8 @@ def _work_folder(job: Job) -> Iterator[Path]:
 
 
 def _worker_command() -> list[str]:
-    return [sys.executable, "-m", f"{__package__}.worker"]
+    # In an extension this package lies below Blender's own packages; the worker finds it by its folder.
+    return [sys.executable, "-m", f"{(__package__ or '').rpartition('.')[2]}.worker"]
 
 
 def _start(command: Sequence[str], work: Path) -> _Worker:
@@ -183,7 +208,7 @@ class _Worker:
                 stderr=log,
                 env=_environment(work),
                 start_new_session=os.name == "posix",
-                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+                creationflags=_CREATION_FLAGS,
             )
         threading.Thread(target=self._read, daemon=True).start()
 
@@ -200,6 +225,8 @@ class _Worker:
             "blend": str(job.blend),
             "output": None if job.output is None else str(job.output),
             "work": str(self._work),
+            "files": list(job.files),
+            "session": asdict(job.session),
             "settings": asdict(job.settings),
             "only": list(job.only),
         }
@@ -252,12 +279,23 @@ class _Worker:
 def _environment(work: Path) -> dict[str, str]:
     environment = dict(os.environ)
     environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
-    # From a checkout the worker must find this very package, wherever the caller stands and however it came here.
-    home = str(Path(__file__).resolve().parent.parent)
-    installed = {str(Path(sysconfig.get_path(name)).resolve()) for name in ("purelib", "platlib")}
-    if home not in installed:
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (home, environment.get("PYTHONPATH"))))
+    # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
+    # libraries that an extension brings along.
+    homes = [Path(__file__).resolve().parent.parent, *_folders_of(LIBRARIES)]
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")}
+    added = [str(home) for home in dict.fromkeys(homes) if home not in installed]
+    if added:
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (*added, environment.get("PYTHONPATH"))))
     return environment
+
+
+def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
+    for name in modules:
+        with contextlib.suppress(ImportError, ValueError):
+            found = importlib.util.find_spec(name)
+            if found is not None and found.origin is not None:
+                place = Path(found.origin).resolve().parent
+                yield place.parent if found.submodule_search_locations else place
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

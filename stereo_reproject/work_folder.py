@@ -37,6 +37,15 @@ FILES = (
     "report.json",
 )
 
+DIFFERENCE = "difference.png"
+"""What a pair has besides when it is compared with multiview."""
+
+
+def pair_files(*, compare: bool) -> tuple[str, ...]:
+    """The files of a rendered pair."""
+    return (*FILES[:-1], DIFFERENCE, FILES[-1]) if compare else FILES
+
+
 WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0
 RETRY_SECONDS = 0.05
@@ -167,11 +176,19 @@ def check_complete(made: Path, names: Any, files: Sequence[str] = FILES) -> None
             raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
 
 
-def publish(work: Path, output: Path, files: Sequence[str] = FILES, *, between_steps: Callable[[], None]) -> None:
+def publish(
+    work: Path,
+    output: Path,
+    files: Sequence[str] = FILES,
+    *,
+    superseded: Sequence[str] = (),
+    between_steps: Callable[[], None],
+) -> None:
     """Move the finished files from `work` into `output`, all of them or none; the last of them vouches for the others.
 
-    between_steps is called after each move; if it raises, the moves are undone and the exception goes on. Raises
-    BadInputError if `output` cannot be written.
+    superseded are further files of an earlier run, which would not belong to these. between_steps is called after each
+    move; if it raises, the moves are undone and the exception goes on. Raises BadInputError if `output` cannot be
+    written.
     """
     made, old = work / "out", work / "old"
     moved: list[tuple[Path, Path]] = []
@@ -181,7 +198,8 @@ def publish(work: Path, output: Path, files: Sequence[str] = FILES, *, between_s
         _check_names_free(output, files)
         # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
         # files that are not its own.
-        steps = [(output / name, old / name) for name in reversed(files) if os.path.lexists(output / name)]
+        earlier = (*reversed(files), *superseded)
+        steps = [(output / name, old / name) for name in earlier if os.path.lexists(output / name)]
         steps += [(made / name, output / name) for name in files]
         for source, destination in steps:
             source.replace(destination)

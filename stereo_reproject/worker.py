@@ -80,8 +80,26 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
     work = Path(job["work"])
     scene, loaded = _open(job, emit)
     with _sample_progress(work / "blender.log", emit) as on_stage:
-        report, files = render_files(scene, _settings(job["settings"]), work, load_seconds=loaded, on_stage=on_stage)
+        report, files = render_files(
+            scene,
+            _settings(job["settings"]),
+            work,
+            files=job["files"],
+            load_seconds=loaded,
+            on_stage=on_stage,
+        )
     _finish(report, files, emit)
+
+
+def _animate(job: dict[str, Any], emit: Emit) -> None:
+    """Render the pairs of the scene's frames into its own output files. Which frame it is, is a stage's detail."""
+    from .blender.animation import render_animation_files
+
+    work = Path(job["work"])
+    scene, _ = _open(job, emit)
+    with _sample_progress(work / "blender.log", emit) as on_stage:
+        report = render_animation_files(scene, _settings(job["settings"]), work, on_stage=on_stage)
+    _finish(report, job["files"], emit)
 
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
@@ -117,6 +135,7 @@ def _plan(job: dict[str, Any], emit: Emit) -> None:
 
 COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
     "render": _render,
+    "animate": _animate,
     "tradeoff": _tradeoff,
     "inspect": _inspect,
     "plan": _plan,
@@ -125,11 +144,18 @@ COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
 
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     """The job's scene, and the seconds that loading it took."""
+    from .blender.devices import use_devices
     from .blender.scene import open_blend
 
     start = time.perf_counter()
     emit("stage", stage="load", fraction=None)
-    return open_blend(Path(job["blend"])), time.perf_counter() - start
+    session = job["session"]
+    scene = open_blend(Path(job["blend"]), session["scene"], scripts=session["scripts"])
+    if session["devices"] is not None:
+        use_devices(session["devices"])
+    if session["output_path"] is not None:
+        scene.render.filepath = session["output_path"]
+    return scene, time.perf_counter() - start
 
 
 def _finish(report: dict[str, Any], files: list[str], emit: Emit) -> None:

@@ -58,42 +58,39 @@ def render_peer(scene: bpy.types.Scene, settings: StereoSettings, folder: Path) 
 
 
 def compare_with_multiview(
-    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, stereo_png: Path, folder: Path
-) -> dict[str, float | None]:
-    """The `compare` part of the report. `stereo_png` is the delivered pair, for FLIP on what people see."""
+    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, folder: Path
+) -> tuple[dict[str, float | None], NDArray[np.float32]]:
+    """The `compare` part of the report, and multiview's target eye (H, W, 4)."""
     peer = render_peer(scene, settings, folder)
-    flip, noise_flip = _flips(scene, settings, peer.reference, peer.again, stereo_png, folder)
-    return {
+    ours = colour(frame.eyes[settings.target])
+    flip, noise_flip = _flips(scene, settings, ours, peer, folder)
+    fields = {
         "multiview_seconds": peer.seconds,
         "speedup": peer.seconds / frame.seconds["total"],
         "noise_rmse": peer.noise_rmse,
-        **peer.judge(colour(frame.eyes[settings.target])),
+        **peer.judge(ours),
         "flip": flip,
         "noise_flip": noise_flip,
     }
+    return fields, peer.reference
 
 
 def _flips(
-    scene: bpy.types.Scene,
-    settings: StereoSettings,
-    reference: np.ndarray,
-    repeated: np.ndarray,
-    stereo_png: Path,
-    folder: Path,
+    scene: bpy.types.Scene, settings: StereoSettings, ours: NDArray[np.float32], peer: Peer, folder: Path
 ) -> tuple[float | None, float | None]:
     """Mean FLIP of ours and of the repeated render, each against the reference; None where FLIP is not installed."""
     try:
         import flip_evaluator
     except ImportError:
         return None, None
-    pair = folder / "reference.png"
-    deliver_side_by_side(scene, {"left": reference, "right": repeated}, pair, frame=settings.scene.frame)
-    reference_seen, repeated_seen = np.split(read_png(pair), 2, axis=1)
-    ours_seen = np.split(read_png(stereo_png), 2, axis=1)[settings.target == "right"]
 
-    def flip(test: np.ndarray) -> float:
-        return float(
-            flip_evaluator.evaluate(np.ascontiguousarray(reference_seen), np.ascontiguousarray(test), "LDR")[1]
-        )
+    def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Two pictures as people see them, through the scene's view transform."""
+        pair = folder / "seen.png"
+        deliver_side_by_side(scene, {"left": left, "right": right}, pair, frame=settings.scene.frame)
+        return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
-    return flip(ours_seen), flip(repeated_seen)
+    reference, repeated = seen(peer.reference, peer.again)
+    _, test = seen(peer.reference, ours)
+    flip, noise_flip = (float(flip_evaluator.evaluate(reference, picture, "LDR")[1]) for picture in (test, repeated))
+    return flip, noise_flip

@@ -1,56 +1,96 @@
 """Blender gets the finished eyes back: a render engine that renders nothing, and hands them over.
 
-After it, the Render Result holds both views as after a multiview render, and Blender's own view transform, stereo
-formats and file naming do the rest.
+After it, the Render Result holds both views as after a multiview render, and Blender's own compositor, view transform,
+stereo formats and file naming do the rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import StereoReprojectError
+from ..exr import VIEWS, pass_letters
+from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
 from .pictures import check_png
 from .render import call_render, output_path
 from .scene import return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
+NO_SURFACE = 1e10
+"""The depth that Blender gives to what has no surface."""
+
+
+EyesAt = Callable[[int], Mapping[str, Passes]]
+"""The eyes of a frame, by view name."""
+
+
+@dataclass
+class _Delivery:
+    """Where the eyes come from, and those that Blender has taken."""
+
+    eyes_at: EyesAt
+    taken: set[str] = field(default_factory=set)
+
+
+# Not an attribute of the engine: with one that is annotated as a class of ours, Blender 4.5 does not come to its end.
+_under_way: list[_Delivery] = []
+
 
 class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - Blender's naming rule
-    """Fills a render result with finished pictures; the scene is not looked at."""
+    """Fills a render result with finished passes; the scene is not looked at."""
 
     bl_idname = ENGINE
     bl_label = "Stereo Reproject Delivery"
-    eyes: ClassVar[Mapping[str, NDArray[np.float32]]] = {}
-    delivered: ClassVar[set[str]] = set()
+
+    def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """What is delivered besides the colour, for the compositor's Render Layers nodes."""
+        passes = next(iter(_under_way[-1].eyes_at(scene.frame_current).values()))
+        for name, image in passes.items():
+            if name != COLOUR_PASS:
+                channels = image.shape[2]
+                kind = "VALUE" if channels == 1 else "VECTOR" if "X" in pass_letters(name, channels) else "COLOR"
+                self.register_pass(scene, renderlayer, name, channels, pass_letters(name, channels), kind)
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         layer = depsgraph.view_layer.name
-        for view, picture in self.eyes.items():
-            height, width = picture.shape[:2]
+        delivery = _under_way[-1]
+        for view, passes in delivery.eyes_at(depsgraph.scene.frame_current).items():
+            height, width = passes[COLOUR_PASS].shape[:2]
             result = self.begin_result(0, 0, width, height, layer=layer, view=view)
-            combined = result.layers[0].passes.find_by_name("Combined", view)
-            combined.rect.foreach_set(np.ascontiguousarray(picture[::-1], np.float32).ravel())
+            for name, image in passes.items():
+                taken = result.layers[0].passes.find_by_name(name, view)
+                if taken is not None:
+                    taken.rect.foreach_set(np.ascontiguousarray(_as_blender_has_it(name, image)[::-1]).ravel())
             self.end_result(result)
-            self.delivered.add(view)
+            delivery.taken.add(view)
+
+
+def _as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    image = np.asarray(image, np.float32)
+    return np.where(np.isinf(image), np.float32(NO_SURFACE), image) if name == DEPTH_PASS else image
 
 
 @contextmanager
-def _registered() -> Iterator[None]:
-    """Blender 4.5 does not come to its end while a Python engine is registered, so it is there only while needed."""
+def _registered(delivery: _Delivery) -> Iterator[None]:
+    """The engine, with what it delivers.
+
+    Blender 4.5 does not come to its end while a Python engine is registered, so it is there only while needed."""
+    _under_way.append(delivery)
     bpy.utils.register_class(STEREO_REPROJECT_engine_delivery)
     try:
         yield
     finally:
-        STEREO_REPROJECT_engine_delivery.eyes = {}
+        _under_way.pop()
         bpy.utils.unregister_class(STEREO_REPROJECT_engine_delivery)
 
 
@@ -61,35 +101,126 @@ def deliver_side_by_side(
 
     `scene` is the user's; a copy of it is what the engine is set on, so that the scene's own engine keeps its data.
     """
-    height, width = eyes["left"].shape[:2]
-    engine = STEREO_REPROJECT_engine_delivery
-    engine.delivered.clear()
     frame = scene.frame_current if frame is None else frame
     copy = scene.copy()
     name = copy.name
     try:
-        with _registered():
-            _set_up(copy, width, height, path)
-            copy.frame_set(frame)
-            engine.eyes = eyes
-            call_render(copy)
-    except RuntimeError as error:
-        raise StereoReprojectError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
+        _set_up(copy, path)
+        copy.frame_set(frame)
+        _hand_over(copy, {view: {COLOUR_PASS: picture} for view, picture in eyes.items()}, f"write {path.name}", path)
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
         return_to_own_frame(scene, frame)
-    if engine.delivered != set(eyes):
-        raise StereoReprojectError(f"cannot write {path.name}: Blender did not take both eyes")
     check_png(path)
 
 
-def _set_up(scene: bpy.types.Scene, width: int, height: int, path: Path) -> None:
+def deliver_to_result(
+    scene: bpy.types.Scene, eyes: Mapping[str, Passes], path: Path | None = None, *, frame: int | None = None
+) -> None:
+    """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
+
+    The scene's compositor is run. With a `path`, the result is written there in the scene's own format and layout,
+    which may add a view's suffix. The scene is afterwards as it was. Raises StereoReprojectError.
+    """
+    frame = scene.frame_current if frame is None else frame
+    try:
+        if frame != scene.frame_current:
+            scene.frame_set(frame)
+        with _as_delivered(scene, path):
+            _hand_over(scene, eyes, "hand the pair over to Blender", path)
+    finally:
+        return_to_own_frame(scene, frame)
+
+
+def deliver_movie(scene: bpy.types.Scene, eyes_at: EyesAt, path: Path, *, size: tuple[int, int], frames: range) -> None:
+    """Write the eyes of all `frames`, of `size` (width, height), as a movie in the scene's own format and layout.
+
+    The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
+    """
+    current = scene.frame_current, scene.frame_subframe
+    span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
+    try:
+        with _as_delivered(scene, path), _changed(scene, **span):
+            _take(scene, eyes_at, f"write {path.name}", size, lambda: call_render(scene, animation=True))
+    finally:
+        scene.frame_set(current[0], subframe=current[1])
+
+
+@contextmanager
+def _as_delivered(scene: bpy.types.Scene, path: Path | None) -> Iterator[None]:
+    """The scene set so that nothing but the eyes goes into its result, and that is written under `path`."""
+    layers = [layer for layer in scene.view_layers if layer.use]
+    output = {} if path is None else {"filepath": output_path(path), "use_overwrite": True, "use_placeholder": False}
+    with _changed(scene.render, **_as_it_is(), **output):
+        views = [view for view in scene.render.views if view.use != (view.name in VIEWS)]
+        # The eyes have Grease Pencil already, as far as they can.
+        with _changed(layers[0], use_grease_pencil=False), _switched(views), _switched(layers[1:]):
+            yield
+
+
+def _hand_over(scene: bpy.types.Scene, eyes: Mapping[str, Passes], what: str, path: Path | None) -> None:
+    """Render the scene with the engine that has the eyes already, and write the result if there is a path for it."""
+    height, width = eyes["left"][COLOUR_PASS].shape[:2]
+    _take(scene, lambda _: eyes, what, (width, height), lambda: call_render(scene, write_still=path is not None))
+
+
+def _take(
+    scene: bpy.types.Scene, eyes_at: EyesAt, what: str, size: tuple[int, int], render: Callable[[], object]
+) -> None:
+    """Have Blender render with the engine that has the eyes already; `what` is for is said where that fails."""
+    delivery = _Delivery(eyes_at)
+    place = {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
+    try:
+        with _registered(delivery), _changed(scene.render, engine=ENGINE, **place):
+            render()
+    except RuntimeError as error:
+        raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
+    if delivery.taken != set(VIEWS):
+        raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
+
+
+def _as_it_is() -> dict[str, Any]:
+    """Render settings with which nothing but what is delivered goes into the result."""
+    return {
+        "use_border": False,
+        "use_sequencer": False,
+        "use_freestyle": False,
+        "use_single_layer": False,
+        "use_multiview": True,
+        "views_format": "STEREO_3D",
+    }
+
+
+@contextmanager
+def _changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
+    kept = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        for name, value in reversed(kept.items()):
+            setattr(owner, name, value)
+
+
+@contextmanager
+def _switched(items: Iterable[Any]) -> Iterator[None]:
+    """The other way round what `use` says of each."""
+    items = list(items)
+    try:
+        for item in items:
+            item.use = not item.use
+        yield
+    finally:
+        for item in items:
+            item.use = not item.use
+
+
+def _set_up(scene: bpy.types.Scene, path: Path) -> None:
     render = scene.render
-    render.engine = ENGINE
-    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-    render.use_border = render.use_compositing = render.use_sequencer = render.use_stamp = False
-    render.use_freestyle = False
-    render.use_multiview, render.views_format = True, "STEREO_3D"
+    for name, value in _as_it_is().items():
+        setattr(render, name, value)
+    render.use_compositing = render.use_stamp = False
     for view in render.views:
         view.use = view.name in ("left", "right")
     used = next(layer.name for layer in scene.view_layers if layer.use)

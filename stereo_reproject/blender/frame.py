@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 from ..accuracy import accuracy_of
 from ..effects import EffectsPlan
 from ..estimates import effects_fields, estimate_fields, estimate_map
-from ..exr import write_eye, write_stereo
-from ..passes import Passes
+from ..exr import VIEWS, write_eye, write_stereo
+from ..parallax import visible_parallax
+from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
-from ..work_folder import FILES
+from ..work_folder import DIFFERENCE, pair_files
 from .compare import compare_with_multiview
 from .delivery import deliver_side_by_side
-from .pictures import write_estimate, write_grid, write_holes
+from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
 from .scene import CYCLES, evaluated, scene_warnings, working_scene
@@ -35,33 +36,45 @@ def render_files(
     settings: StereoSettings,
     work: Path,
     *,
+    files: Sequence[str] | None = None,
     load_seconds: float = 0.0,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[str]]:
     """Render the pair of one frame and write its files into work/out; the report, and the files' names.
 
-    work is a private folder that also takes what passes between the stages. on_stage is told each stage's name as it
-    begins. Raises BadInputError and StereoReprojectError.
+    work is a private folder that also takes what passes between the stages. files are some of `pair_files`; all,
+    without them. on_stage is told each stage's name as it begins. Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
+    files = pair_files(compare=settings.compare) if files is None else files
+    frame, report = render_pair(scene, settings, work, on_stage=on_stage)
+    on_stage("write")
+    start = time.perf_counter()
+    _write_pictures(scene, settings, frame, out, report["frame"], files)
+    report["seconds"].update(load=load_seconds, write=time.perf_counter() - start)
+    if settings.compare:
+        on_stage("compare")
+        report["compare"], reference = compare_with_multiview(scene, settings, frame, work)
+        if DIFFERENCE in files:
+            write_difference(out / DIFFERENCE, colour(frame.eyes[settings.target]), reference)
+    report["warnings"] = scene_warnings(scene, compositor="stereo.png" in files) + _invalid_warnings(frame)
+    check_report(report)
+    write_json(out / "report.json", report)
+    return report, list(files)
+
+
+def render_pair(
+    scene: bpy.types.Scene, settings: StereoSettings, work: Path, *, on_stage: Callable[[str], None] = lambda _: None
+) -> tuple[StereoFrame, dict[str, Any]]:
+    """The pair of one frame, and its report as far as it goes without files; as for `render_files`."""
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
         renderer = BlenderRenderer(working, work, user_scene=scene)
         frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
-    memory = _peak_mb()
-    on_stage("write")
-    start = time.perf_counter()
-    _write_pictures(scene, settings, frame, out, facts["frame"])
-    frame.seconds.update(load=load_seconds, write=time.perf_counter() - start)
-    report = {**facts, **_measurements(frame, renderer.plan, settings), "memory": {"peak_mb": memory}}
-    if settings.compare:
-        on_stage("compare")
-        report["compare"] = compare_with_multiview(scene, settings, frame, out / "stereo.png", work)
-    report["warnings"] = scene_warnings(scene) + _invalid_warnings(frame)
-    check_report(report)
-    write_json(out / "report.json", report)
-    return report, list(FILES)
+        parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
+    measurements = _measurements(frame, renderer.plan, settings)
+    return frame, {**facts, **measurements, "memory": {"peak_mb": _peak_mb()}, "parallax": parallax}
 
 
 def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
@@ -91,6 +104,13 @@ def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: Ster
     }
 
 
+def parallax_fields(renderer: BlenderRenderer, source: Passes, frame_width: int) -> dict[str, Any] | None:
+    """The parallax of the nearest and farthest of what the source eye sees, as JSON has it: the sky's depth is null."""
+    cameras = renderer.cameras
+    found = visible_parallax(cameras["left"], cameras["right"], source[DEPTH_PASS], frame_width)
+    return None if found is None else dict(zip(("nearest", "farthest"), map(asdict, found), strict=True))
+
+
 def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSettings) -> dict[str, Any]:
     source, price = frame.source_cost, frame.price
     return {
@@ -109,26 +129,36 @@ def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSetting
         "effects": effects_fields(plan, frame.accounts),
         "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
         "price": asdict(price),
-        "seconds": frame.seconds,
+        "seconds": dict(frame.seconds),
         "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
     }
 
 
 def _write_pictures(
-    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, out: Path, number: int
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    frame: StereoFrame,
+    out: Path,
+    number: int,
+    files: Sequence[str],
 ) -> None:
-    eyes = {view: frame.eyes[view] for view in ("left", "right")}
-    for view, passes in eyes.items():
-        write_eye(out / f"{view}.exr", passes, view=view)
-    write_stereo(out / "stereo.exr", eyes)
+    eyes = {view: frame.eyes[view] for view in VIEWS}
     pictures = {view: colour(passes) for view, passes in eyes.items()}
-    deliver_side_by_side(scene, pictures, out / "stereo.png", frame=number)
     target = pictures[settings.target]
-    write_holes(out / "holes.png", target, frame.reasons)
     estimates = estimate_map(frame.refinement, frame.traced)
-    write_estimate(out / "estimate.png", target, estimates)
-    write_eye(out / "estimate.exr", _estimate_passes(estimates), view=settings.target)
-    write_grid(out / "grid.png", pictures[settings.source], frame.grid)
+    writers: dict[str, Callable[[Path], None]] = {
+        "left.exr": lambda path: write_eye(path, eyes["left"], view="left"),
+        "right.exr": lambda path: write_eye(path, eyes["right"], view="right"),
+        "stereo.exr": lambda path: write_stereo(path, eyes),
+        "stereo.png": lambda path: deliver_side_by_side(scene, pictures, path, frame=number),
+        "holes.png": lambda path: write_holes(path, target, frame.reasons),
+        "estimate.png": lambda path: write_estimate(path, target, estimates),
+        "estimate.exr": lambda path: write_eye(path, _estimate_passes(estimates), view=settings.target),
+        "grid.png": lambda path: write_grid(path, pictures[settings.source], frame.grid),
+    }
+    for name, write in writers.items():
+        if name in files:
+            write(out / name)
 
 
 def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:

@@ -35,11 +35,11 @@ SHADER = Path(__file__).with_name("hole_camera.osl")
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
+    without_osl = missing_osl_cameras(scene)
+    if without_osl is not None:
+        return without_osl
     camera = evaluated(scene.camera, scene).data
     checks = {
-        "the scene renders with EEVEE": scene.render.engine != CYCLES,
-        "this Blender is built without OSL": not _has_osl(),
-        "the device has no OSL cameras (only CPU and OptiX do)": not _device_has_osl(scene),
         "the camera is orthographic": camera.type != "PERSP",
         "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
         and scene.cycles.rolling_shutter_type != "NONE",
@@ -53,6 +53,15 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
         "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
     }
     return next((reason for reason, blocks in checks.items() if blocks), None)
+
+
+def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
+    """Why an OSL camera cannot be rendered on this scene's engine and device whatever it shows, or None."""
+    if scene.render.engine != CYCLES:
+        return "the scene renders with EEVEE"
+    if not _has_osl():
+        return "this Blender is built without OSL"
+    return None if _device_has_osl(scene) else "the device has no OSL cameras (only CPU and OptiX do)"
 
 
 def _corner(eye: Camera) -> float:

@@ -32,8 +32,9 @@ from ..prediction import (
 )
 from ..reprojection import reproject
 from ..settings import StereoSettings
-from .frame import frame_facts
+from .frame import frame_facts, parallax_fields
 from .renderer import BlenderRenderer
+from .rig import frame_region
 from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
 
 SKETCH_WIDTH = 480
@@ -62,23 +63,38 @@ def inspect_scene(
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
         cycles = working.render.engine == CYCLES
+        frame_width = frame_region(working.render).full_width
         scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
         renderer = BlenderRenderer(working, work, user_scene=scene)
         check_fill(settings.fill, renderer.fill_blockers())
         rows = effects_rows(renderer.plan)
         passes = _passes(working, renderer)
-        predicted = None
-        if sketch:
+        predicted = parallax = None
+        if sketch and not cycles:
+            predicted = _predicted_whole(renderer)
+        elif sketch:
             on_stage("sketch")
-            predicted = _predicted(renderer, settings, facts, scale, rows) if cycles else _predicted_whole(renderer)
+            sketched = _render_sketch(renderer, settings, facts["samples"])
+            predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
+            parallax = _parallax(renderer, sketched[0], frame_width)
     return {
         **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
         "schema": INSPECTION_SCHEMA,
         "effects": rows,
         "passes": passes,
         "predicted": predicted,
+        "parallax": parallax,
         "warnings": scene_warnings(scene),
     }
+
+
+def _parallax(renderer: BlenderRenderer, sketch: Passes, frame_width: int) -> dict[str, Any] | None:
+    """Nearest and farthest parallax, in pixels of a frame of that width."""
+    sketch_width = frame_region(renderer.scene.render).full_width
+    found = parallax_fields(renderer, sketch, sketch_width)
+    for parallax in (found or {}).values():
+        parallax["pixels"] *= frame_width / sketch_width
+    return found
 
 
 def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
@@ -109,10 +125,15 @@ def _predicted_whole(renderer: BlenderRenderer) -> dict[str, Any]:
 
 
 def _predicted(
-    renderer: BlenderRenderer, settings: StereoSettings, facts: dict[str, Any], scale: float, rows: list[dict[str, Any]]
+    renderer: BlenderRenderer,
+    settings: StereoSettings,
+    facts: dict[str, Any],
+    scale: float,
+    rows: list[dict[str, Any]],
+    sketched: tuple[Passes, list[SourceCost], tuple[int, int]],
 ) -> dict[str, Any]:
     """The prediction; the rows of the effects get their share of the picture, and what tracing that would cost."""
-    source, costs, samples = _render_sketch(renderer, settings, facts["samples"])
+    source, costs, samples = sketched
     reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
     seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
     sketch = Sketch(reasons.size, samples, (seconds[0], seconds[1]), (syncs[0], syncs[1]))

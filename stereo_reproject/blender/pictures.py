@@ -40,6 +40,9 @@ ABOVE: tuple[tuple[float, tuple[int, int, int]], ...] = (
 
 WITHOUT_PROBES = (95, 95, 105)
 
+DIFFERENCE_GAIN = 4
+"""Times that a difference is brightened."""
+
 PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
@@ -89,6 +92,17 @@ def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[n
     for _, colour, where in shown:
         picture[where] = np.array(colour) // 2 + backdrop[where] // 2
     _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])
+
+
+def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:
+    """How far the target eye is from the same eye of multiview, both (H, W, 4), tone-mapped and brightened.
+
+    Two renders differ by their noise already; what stands out of that is wrong.
+    """
+    difference = np.abs(tone(target) - tone(reference))
+    picture = (255.0 * np.minimum(DIFFERENCE_GAIN * difference, 1.0)).astype(np.uint8)
+    words = f"difference from multiview, {DIFFERENCE_GAIN} times; even speckle is noise"
+    _write_with_legend(path, picture, [(words, (255, 255, 255))])
 
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:

@@ -40,7 +40,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     _write_exr(scene.render, path)
     start = time.perf_counter()
     try:
-        result = call_render(scene)
+        result = call_render(scene, write_still=True)
     except RuntimeError as error:
         raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
     if "FINISHED" not in result or not path.exists():
@@ -72,11 +72,11 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
     render.use_placeholder = False
 
 
-def call_render(scene: bpy.types.Scene) -> set[str]:
-    """Blender's render operator, for a still of this scene; what the operator returns."""
+def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
+    """Blender's render operator, for this scene; what the operator returns. By `how`, write_still or animation."""
     # It renders the frame at which the context's scene stands, whatever scene it is told.
     with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-        return set(bpy.ops.render.render(scene=scene.name, write_still=True))
+        return set(bpy.ops.render.render(scene=scene.name, **how))
 
 
 def output_path(path: Path) -> str:

@@ -23,14 +23,28 @@ SMALLEST = 4
 """Pixels along a side: Blender renders nothing smaller."""
 
 
-def open_blend(path: Path) -> bpy.types.Scene:
-    """Load a .blend without its user interface and without running its scripts; its scene. Raises BadInputError."""
+def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scripts: bool = False) -> bpy.types.Scene:
+    """Load a .blend without its user interface, and without running its scripts unless told to.
+
+    Its scene of that name, from the library of that name if it is linked; without one, the active scene. Raises
+    BadInputError.
+    """
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(f"Blender cannot open {path}: {reason}") from error
-    return bpy.context.scene
+    if scene is None:
+        return bpy.context.scene
+    found = next((one for one in bpy.data.scenes if scene_key(one) == tuple(scene)), None)
+    if found is None:
+        raise BadInputError(f"{path} has no scene {scene[0]!r}: its scenes are {', '.join(bpy.data.scenes.keys())}")
+    return found
+
+
+def scene_key(scene: bpy.types.Scene) -> tuple[str, str | None]:
+    """What tells a scene from all others of a file: its name, and that of the library that it is linked from."""
+    return scene.name, scene.library.name if scene.library else None
 
 
 def check_engine(scene: bpy.types.Scene) -> None:
@@ -41,13 +55,14 @@ def check_engine(scene: bpy.types.Scene) -> None:
         )
 
 
-def scene_warnings(scene: bpy.types.Scene) -> list[str]:
-    """What the scene asks for that a stereo pair does not have yet: a line each."""
+def scene_warnings(scene: bpy.types.Scene, *, compositor: bool = True) -> list[str]:
+    """What the scene asks for that a stereo pair does not have yet: a line each; of the compositor only if told to."""
     warnings = []
     if scene.render.engine == CYCLES and scene.cycles.use_denoising:
         warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
-    if scene.render.use_compositing and _has_compositor(scene):
+    if compositor and scene.render.use_compositing and _has_compositor(scene):
         warnings.append("the scene's compositor is not applied to the pair")
+    warnings += _missing_images()
     if bpy.app.autoexec_fail:
         warnings.append("scripts of the .blend were not run: drivers that need them stand still")
     if scene.render.use_freestyle:
@@ -56,6 +71,20 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
     if len(layers) > 1:
         warnings.append(f"only the first of {len(layers)} view layers is rendered: {layers[0]}")
     return warnings
+
+
+def _missing_images() -> list[str]:
+    """A line when there are image files that are used and not there: Blender renders what shows them pink."""
+    missing = [
+        image.name
+        for image in bpy.data.images
+        if image.source == "FILE" and image.users and image.filepath and not image.packed_file
+        if not Path(bpy.path.abspath(image.filepath, library=image.library)).exists()
+    ]
+    if not missing:
+        return []
+    more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+    return [f"image file missing for {missing[0]!r}{more}: find it with File > External Data > Find Missing Files"]
 
 
 def _has_compositor(scene: bpy.types.Scene) -> bool:

@@ -182,6 +182,14 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
     assert settings == StereoSettings("right", "exact", "card", 0.5, "cubic", True, overrides)
 
 
+def test_a_difference_does_not_outlive_the_pair_that_it_is_of(place):
+    argv = ["render", str(place / "room.blend"), "--output", str(place / "out")]
+    assert cli.main([*argv, "--compare"], worker_command=stub(place, "success")) == 0
+    assert (place / "out" / "difference.png").read_text() == "new difference.png"
+    assert cli.main(argv, worker_command=stub(place, "success")) == 0
+    assert sorted(path.name for path in (place / "out").iterdir()) == sorted(work_folder.FILES)
+
+
 def test_tradeoff_takes_the_scene_and_leaves_accuracy_and_fill_to_its_runs(place, capsys):
     argv = [
         "tradeoff",

@@ -163,7 +163,7 @@ def plain_demo(tmp_path_factory):
 
 def test_every_file_is_there_and_nothing_else(demo):
     assert (demo.status, demo.err) == (0, DEMO_WARNING)
-    assert demo.files == FILES
+    assert demo.files == sorted([*FILES, "difference.png"])
 
 
 def test_output_is_the_table_alone(demo):

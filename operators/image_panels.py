@@ -1,0 +1,133 @@
+"""In the Image Editor's sidebar: what the last pair took, how good it is, and the pictures that explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from .panels import paragraph
+from .pictures import STEREO_REPROJECT_OT_show_picture
+from .results import PICTURES, Result, result_of
+
+REASONS = {"rerendered": "All that was rendered"}
+"""What a traced fraction is called where its own name would not do."""
+
+
+class IMAGE_PT_stereo_reproject(bpy.types.Panel):
+    bl_label = "Stereo Pair"
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Stereo"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        result = result_of(context.scene)
+        if result.report is None:
+            paragraph(self.layout, context, "No pair yet: use Render > Render Stereo Image (Reprojected).")
+            return
+        report = result.report
+        size = " x ".join(map(str, report["size"]))
+        how = f"Frame {report['frame']}, {size}, {report['samples']} samples, {report['accuracy']}"
+        paragraph(self.layout, context, how)
+        self._draw_pictures(result)
+
+    def _draw_pictures(self, result: Result) -> None:
+        column = self.layout.column(align=True)
+        name = STEREO_REPROJECT_OT_show_picture.bl_idname
+        column.operator(name, text="Stereo Pair", icon="CAMERA_STEREO").which = "PAIR"
+        grid = column.grid_flow(columns=2, even_columns=True, align=True)
+        for which, (_, text, _) in PICTURES.items():
+            row = grid.row(align=True)
+            row.enabled = result.picture(which) is not None
+            row.operator(name, text=text).which = which
+
+
+class _Part(bpy.types.Panel):
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "Stereo"
+    bl_parent_id = "IMAGE_PT_stereo_reproject"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return result_of(context.scene).report is not None
+
+
+def _row(layout: bpy.types.UILayout, name: str, value: str) -> None:
+    split = layout.split(factor=0.6)
+    split.label(text=name)
+    right = split.row()
+    right.alignment = "RIGHT"
+    right.label(text=value)
+
+
+class IMAGE_PT_stereo_reproject_quality(_Part):
+    bl_label = "Quality"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = result_of(context.scene).report
+        assert report is not None
+        column = self.layout.column(align=True)
+        _draw_estimate(column, context, report)
+        compare = report.get("compare")
+        if compare:
+            _row(column, "Noise ratio, measured", f"{compare['noise_ratio']:.3f}")
+            _row(column, "Worst tiles, measured", f"{compare['worst_tiles']:.2f}")
+        price = report["price"]
+        at_least = "" if price["complete"] else "at least "
+        text = f"{price['accuracy'].capitalize()} would take {at_least}{price['more_seconds']:.1f} s more"
+        paragraph(self.layout, context, text if price["more_seconds"] > 0.0 else "It cannot be better: all is rendered")
+
+
+def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
+    estimate = report["estimate"]
+    if estimate["noise_ratio"] is None:
+        paragraph(column, context, f"No estimate: {estimate['from']}")
+        return
+    _row(column, "Noise ratio, estimated", f"{estimate['noise_ratio']:.3f}")
+    if estimate["low"] is not None:
+        _row(column, "95 % interval", f"{estimate['low']:.2f} to {estimate['high']:.2f}")
+    if estimate["promise"] is not None:
+        kept = "kept" if estimate["kept"] else "NOT kept"
+        _row(column, f"Promise: at most {estimate['promise']:g}", kept)
+
+
+class IMAGE_PT_stereo_reproject_times(_Part):
+    bl_label = "Time"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = result_of(context.scene).report
+        assert report is not None
+        seconds = report["seconds"]
+        column = self.layout.column(align=True)
+        for name in ("source", "warp", "pilot", "fill", "refine", "composite", "total"):
+            if seconds.get(name, 0.0) > 0.0:
+                _row(column, name.capitalize(), f"{seconds[name]:.2f} s")
+        compare = report.get("compare")
+        if compare:
+            _row(column, "Multiview, measured", f"{compare['multiview_seconds']:.2f} s")
+            _row(column, "Gain, measured", f"{compare['speedup']:.2f} x")
+        else:
+            _row(column, "Gain, predicted", f"{report['predicted_speedup']:.2f} x")
+        paragraph(self.layout, context, f"Fill: {report['fill']['method']}, {report['fill']['reason']}")
+
+
+class IMAGE_PT_stereo_reproject_traced(_Part):
+    bl_label = "Rendered in the Second Eye"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = result_of(context.scene).report
+        assert report is not None
+        column = self.layout.column(align=True)
+        for name, fraction in report["fractions"].items():
+            if fraction > 0.0:
+                _row(column, REASONS.get(name, name.capitalize()), f"{100.0 * fraction:.1f} %")
+
+
+IMAGE_PANELS = (
+    IMAGE_PT_stereo_reproject,
+    IMAGE_PT_stereo_reproject_quality,
+    IMAGE_PT_stereo_reproject_times,
+    IMAGE_PT_stereo_reproject_traced,
+)

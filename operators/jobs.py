@@ -1,0 +1,195 @@
+"""What all operators that run a job have in common: one at a time, beside the window or at once for a script."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from ..stereo_reproject.blender.rig import check_camera
+from ..stereo_reproject.blender.scene import check_engine
+from ..stereo_reproject.errors import BadInputError, StereoReprojectError
+from ..stereo_reproject.progress import clock
+from .run import Run
+
+TICK_SECONDS = 0.1
+
+STAGES = {
+    "start": "Starting",
+    "load": "Loading a copy of the file",
+    "plan": "Looking at the scene",
+    "sketch": "Rendering a sketch",
+    "source": "Rendering the first eye",
+    "warp": "Reprojecting",
+    "pilot": "Probing",
+    "fill": "Rendering what the first eye does not show",
+    "refine": "Rendering what the probes ask for",
+    "composite": "Putting the second eye together",
+    "account": "Measuring",
+    "write": "Writing",
+    "compare": "Rendering both eyes whole to compare",
+}
+
+_running: list[Run] = []
+"""The run that is under way, if any."""
+
+
+def running() -> Run | None:
+    return _running[0] if _running else None
+
+
+def stop_running() -> None:
+    """End what is under way, at once."""
+    while _running:
+        _running.pop().close()
+
+
+def progress_of(run: Run) -> tuple[float, str]:
+    """How far a run is, from 0 to 1, and in words."""
+    fraction, remaining = run.far()
+    words = [STAGES.get(run.stage, run.stage), *filter(None, [run.detail])]
+    left = "" if remaining is None else f", {clock(remaining)} left"
+    return fraction, f"{', '.join(words)}: {fraction:.0%}{left}"
+
+
+class JobOperator:
+    """Mixed into an operator: it says how its run starts and what is done with what comes of it."""
+
+    uses_render_result: ClassVar[bool] = True
+
+    def start(self, scene: bpy.types.Scene) -> Run:
+        """Raises StereoReprojectError."""
+        raise NotImplementedError
+
+    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+        """Make what the run has left the user's, and say in a line what it is. Raises StereoReprojectError."""
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if _running:
+            cls.poll_message_set("A stereo job is running already: Esc ends it")
+            return False
+        if bpy.app.is_job_running("RENDER"):
+            cls.poll_message_set("Blender is rendering: wait until it is done")
+            return False
+        return context.scene is not None
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        if context.window is None:
+            return self.execute(context)
+        if not self._start(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        run = running()
+        if run is None:
+            # The extension was switched off under way.
+            self._quiet(context)
+            return {"CANCELLED"}
+        if event.type == "ESC" and event.value == "PRESS":
+            run.cancel()
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        _show(context, progress_of(run)[1])
+        # Blender has one render at a time, and the user may have begun another.
+        if not run.finished or (self.uses_render_result and bpy.app.is_job_running("RENDER")):
+            return {"PASS_THROUGH"}
+        result = self._finish()
+        self._quiet(context)
+        return result
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """The window is closed, or another file is opened."""
+        stop_running()
+        self._quiet(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self._start(context):
+            return {"CANCELLED"}
+        run = _running[0]
+        try:
+            run.wait()
+            return self._finish()
+        finally:
+            if run in _running:
+                stop_running()
+
+    def _start(self, context: bpy.types.Context) -> bool:
+        scene = context.scene
+        try:
+            check_engine(scene)
+            check_camera(scene.camera)
+            if not any(layer.use for layer in scene.view_layers):
+                raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+            _running.append(self.start(scene))
+        except (StereoReprojectError, OSError) as error:
+            self.report({"ERROR"}, _sentence(error))
+            return False
+        return True
+
+    def _finish(self) -> set[str]:
+        """Hand over what came of the run, or say why there is nothing."""
+        run = _running.pop()
+        kept = False
+        try:
+            if run.error is not None:
+                raise run.error
+            scene = next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
+            if scene is None:
+                raise BadInputError("the scene was deleted while it was rendered: its result is thrown away")
+            words = self.take(scene, run)
+            kept = True
+        except StereoReprojectError as error:
+            if run.cancelled:
+                self.report({"INFO"}, "Stereo render cancelled")
+            else:
+                self.report({"ERROR"}, _sentence(error))
+            return {"CANCELLED"}
+        finally:
+            if not kept:
+                run.close()
+        for warning in run.warnings:
+            self.report({"WARNING"}, _sentence(warning))
+        self.report({"INFO"}, words)
+        return {"FINISHED"}
+
+    def _quiet(self, context: bpy.types.Context) -> None:
+        context.window_manager.event_timer_remove(self._timer)
+        _show(context, None)
+
+
+def _sentence(what: object) -> str:
+    text = " ".join(str(what).split())
+    return text[:1].upper() + text[1:]
+
+
+def _show(context: bpy.types.Context, text: str | None) -> None:
+    """In every window's status bar, and in the panels."""
+    for window in context.window_manager.windows:
+        window.workspace.status_text_set(None if text is None else f"{text}   |   Esc: Cancel")
+        for area in window.screen.areas:
+            if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
+                for region in area.regions:
+                    if region.type in ("UI", "WINDOW") and (region.type == "UI" or area.type == "PROPERTIES"):
+                        region.tag_redraw()
+
+
+class STEREO_REPROJECT_OT_cancel(bpy.types.Operator):
+    """End the stereo job that is running; nothing of it is kept"""
+
+    bl_idname = "stereo_reproject.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return bool(_running)
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        _running[0].cancel()
+        return {"FINISHED"}

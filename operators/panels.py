@@ -1,0 +1,234 @@
+"""Where people look for it: the Output properties beside Stereoscopy, the 3D View's sidebar, and the Render menu."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.hole_camera import missing_osl_cameras
+from ..stereo_reproject.blender.scene import CYCLES, EEVEE
+from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running
+from .properties import promise
+from .render import (
+    RENDER_OT_stereo_reproject_animation,
+    RENDER_OT_stereo_reproject_image,
+    STEREO_REPROJECT_OT_check_scene,
+    gain_words,
+    summary,
+)
+from .results import result_of
+from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
+
+CHARACTER_WIDTH = 7.0
+"""Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
+
+SHOWN_EFFECTS = 6
+
+
+def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region else 300
+    letters = max(int((width - 60 * scale) / (CHARACTER_WIDTH * scale)), 20)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
+        column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
+
+
+class _Main:
+    bl_label = "Stereo Reprojection"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        chosen = scene.stereo_reproject
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(chosen, "accuracy")
+        paragraph(layout, context, promise(chosen.accuracy) + ".")
+        layout.row().prop(chosen, "source", expand=True)
+        layout.prop(chosen, "fill")
+        paragraph(layout, context, _means(scene))
+        _draw_layout(layout, scene)
+        _draw_buttons(layout)
+        result = result_of(scene)
+        if result.report is not None and running() is None:
+            paragraph(layout, context, summary(result.report) + ".")
+            for warning in result.warnings:
+                paragraph(layout, context, warning[:1].upper() + warning[1:] + ".", icon="ERROR")
+
+
+def _means(scene: bpy.types.Scene) -> str:
+    """How holes will be filled on this device, and why."""
+    if scene.render.engine in EEVEE:
+        return "EEVEE renders both eyes whole: there is nothing to gain."
+    if scene.render.engine != CYCLES:
+        return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
+    missing = missing_osl_cameras(scene)
+    if scene.stereo_reproject.fill != "auto":
+        return f"Not possible: {missing}." if scene.stereo_reproject.fill == "packed" and missing else ""
+    return f"By card or full: {missing}." if missing else "Packed, card or full, by what costs least."
+
+
+def _draw_layout(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Blender's own settings of how both views get into files."""
+    settings = scene.render.image_settings
+    layout.prop(settings, "views_format", text="Layout", expand=False)
+    if settings.views_format == "STEREO_3D":
+        layout.prop(settings.stereo_3d_format, "display_mode", text="Stereo Mode")
+
+
+def _draw_buttons(layout: bpy.types.UILayout) -> None:
+    run = running()
+    column = layout.column(align=True)
+    if run is not None:
+        fraction, words = progress_of(run)
+        column.progress(factor=fraction, text=words)
+        column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
+        return
+    column.scale_y = 1.3
+    image = RENDER_OT_stereo_reproject_image.bl_idname
+    row = column.row(align=True)
+    row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
+    row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
+    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+
+
+class _Camera:
+    bl_label = "Stereo Camera"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        camera = scene.camera
+        if camera is None or camera.type != "CAMERA":
+            paragraph(layout, context, "The scene has no camera: set one in Scene properties.", icon="ERROR")
+            return
+        stereo = camera.data.stereo
+        column = layout.column(align=True)
+        column.prop(stereo, "convergence_mode", text="Mode")
+        column.prop(stereo, "interocular_distance", text="Interocular")
+        sub = column.column(align=True)
+        sub.active = stereo.convergence_mode != "PARALLEL"
+        sub.prop(stereo, "convergence_distance", text="Convergence")
+        column.prop(stereo, "pivot")
+        row = layout.row(align=True)
+        row.label(text="Set Convergence to")
+        for target, name in (("OBJECT", "Active Object"), ("FOCUS", "Focus")):
+            row.operator(STEREO_REPROJECT_OT_set_convergence.bl_idname, text=name).target = target
+        self._draw_parallax(layout, context)
+
+    def _draw_parallax(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        scene = context.scene
+        known = parallax_now(scene)
+        if not known:
+            paragraph(layout, context, "Check the scene, or render it, to see its parallax.")
+            return
+        for name, parallax in known:
+            where = "behind" if parallax.pixels > 0.0 else "before"
+            text = f"{name}: {abs(parallax.pixels):.1f} px, {abs(parallax.percent):.2f} % {where} the screen"
+            paragraph(layout, context, text)
+        if not all(is_comfortable(scene, parallax) for _, parallax in known):
+            width, eyes = scene.stereo_reproject.screen_width, scene.stereo_reproject.eye_distance
+            text = (
+                f"Too far behind a screen {width:g} m wide: wider apart than a viewer's eyes ({1000.0 * eyes:.0f} mm)."
+                " Lower the interocular distance, or set the convergence farther away."
+            )
+            paragraph(layout, context, text, icon="ERROR")
+
+
+class _Check:
+    bl_label = "Before Rendering"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        found = result_of(scene).inspection
+        name = STEREO_REPROJECT_OT_check_scene.bl_idname
+        layout.operator(name, text="Check Scene" if found is None else "Check Scene Again", icon="VIEWZOOM")
+        if found is None:
+            paragraph(layout, context, "Says what the scene calls for, and what reprojection would gain.")
+            return
+        size = " x ".join(map(str, found["size"]))
+        how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {found['accuracy']}"
+        paragraph(layout, context, f"{how}:")
+        self._draw_predicted(layout, context, found["predicted"])
+        self._draw_effects(layout, context, found["effects"])
+        for warning in found["warnings"]:
+            paragraph(layout, context, warning[:1].upper() + warning[1:] + ".", icon="ERROR")
+
+    def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
+        words = gain_words(predicted)
+        paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
+        total = predicted["total_seconds"]
+        if total is not None:
+            span = f"{total['low']:.0f} to {total['high']:.0f} s, multiview {predicted['multiview_seconds']:.0f} s"
+            fill = predicted["fill"]
+            paragraph(layout, context, f"{span}. Missing pixels: {fill['method']}, {fill['reason']}.")
+
+    def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
+        called = [row for row in rows if row["called_for"]]
+        if not called:
+            paragraph(layout, context, "It calls for nothing but colour and depth.")
+            return
+        paragraph(layout, context, "It calls for:")
+        for row in called[:SHOWN_EFFECTS]:
+            more = f" and {len(row['by']) - 1} more" if len(row["by"]) > 1 else ""
+            paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
+        if len(called) > SHOWN_EFFECTS:
+            paragraph(layout, context, f"and {len(called) - SHOWN_EFFECTS} more effects")
+
+
+class _Preview:
+    bl_label = "Preview"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, chosen = self.layout, context.scene.stereo_reproject
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(chosen, "preview_percentage")
+        layout.prop(chosen, "preview_samples")
+
+
+class _Advanced:
+    bl_label = "Advanced"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, chosen = self.layout, context.scene.stereo_reproject
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for names in (
+            ("screen_width", "eye_distance"),
+            ("grid_threshold", "interpolation"),
+            ("compare", "use_scripts"),
+        ):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(chosen, name)
+
+
+def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
+    """The same panels for another place; the first is the parent of the others."""
+    main = f"{prefix}_PT_stereo_reproject"
+    parts = {"camera": _Camera, "check": _Check, "preview": _Preview, "advanced": _Advanced}
+    below = {"bl_parent_id": main, **place}
+    return (
+        type(main, (_Main, bpy.types.Panel), {**place, "bl_options": set()}),
+        *(type(f"{main}_{name}", (part, bpy.types.Panel), dict(below)) for name, part in parts.items()),
+    )
+
+
+PANELS = (
+    *_panels("RENDER", {"bl_space_type": "PROPERTIES", "bl_region_type": "WINDOW", "bl_context": "output"}),
+    *_panels("VIEW3D", {"bl_space_type": "VIEW_3D", "bl_region_type": "UI", "bl_category": "Stereo"}),
+)
+
+
+def draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    menu.layout.separator()
+    menu.layout.operator(RENDER_OT_stereo_reproject_image.bl_idname, icon="CAMERA_STEREO")
+    menu.layout.operator(RENDER_OT_stereo_reproject_animation.bl_idname, icon="CAMERA_STEREO")

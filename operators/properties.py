@@ -1,0 +1,98 @@
+"""What an artist chooses: a few settings on the scene, each with what it means."""
+
+import bpy
+
+from ..stereo_reproject.accuracy import SETTINGS
+from ..stereo_reproject.settings import FILL_METHODS, INTERPOLATIONS, StereoSettings
+
+FILLS = {
+    "auto": "Whichever is likely to be fastest for this frame on this device",
+    "packed": "Only the missing pixels are rendered, gathered in a small picture (CPU and OptiX)",
+    "card": "The missing pixels are rendered through a card with openings (any device)",
+    "full": "The other eye is rendered whole, as Blender's multiview does",
+}
+
+LOOKUPS = {"linear": "Fast, and as sharp as most renders need", "cubic": "Sharper where textures are fine"}
+
+
+def promise(name: str) -> str:
+    """What an accuracy promises, as an artist reads it."""
+    accuracy = SETTINGS[name]
+    if accuracy.promise is None:
+        return "No promise: reflections and glass stay as the first eye sees them"
+    text = f"At most {round(100 * (accuracy.promise - 1.0))} % more error than the noise of a plain render"
+    return f"{text}, in every part of the picture" if accuracy.promises_worst_tiles else text
+
+
+class StereoReprojectSettings(bpy.types.PropertyGroup):
+    """Settings of the reprojected pair; what a stereo camera has already is the camera's."""
+
+    accuracy: bpy.props.EnumProperty(
+        name="Accuracy",
+        description="How close the second eye comes to one that is rendered whole",
+        items=[(name, name.capitalize(), promise(name)) for name in SETTINGS],
+        default=StereoSettings.accuracy,
+    )
+    source: bpy.props.EnumProperty(
+        name="Source Eye",
+        description="The eye that is rendered whole; the other is made from it",
+        items=[("left", "Left", "Render the left eye whole"), ("right", "Right", "Render the right eye whole")],
+        default=StereoSettings.source,
+    )
+    fill: bpy.props.EnumProperty(
+        name="Fill Method",
+        description="How pixels that the source eye does not show are rendered",
+        items=[(name, name.capitalize(), FILLS[name]) for name in FILL_METHODS],
+        default=StereoSettings.fill,
+    )
+    compare: bpy.props.BoolProperty(
+        name="Compare",
+        description="Also render the pair with Blender's multiview, and measure time and error against it."
+        " Takes about three more renders",
+        default=StereoSettings.compare,
+    )
+    grid_threshold: bpy.props.FloatProperty(
+        name="Grid Threshold",
+        description="Binocular parallax, in arc minutes, from which a cell of the grid is subdivided to single pixels",
+        default=StereoSettings.grid_threshold,
+        min=0.0,
+        soft_max=10.0,
+    )
+    interpolation: bpy.props.EnumProperty(
+        name="Interpolation",
+        description="How colours between the source's pixels are found",
+        items=[(name, name.capitalize(), LOOKUPS[name]) for name in INTERPOLATIONS],
+        default=StereoSettings.interpolation,
+    )
+    use_scripts: bpy.props.BoolProperty(
+        name="Run Scripts of the File",
+        description="Run the Python scripts of this .blend when its copy is rendered, for drivers that need them."
+        " Only for files that you trust",
+        default=False,
+    )
+    preview_percentage: bpy.props.IntProperty(
+        name="Resolution",
+        description="Size of the preview, of the scene's own resolution",
+        subtype="PERCENTAGE",
+        default=25,
+        min=1,
+        max=100,
+    )
+    preview_samples: bpy.props.IntProperty(
+        name="Samples", description="Samples of each pixel of the preview", default=16, min=1, soft_max=1024
+    )
+    screen_width: bpy.props.FloatProperty(
+        name="Screen Width (m)",
+        description="Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
+        default=0.6,
+        min=0.01,
+        soft_max=30.0,
+    )
+    eye_distance: bpy.props.FloatProperty(
+        name="Viewer's Eyes (m)",
+        description="Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
+        default=0.065,
+        min=0.001,
+        soft_max=0.08,
+        precision=3,
+    )

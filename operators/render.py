@@ -1,0 +1,158 @@
+"""Render the pair of a frame or of all frames, or have a look at what it would cost."""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.animation import ANIMATION_FILES, output_files, scene_frames
+from ..stereo_reproject.blender.delivery import deliver_to_result
+from ..stereo_reproject.blender.rig import frame_region
+from ..stereo_reproject.blender.scene import SMALLEST
+from ..stereo_reproject.exr import VIEWS, read_eye
+from ..stereo_reproject.progress import USUAL, Progress
+from ..stereo_reproject.settings import SceneOverrides, StereoSettings
+from ..stereo_reproject.work_folder import DIFFERENCE
+from .jobs import JobOperator
+from .results import keep_inspection, keep_pair, result_of
+from .run import Run, seconds_of
+
+PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
+
+WORTH_IT = 1.05
+"""A predicted gain below this is none."""
+
+
+class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
+    """Render both eyes for little more than the price of one: the second is made from the first, and only what the
+    first does not show is rendered"""
+
+    bl_idname = "render.stereo_reproject_image"
+    bl_label = "Render Stereo Image (Reprojected)"
+
+    preview: bpy.props.BoolProperty(
+        name="Preview",
+        description="Smaller and with fewer samples, as set in the panel",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
+    def start(self, scene: bpy.types.Scene) -> Run:
+        settings = settings_of(scene, preview=self.preview)
+        files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
+        return Run(scene, settings, "render", files, _pair_progress(scene, settings))
+
+    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+        _deliver(scene, run)
+        assert run.report is not None
+        keep_pair(scene, run)
+        return summary(run.report)
+
+
+class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
+    """Render both eyes of every frame into the scene's output path, in its own format and stereo layout"""
+
+    bl_idname = "render.stereo_reproject_animation"
+    bl_label = "Render Stereo Animation (Reprojected)"
+
+    def start(self, scene: bpy.types.Scene) -> Run:
+        frames = scene_frames(scene)
+        output_files(scene, frames[0])
+        progress = Progress(time.monotonic(), USUAL["animate"], frames=len(frames))
+        return Run(scene, settings_of(scene, preview=False), "animate", ANIMATION_FILES, progress)
+
+    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+        _deliver(scene, run)
+        assert run.report is not None
+        rows, there = run.report["frames"], len(run.report["there_already"])
+        run.close()
+        skipped = f", {there} were there already" if there else ""
+        return f"{len(rows)} stereo frames rendered{skipped}: {run.report['files'][-1]}"
+
+
+class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
+    """Find out what the scene calls for, how far things stand out of the screen, and what reprojection would gain;
+    renders only a small sketch"""
+
+    bl_idname = "stereo_reproject.check_scene"
+    bl_label = "Check Scene"
+    uses_render_result = False
+
+    def start(self, scene: bpy.types.Scene) -> Run:
+        return Run(
+            scene, settings_of(scene, preview=False), "inspect", (), Progress(time.monotonic(), USUAL["inspect"])
+        )
+
+    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+        assert run.report is not None
+        keep_inspection(scene, run.report)
+        run.close()
+        return gain_words(run.report["predicted"])
+
+
+def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
+    """What the panel asks for. Raises BadInputError."""
+    chosen = scene.stereo_reproject
+    overrides = SceneOverrides(frame=scene.frame_current)
+    if preview:
+        region = frame_region(scene.render)
+        width, height = (
+            max(side * chosen.preview_percentage // 100, SMALLEST) for side in (region.full_width, region.full_height)
+        )
+        overrides = SceneOverrides(frame=scene.frame_current, size=(width, height), samples=chosen.preview_samples)
+    return StereoSettings(
+        source=chosen.source,
+        accuracy=chosen.accuracy,
+        fill=chosen.fill,
+        grid_threshold=chosen.grid_threshold,
+        interpolation=chosen.interpolation,
+        compare=chosen.compare and not preview,
+        scene=overrides,
+    )
+
+
+def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
+    """Expects what the scene's last pair took, if it was made in the same way, or else the usual."""
+    result = result_of(scene)
+    usual = USUAL["render"]
+    last = result.run
+    if last is None or result.report is None or last.settings != settings:
+        stages = {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual
+        return Progress(time.monotonic(), stages)
+    return Progress(time.monotonic(), seconds_of(result.report, usual), in_seconds=True)
+
+
+def _deliver(scene: bpy.types.Scene, run: Run) -> None:
+    """Put the eyes of a run into the scene's Render Result, and show that."""
+    eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
+    deliver_to_result(scene, eyes)
+    for view in VIEWS:
+        (run.folder / f"{view}.exr").unlink()
+    if bpy.context.window is not None and not bpy.app.background and not _is_shown():
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+
+
+def _is_shown() -> bool:
+    """Whether an Image Editor shows the Render Result: asking for it once more would close it."""
+    spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    images = [space.image for space in spaces if space.type == "IMAGE_EDITOR"]
+    return any(image is not None and image.type == "RENDER_RESULT" for image in images)
+
+
+def summary(report: Mapping[str, Any]) -> str:
+    """One line of a report."""
+    seconds, traced = report["seconds"]["total"], report["fractions"]["rerendered"]
+    compared = report.get("compare")
+    gained = compared["speedup"] if compared else report["predicted_speedup"]
+    how = "measured" if compared else "predicted"
+    return f"Both eyes in {seconds:.1f} s, {traced:.0%} of the second rendered: {gained:.2f} x multiview, {how}"
+
+
+def gain_words(predicted: Mapping[str, Any]) -> str:
+    """What a prediction comes to, in a line."""
+    low, high = predicted["gain"]["low"], predicted["gain"]["high"]
+    if high < WORTH_IT:
+        return f"Reprojection will not pay: {predicted['fill']['reason']}"
+    gain = f"{high:.1f}" if high - low < 0.1 else f"{low:.1f} to {high:.1f}"
+    return f"Predicted: {gain} times as fast as multiview"

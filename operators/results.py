@@ -1,0 +1,72 @@
+"""What came of the last runs, for the panels: in memory, and gone with the session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.work_folder import DIFFERENCE
+from .run import Run
+
+PICTURES = {
+    "HOLES": ("holes.png", "Holes", "Which pixels of the second eye were rendered, and why"),
+    "GRID": ("grid.png", "Grid", "The grid that carried the first eye's pixels over"),
+    "ERRORS": ("estimate.png", "Probe Errors", "Where the second eye is off by more than noise, by its probes"),
+    "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
+}
+"""The pictures that explain a pair: file, name, and what it shows."""
+
+
+@dataclass
+class Result:
+    """Of one scene: its last pair's report and pictures, and what the last check of it found."""
+
+    report: Mapping[str, Any] | None = None
+    inspection: Mapping[str, Any] | None = None
+    warnings: list[str] = field(default_factory=list)
+    parallax: Mapping[str, Any] | None = None
+    """Nearest and farthest of what was seen last, by whichever saw it."""
+    run: Run | None = None
+    """That which still holds the pictures."""
+
+    def picture(self, which: str) -> Path | None:
+        if self.run is None:
+            return None
+        path = self.run.folder / PICTURES[which][0]
+        return path if path.exists() else None
+
+
+_by_scene: dict[int, Result] = {}
+
+
+def result_of(scene: bpy.types.Scene) -> Result:
+    """The scene's, by what stays the same when it is renamed or an undo moves it."""
+    return _by_scene.setdefault(scene.session_uid, Result())
+
+
+def keep_pair(scene: bpy.types.Scene, run: Run) -> None:
+    """The pair of a run that is over, in place of an earlier one."""
+    result = result_of(scene)
+    if result.run is not None:
+        result.run.close()
+    result.report, result.warnings, result.run = run.report, run.warnings, run
+    if run.report is not None:
+        result.parallax = run.report.get("parallax") or result.parallax
+
+
+def keep_inspection(scene: bpy.types.Scene, inspection: Mapping[str, Any]) -> None:
+    result = result_of(scene)
+    result.inspection = inspection
+    result.parallax = inspection["parallax"] or result.parallax
+
+
+def forget_all() -> None:
+    """Remove what is still on the disk."""
+    while _by_scene:
+        _, result = _by_scene.popitem()
+        if result.run is not None:
+            result.run.close()

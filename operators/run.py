@@ -1,0 +1,148 @@
+"""A run in a process of its own, while Blender's window stays alive: started, asked how far it is, cancelled."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.devices import devices_in_use
+from ..stereo_reproject.blender.scene import scene_key
+from ..stereo_reproject.errors import BadInputError, StereoReprojectError
+from ..stereo_reproject.progress import Progress
+from ..stereo_reproject.settings import StereoSettings
+from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
+
+WORKER = f"from {StereoSettings.__module__.split('.')[-2]}.worker import main; main()"
+POLL_SECONDS = 0.1
+
+
+class _Cancel(Interrupts):
+    """Ends a run from another thread."""
+
+    def cancel(self) -> None:
+        self._received = signal.SIGINT
+
+
+class Run:
+    """A job on a copy of the open file, in a thread that waits for its process. Its files are in `folder`.
+
+    After `finished`: `report`, or else `error`. `close` ends it, if need be, and removes the files.
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        settings: StereoSettings,
+        command: str,
+        files: Sequence[str],
+        progress: Progress,
+    ) -> None:
+        self.uid = scene.session_uid
+        self.settings = settings
+        self.stage, self.detail = "start", ""
+        self.progress = progress
+        self.warnings: list[str] = []
+        self.report: dict[str, Any] | None = None
+        self.error: StereoReprojectError | None = None
+        self._files = tempfile.TemporaryDirectory(prefix="stereo_reproject-", ignore_cleanup_errors=True)
+        self._cancel = _Cancel()
+        self._lock = threading.Lock()
+        try:
+            self._blend = self._save_copy()
+            output = self.folder if files else None
+            chosen = scene.stereo_reproject
+            session = Session(scene_key(scene), devices_in_use(), absolute_output_path(scene), chosen.use_scripts)
+            job = Job(self._blend, output, settings, command, files=tuple(files), session=session)
+            self._thread = threading.Thread(target=self._work, args=(job, worker_command()), daemon=True)
+            self._thread.start()
+        except BaseException:
+            self._files.cleanup()
+            raise
+
+    @property
+    def folder(self) -> Path:
+        return Path(self._files.name) / "result"
+
+    @property
+    def finished(self) -> bool:
+        return not self._thread.is_alive()
+
+    @property
+    def cancelled(self) -> bool:
+        return isinstance(self.error, RunInterruptedError)
+
+    def far(self) -> tuple[float, float | None]:
+        """How much is done, from 0 to 1, and the seconds that remain, if that can be told."""
+        now = time.monotonic()
+        with self._lock:
+            return self.progress.fraction(now), self.progress.remaining(now)
+
+    def cancel(self) -> None:
+        self._cancel.cancel()
+
+    def wait(self, tick: Callable[[], None] = lambda: None) -> None:
+        while not self.finished:
+            tick()
+            self._thread.join(POLL_SECONDS)
+
+    def close(self) -> None:
+        """End the run if it still goes on, and remove its files."""
+        self.cancel()
+        self._thread.join()
+        self._files.cleanup()
+
+    def _save_copy(self) -> Path:
+        """The open file as it is now, unsaved changes included; what it refers to by relative paths is found."""
+        blend = Path(self._files.name) / (Path(bpy.data.filepath).name or "untitled.blend")
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
+        except RuntimeError as error:
+            raise BadInputError(f"no copy to render can be saved: {' '.join(str(error).split())}") from error
+        return blend
+
+    def _work(self, job: Job, command: Sequence[str] | None) -> None:
+        try:
+            self.report = run_worker(job, self._on_event, interrupts=self._cancel, command=command)
+        except StereoReprojectError as error:
+            self.error = error
+        except Exception as error:  # noqa: BLE001 - nobody else hears of what goes wrong in a thread
+            traceback.print_exc()
+            self.error = StereoReprojectError(f"a defect of stereo_reproject: {type(error).__name__}: {error}")
+        finally:
+            self._blend.unlink(missing_ok=True)
+
+    def _on_event(self, event: Event) -> None:
+        if event["event"] == "warning":
+            self.warnings.append(str(event.get("message")))
+            return
+        now = time.monotonic()
+        with self._lock:
+            self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
+            self.progress.begin(self.stage, now)
+            self.progress.advance(event.get("fraction"), now)
+
+
+def absolute_output_path(scene: bpy.types.Scene) -> str:
+    """The scene's output path as it is seen from anywhere; its templates stay."""
+    return bpy.path.abspath(scene.render.filepath, library=scene.library)
+
+
+def worker_command() -> list[str] | None:
+    """This very Blender without a window and without add-ons; None where Blender is a Python module."""
+    if not bpy.app.binary_path:
+        return None
+    environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
+    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", WORKER]
+
+
+def seconds_of(report: Mapping[str, Any], stages: Mapping[str, float]) -> dict[str, float]:
+    """What each of the stages took in a run that is over."""
+    return {stage: report["seconds"].get(stage, 0.0) for stage in stages}

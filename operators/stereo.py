@@ -1,0 +1,92 @@
+"""Help for stereo itself: how far things stand before and behind the screen, and where the screen is."""
+
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.rig import check_camera, frame_region, stereo_cameras
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
+from .results import result_of
+
+
+class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
+    """Set the camera's convergence plane, which is seen at the depth of the screen"""
+
+    bl_idname = "stereo_reproject.set_convergence"
+    bl_label = "Set Convergence to"
+    bl_options = {"REGISTER", "UNDO"}
+
+    target: bpy.props.EnumProperty(
+        name="Target",
+        items=[
+            ("OBJECT", "Active Object", "The depth of the active object's origin, seen from the scene's camera"),
+            ("FOCUS", "Focus Distance", "The depth that the camera is focused on"),
+        ],
+        default="OBJECT",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        camera = context.scene.camera
+        if camera is None or camera.type != "CAMERA":
+            cls.poll_message_set("The scene has no camera")
+            return False
+        if camera.data.library is not None:
+            cls.poll_message_set("The camera is linked from another file: set it there")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = context.scene
+        stereo = scene.camera.data.stereo
+        try:
+            stereo.convergence_distance = _depth_of(context, self.target)
+        except BadInputError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if stereo.convergence_mode == "PARALLEL":
+            self.report({"WARNING"}, "The camera is parallel: the convergence distance has no effect in that mode")
+        return {"FINISHED"}
+
+
+def _depth_of(context: bpy.types.Context, target: str) -> float:
+    """A depth in front of the scene's camera, in scene units. Raises BadInputError."""
+    depsgraph = context.evaluated_depsgraph_get()
+    camera = context.scene.camera.evaluated_get(depsgraph)
+    focus = camera.data.dof.focus_object
+    if target == "FOCUS" and focus is None:
+        depth, what = camera.data.dof.focus_distance, "The focus distance"
+    else:
+        item = focus if target == "FOCUS" else context.active_object
+        if item is None:
+            raise BadInputError("No object is active: click the one that the screen is to cut")
+        if item.original == context.scene.camera:
+            raise BadInputError("The camera itself is active: click the object that the screen is to cut")
+        world = item.evaluated_get(depsgraph).matrix_world
+        depth, what = -(camera.matrix_world.normalized().inverted() @ world.translation).z, f"{item.name!r}"
+    if depth <= 0.0:
+        raise BadInputError(f"{what} is not in front of the camera")
+    return depth
+
+
+def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
+    """Of what was nearest and farthest when the scene was last seen, with the camera's stereo settings as they are."""
+    seen = result_of(scene).parallax
+    try:
+        camera = check_camera(scene.camera)
+    except BadInputError:
+        return []
+    if seen is None:
+        return []
+    eyes, width = stereo_cameras(camera, scene.render), frame_region(scene.render).full_width
+    return [(name.capitalize(), parallax_at(eyes["left"], eyes["right"], _depth(seen[name]), width)) for name in seen]
+
+
+def _depth(seen: Any) -> float:
+    return float("inf") if seen["depth"] is None else seen["depth"]
+
+
+def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:
+    chosen = scene.stereo_reproject
+    return not is_wider_than_eyes(parallax, chosen.screen_width, chosen.eye_distance)

@@ -1,0 +1,37 @@
+"""What Cycles computes on: as one Blender is set up, handed to another that has not read its preferences."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+
+def devices_in_use() -> dict[str, Any] | None:
+    """The compute device type that the preferences name, and the ids of the devices that are ticked there; None in a
+    Blender without Cycles."""
+    preferences = _preferences()
+    if preferences is None:
+        return None
+    ids = [device.id for device in preferences.devices if device.use]
+    return {"type": preferences.compute_device_type, "ids": ids}
+
+
+def use_devices(devices: Mapping[str, Any]) -> None:
+    """Set this process's preferences to what `devices_in_use` said; devices that are not there are passed over."""
+    preferences = _preferences()
+    if preferences is None:
+        return
+    known = {identifier for identifier, *_ in preferences.get_device_types(bpy.context)}
+    if devices["type"] not in known:
+        return
+    preferences.compute_device_type = devices["type"]
+    preferences.refresh_devices()
+    for device in preferences.devices:
+        device.use = device.id in devices["ids"]
+
+
+def _preferences() -> Any:
+    addon = bpy.context.preferences.addons.get("cycles")
+    return None if addon is None else addon.preferences

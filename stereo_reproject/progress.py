@@ -1,0 +1,95 @@
+"""How far a run is, and how long it still takes: from what its stages usually take, and what they have taken so far."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_PAIR = {
+    "source": 55.0,
+    "warp": 4.0,
+    "pilot": 0.0,
+    "fill": 20.0,
+    "refine": 10.0,
+    "composite": 1.0,
+    "account": 1.0,
+    "write": 4.0,
+}
+USUAL: Mapping[str, Mapping[str, float]] = {
+    "render": {"load": 2.0, **_PAIR, "compare": 0.0},
+    "animate": {"load": 0.0, **_PAIR},
+    "inspect": {"load": 20.0, "plan": 10.0, "sketch": 70.0},
+}
+"""Shares of a run's time by what is done, in the order of its stages."""
+
+NEVER_WHOLE = 0.97
+"""A stage that takes longer than expected is nearly over, and stays so."""
+
+
+class Progress:
+    """Told of stages by `begin` and of how much of one is done by `advance`; times are in seconds, on any clock.
+
+    stages are what each takes, in order: in_seconds, or else as shares of the whole. A run of several frames goes
+    through them as often. Stages that are not among them take no time.
+    """
+
+    def __init__(self, now: float, stages: Mapping[str, float], *, in_seconds: bool = False, frames: int = 1) -> None:
+        self._expected = dict(stages)
+        self._pace = 1.0 if in_seconds else None
+        self._frames = max(frames, 1)
+        self._started = self._since = now
+        self._stage = next(iter(self._expected))
+        self._stage_fraction: float | None = None
+        self._frame = 0
+
+    def begin(self, stage: str, now: float) -> None:
+        """The stage begins; one that came before in the order begins the next frame."""
+        if stage == self._stage:
+            return
+        order = list(self._expected)
+        if stage in order and self._stage in order and order.index(stage) < order.index(self._stage):
+            self._frame = min(self._frame + 1, self._frames - 1)
+        self._stage, self._since, self._stage_fraction = stage, now, None
+        done = self._done_before()
+        if done > 0.0:
+            self._pace = (now - self._started) / done
+
+    def advance(self, fraction: float | None, now: float) -> None:
+        """So much of the stage is done, from 0 to 1; None where nobody knows."""
+        self._stage_fraction = fraction
+        expected = self._expected.get(self._stage, 0.0)
+        # The start of a stage tells little.
+        if fraction and fraction > 0.05 and expected > 0.0:
+            self._pace = (now - self._started) / (self._done_before() + fraction * expected)
+
+    def fraction(self, now: float) -> float:
+        """How much of the run is done, from 0 to 1."""
+        whole = self._frames * sum(self._expected.values())
+        return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
+
+    def remaining(self, now: float) -> float | None:
+        """Seconds that are still to come, or None as long as nothing tells."""
+        if self._pace is None:
+            return None
+        whole = self._frames * sum(self._expected.values())
+        return max(self._pace * (whole - self._done_before() - self._done_of_stage(now)), 0.0)
+
+    def _done_before(self) -> float:
+        """Expected seconds of the frames and stages that are over."""
+        stages = list(self._expected)
+        before = stages[: stages.index(self._stage)] if self._stage in stages else stages
+        return self._frame * sum(self._expected.values()) + sum(self._expected[name] for name in before)
+
+    def _done_of_stage(self, now: float) -> float:
+        expected = self._expected.get(self._stage, 0.0)
+        if self._stage_fraction is not None:
+            return expected * min(self._stage_fraction, 1.0)
+        if self._pace is None or expected == 0.0:
+            return 0.0
+        return expected * min((now - self._since) / (self._pace * expected), NEVER_WHOLE)
+
+
+def clock(seconds: float) -> str:
+    """Seconds as people read them: 0:42, 3:05, 1:02:30."""
+    whole = round(seconds)
+    hours, minutes = whole // 3600, whole // 60 % 60
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"
