@@ -1,6 +1,7 @@
 """Builds the extension: downloads the wheels that blender_manifest.toml names, has Blender's own `extension` command
-build one zip per platform into dist/, and has it validate each. Run by a Python that has bpy."""
+build one zip per platform into dist/ (or --output), and has it validate each. Run by a Python that has bpy."""
 
+import argparse
 import subprocess
 import sys
 import tomllib
@@ -10,7 +11,6 @@ from pathlib import Path
 import bpy
 
 ROOT = Path(__file__).resolve().parents[1]
-DIST = ROOT / "dist"
 SCRIPTS = Path(bpy.utils.system_resource("SCRIPTS"))
 # bpy has no `blender --command extension`; this file is what that calls.
 EXTENSION_COMMAND = SCRIPTS / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
@@ -38,24 +38,26 @@ def check_content(archive: Path) -> None:
         sys.exit(f"{archive.name} holds {', '.join(strays)}: add to paths_exclude_pattern in blender_manifest.toml")
 
 
-def main() -> None:
+def main(output: Path) -> None:
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     for wheel in (ROOT / name for name in manifest["wheels"]):
         if not wheel.exists():
             download(wheel)
 
-    DIST.mkdir(exist_ok=True)
-    for old in DIST.glob(f"{manifest['id']}-*.zip"):
+    output.mkdir(parents=True, exist_ok=True)
+    for old in output.glob(f"{manifest['id']}-*.zip"):
         old.unlink()
     tags = ("--valid-tags", VALID_TAGS)
-    run(EXTENSION_COMMAND, "build", "--source-dir", ROOT, "--output-dir", DIST, "--split-platforms", *tags)
-    for archive in sorted(DIST.glob(f"{manifest['id']}-*.zip")):
+    run(EXTENSION_COMMAND, "build", "--source-dir", ROOT, "--output-dir", output, "--split-platforms", *tags)
+    for archive in sorted(output.glob(f"{manifest['id']}-*.zip")):
         run(EXTENSION_COMMAND, "validate", *tags, archive)
         check_content(archive)
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of the zips; the default is dist/")
     try:
-        main()
+        main(parser.parse_args().output)
     except subprocess.CalledProcessError as error:
         sys.exit(error.returncode)  # the command has said why

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.price import WHOLE
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
@@ -75,9 +76,7 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
             _row(column, "Noise ratio, measured", f"{compare['noise_ratio']:.3f}")
             _row(column, "Worst tiles, measured", f"{compare['worst_tiles']:.2f}")
         price = report["price"]
-        at_least = "" if price["complete"] else "at least "
-        text = f"{price['accuracy'].capitalize()} would take {at_least}{price['more_seconds']:.1f} s more"
-        paragraph(self.layout, context, text if price["more_seconds"] > 0.0 else "It cannot be better: all is rendered")
+        paragraph(self.layout, context, _price(price))
 
 
 def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
@@ -93,6 +92,17 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
         _row(column, f"Promise: at most {estimate['promise']:g}", kept)
 
 
+def _price(price: Mapping[str, Any]) -> str:
+    """What the next better accuracy would have cost."""
+    better = "Rendering it whole" if price["accuracy"] == WHOLE else price["accuracy"].capitalize()
+    more = price["more_seconds"]
+    if price["accuracy"] == WHOLE and more == 0.0:
+        return "It cannot be better: all of it was rendered"
+    if more < 0.05:
+        return f"{better} would take no longer"
+    return f"{better} would take {'' if price['complete'] else 'at least '}{more:.1f} s more"
+
+
 class IMAGE_PT_stereo_reproject_times(_Part):
     bl_label = "Time"
 
@@ -102,7 +112,7 @@ class IMAGE_PT_stereo_reproject_times(_Part):
         seconds = report["seconds"]
         column = self.layout.column(align=True)
         for name in ("source", "warp", "pilot", "fill", "refine", "composite", "total"):
-            if seconds.get(name, 0.0) > 0.0:
+            if seconds.get(name, 0.0) >= 0.005:
                 _row(column, name.capitalize(), f"{seconds[name]:.2f} s")
         compare = report.get("compare")
         if compare:

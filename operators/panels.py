@@ -21,7 +21,7 @@ from .render import (
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
 
-CHARACTER_WIDTH = 7.0
+CHARACTER_WIDTH = 6.6
 """Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
 
 SHOWN_EFFECTS = 6
@@ -31,7 +31,7 @@ def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
     """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    letters = max(int((width - 60 * scale) / (CHARACTER_WIDTH * scale)), 20)
+    letters = max(int((width - 45 * scale) / (CHARACTER_WIDTH * scale)), 20)
     column = layout.column(align=True)
     column.scale_y = 0.8
     for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
@@ -115,8 +115,9 @@ class _Camera:
         sub.active = stereo.convergence_mode != "PARALLEL"
         sub.prop(stereo, "convergence_distance", text="Convergence")
         column.prop(stereo, "pivot")
-        row = layout.row(align=True)
-        row.label(text="Set Convergence to")
+        column = layout.column(align=True)
+        column.label(text="Set Convergence to:")
+        row = column.row(align=True)
         for target, name in (("OBJECT", "Active Object"), ("FOCUS", "Focus")):
             row.operator(STEREO_REPROJECT_OT_set_convergence.bl_idname, text=name).target = target
         self._draw_parallax(layout, context)
@@ -164,9 +165,10 @@ class _Check:
         paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
         total = predicted["total_seconds"]
         if total is not None:
-            span = f"{total['low']:.0f} to {total['high']:.0f} s, multiview {predicted['multiview_seconds']:.0f} s"
-            fill = predicted["fill"]
-            paragraph(layout, context, f"{span}. Missing pixels: {fill['method']}, {fill['reason']}.")
+            low, high, fill = f"{total['low']:.0f}", f"{total['high']:.0f}", predicted["fill"]
+            ours = low if low == high else f"{low} to {high}"
+            paragraph(layout, context, f"{ours} s, multiview {predicted['multiview_seconds']:.0f} s.")
+            paragraph(layout, context, f"Fill: {fill['method']}, {fill['reason']}.")
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
         called = [row for row in rows if row["called_for"]]

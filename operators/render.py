@@ -6,10 +6,10 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.animation import ANIMATION_FILES, output_files, scene_frames
+from ..stereo_reproject.blender.animation import ANIMATION_FILES, output_files
 from ..stereo_reproject.blender.delivery import deliver_to_result
 from ..stereo_reproject.blender.rig import frame_region
-from ..stereo_reproject.blender.scene import SMALLEST
+from ..stereo_reproject.blender.scene import SMALLEST, scene_frames
 from ..stereo_reproject.exr import VIEWS, read_eye
 from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings

@@ -46,7 +46,7 @@ from typing import Any
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
-from .work_folder import FILES, check_complete, pair_files, publish, work_folder
+from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
 
 POLL_SECONDS = 0.1
 LIBRARIES = ("OpenEXR",)
@@ -163,8 +163,8 @@ def run_worker(
             check_report(report)
         if job.output is not None:
             check_complete(work / "out", done.get("files"), job.files)
-            superseded = {*pair_files(compare=True)} - {*job.files} if job.command == "render" else ()
-            publish(work, job.output, job.files, superseded=tuple(superseded), between_steps=interrupts.check)
+            superseded = superseded_by(job.files) if job.command == "render" else ()
+            publish(work, job.output, job.files, superseded=superseded, between_steps=interrupts.check)
     return report
 
 

@@ -46,6 +46,11 @@ def pair_files(*, compare: bool) -> tuple[str, ...]:
     return (*FILES[:-1], DIFFERENCE, FILES[-1]) if compare else FILES
 
 
+def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
+    """What an earlier pair may have left that does not belong to one of these files."""
+    return tuple(name for name in pair_files(compare=True) if name not in files)
+
+
 WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0
 RETRY_SECONDS = 0.05

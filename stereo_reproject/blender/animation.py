@@ -19,18 +19,10 @@ from ..report import write_json
 from ..settings import StereoSettings
 from .delivery import deliver_movie, deliver_to_result
 from .frame import render_pair
-from .scene import scene_warnings
+from .scene import scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
-
-
-def scene_frames(scene: bpy.types.Scene) -> range:
-    """The frames that Blender would render as an animation. Raises BadInputError when there are none."""
-    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-    if not frames:
-        raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
-    return frames
 
 
 def render_animation_files(

@@ -52,13 +52,13 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
     bl_label = "Stereo Reproject Delivery"
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What is delivered besides the colour, for the compositor's Render Layers nodes."""
+        """What is delivered: without this, the compositor's Render Layers nodes have no sockets."""
         passes = next(iter(_under_way[-1].eyes_at(scene.frame_current).values()))
         for name, image in passes.items():
-            if name != COLOUR_PASS:
-                channels = image.shape[2]
-                kind = "VALUE" if channels == 1 else "VECTOR" if "X" in pass_letters(name, channels) else "COLOR"
-                self.register_pass(scene, renderlayer, name, channels, pass_letters(name, channels), kind)
+            channels = image.shape[2]
+            letters = pass_letters(name, channels)
+            kind = "VALUE" if channels == 1 else "VECTOR" if "X" in letters else "COLOR"
+            self.register_pass(scene, renderlayer, name, channels, letters, kind)
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -122,14 +122,8 @@ def deliver_to_result(
     The scene's compositor is run. With a `path`, the result is written there in the scene's own format and layout,
     which may add a view's suffix. The scene is afterwards as it was. Raises StereoReprojectError.
     """
-    frame = scene.frame_current if frame is None else frame
-    try:
-        if frame != scene.frame_current:
-            scene.frame_set(frame)
-        with _as_delivered(scene, path):
-            _hand_over(scene, eyes, "hand the pair over to Blender", path)
-    finally:
-        return_to_own_frame(scene, frame)
+    with _at_frame(scene, frame), _as_delivered(scene, path):
+        _hand_over(scene, eyes, "hand the pair over to Blender", path)
 
 
 def deliver_movie(scene: bpy.types.Scene, eyes_at: EyesAt, path: Path, *, size: tuple[int, int], frames: range) -> None:
@@ -137,13 +131,22 @@ def deliver_movie(scene: bpy.types.Scene, eyes_at: EyesAt, path: Path, *, size: 
 
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
-    current = scene.frame_current, scene.frame_subframe
     span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
+    with _at_frame(scene, frames[0]), _as_delivered(scene, path), _changed(scene, **span):
+        _take(scene, eyes_at, f"write {path.name}", size, lambda: call_render(scene, animation=True))
+
+
+@contextmanager
+def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
+    """The scene at a frame, and then again where it stood; None stays there."""
+    stood_at = scene.frame_current, scene.frame_subframe
     try:
-        with _as_delivered(scene, path), _changed(scene, **span):
-            _take(scene, eyes_at, f"write {path.name}", size, lambda: call_render(scene, animation=True))
+        if frame not in (None, stood_at[0]):
+            scene.frame_set(frame)
+        yield
     finally:
-        scene.frame_set(current[0], subframe=current[1])
+        if (scene.frame_current, scene.frame_subframe) != stood_at:
+            scene.frame_set(stood_at[0], subframe=stood_at[1])
 
 
 @contextmanager

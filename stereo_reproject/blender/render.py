@@ -74,9 +74,9 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
 
 def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
     """Blender's render operator, for this scene; what the operator returns. By `how`, write_still or animation."""
-    # It renders the frame at which the context's scene stands, whatever scene it is told.
+    # Told a scene by name it would take the local one where a linked one has the same, and the context's frame.
     with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-        return set(bpy.ops.render.render(scene=scene.name, **how))
+        return set(bpy.ops.render.render(**how))
 
 
 def output_path(path: Path) -> str:

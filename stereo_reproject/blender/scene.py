@@ -55,6 +55,14 @@ def check_engine(scene: bpy.types.Scene) -> None:
         )
 
 
+def scene_frames(scene: bpy.types.Scene) -> range:
+    """The frames that Blender would render as an animation. Raises BadInputError when there are none."""
+    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+    if not frames:
+        raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
+    return frames
+
+
 def scene_warnings(scene: bpy.types.Scene, *, compositor: bool = True) -> list[str]:
     """What the scene asks for that a stereo pair does not have yet: a line each; of the compositor only if told to."""
     warnings = []

@@ -1,40 +1,16 @@
 """The extension in Blender: registered, run from a script, and gone again without a trace."""
 
 import contextlib
-import importlib.util
-import sys
-import warnings
-from pathlib import Path
 
 import bpy
 import numpy as np
 import OpenEXR
 import pytest
 
+from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image, render_plain
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGE = "stereo_reproject_extension"
 SIZE = (64, 36)
-
-
-@pytest.fixture(scope="module")
-def package():
-    """The extension's root as the package that Blender makes of it."""
-    spec = importlib.util.spec_from_file_location(PACKAGE, ROOT / "__init__.py", submodule_search_locations=[str(ROOT)])
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[PACKAGE] = module
-    spec.loader.exec_module(module)
-    yield module
-    for name in [name for name in sys.modules if name.partition(".")[0] == PACKAGE]:
-        del sys.modules[name]
-
-
-@pytest.fixture
-def extension(package):
-    package.register()
-    yield package
-    package.unregister()
 
 
 @pytest.fixture
@@ -44,45 +20,7 @@ def scene(tmp_path):
     add_plane(scene, diffuse(colour=(0.8, 0.2, 0.1)), size=(1, 2), location=(0.3, 0.2, -4))
     add_sun(scene, strength=1.5)
     add_camera(scene)
-    bpy.context.window_manager.windows[0].scene = scene if bpy.context.window_manager.windows else None
     return scene
-
-
-def values_of(block, depth=3):
-    """All that RNA tells of a datablock, and of what belongs to it."""
-    found = {}
-    for prop in getattr(block, "bl_rna", block.rna_type).properties:
-        name = prop.identifier
-        if name in ("rna_type", "original", "depsgraph", "bl_rna") or prop.type == "COLLECTION":
-            continue
-        value = getattr(block, name)
-        if prop.type != "POINTER":
-            found[name] = tuple(value) if getattr(prop, "is_array", False) else value
-        elif value is None or isinstance(value, bpy.types.ID):
-            found[name] = None if value is None else value.name
-        elif depth and hasattr(value, "bl_rna"):
-            found[name] = values_of(value, depth - 1)
-    return found
-
-
-def everything():
-    """All scenes, cameras and objects by value, with what a scene keeps in lists, and the names of all other blocks."""
-    found = {}
-    with warnings.catch_warnings():
-        # Some of what is read is on its way out of Blender.
-        warnings.simplefilter("ignore")
-        for prop in bpy.data.bl_rna.properties:
-            if prop.type == "COLLECTION":
-                for block in getattr(bpy.data, prop.identifier):
-                    by_value = isinstance(block, bpy.types.Scene | bpy.types.Camera | bpy.types.Object)
-                    found[prop.identifier, block.name] = values_of(block) if by_value else None
-        for scene in bpy.data.scenes:
-            for owner, name in ((scene, "view_layers"), (scene.render, "views"), (scene, "timeline_markers")):
-                for item in getattr(owner, name):
-                    found[scene.name, name, item.name] = values_of(item, 1)
-    for kind in ("images", "all_ids"):
-        found.pop((kind, "Render Result"), None)
-    return found
 
 
 def views_of_result(scene, folder):
@@ -167,24 +105,89 @@ def test_what_cannot_be_rendered_is_said_and_changes_nothing(extension, scene, s
     assert bpy.ops.render.stereo_reproject_image.poll()
 
 
-@pytest.mark.parametrize("stage", ["start", "load", "source", "fill", "write"])
-def test_a_run_is_cancelled_at_any_stage_and_leaves_nothing(extension, scene, stage):
-    from stereo_reproject_extension.operators.render import PAIR_FILES, settings_of
-    from stereo_reproject_extension.operators.run import Run
-    from stereo_reproject_extension.stereo_reproject.progress import USUAL, Progress
+def test_a_linked_scene_is_rendered(extension, scene, tmp_path):
+    scene.name = "Twin"
+    library = tmp_path / "library.blend"
+    bpy.data.libraries.write(str(library), {scene}, path_remap="ABSOLUTE")
+    # The one of this file has the same name, and shows nothing.
+    for item in list(scene.collection.objects):
+        if item.type == "MESH":
+            bpy.data.objects.remove(item)
+    with bpy.data.libraries.load(str(library), link=True) as (_, linked):
+        linked.scenes = ["Twin"]
+    (linked,) = linked.scenes
+    before = everything()
+    with bpy.context.temp_override(scene=linked):
+        assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert everything() == before
+    assert views_of_result(linked, tmp_path)["_L"][..., :3].max() > 0.1
+
+
+def test_a_missing_texture_is_said(extension, scene, tmp_path, capfd):
+    image = next(image for image in bpy.data.images if image.filepath)
+    image.filepath = str(tmp_path / "gone.png")
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert "file missing for" in capfd.readouterr().out
+
+
+def test_a_changed_file_is_rendered_as_it_is_now(extension, scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    scene = bpy.context.scene
+    for item in list(scene.collection.objects):
+        if item.type == "MESH":
+            bpy.data.objects.remove(item)
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert views_of_result(scene, tmp_path)["_L"][..., :3].max() == 0.0
+    assert bpy.data.filepath == str(tmp_path / "saved.blend")
+
+
+def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
+    from stereo_reproject_extension.operators.pictures import load_picture
+    from stereo_reproject_extension.operators.results import PICTURES
+
+    assert load_picture(scene, "HOLES") is None
+    scene.stereo_reproject.compare = True
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    for which, (_, name, _) in PICTURES.items():
+        image = load_picture(scene, which)
+        assert (image.name, image.packed_file is not None) == (f"Stereo {name}", True)
+        assert min(image.size) >= min(SIZE)
+    load_picture(scene, "GRID")
+    assert sorted(image.name for image in bpy.data.images if image.name.startswith("Stereo")) == [
+        "Stereo Difference",
+        "Stereo Grid",
+        "Stereo Holes",
+        "Stereo Probe Errors",
+    ]
+
+
+def test_a_check_says_what_is_to_be_gained(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.stereo import is_comfortable, parallax_now
 
     before = everything()
-    progress = Progress(0.0, USUAL["render"])
-    run = Run(scene, settings_of(scene, preview=False), "render", PAIR_FILES, progress)
-    folder = run.folder.parent
-
-    def cancel_there():
-        if run.stage == stage:
-            run.cancel()
-
-    run.wait(cancel_there)
-    if run.report is None:
-        assert "interrupted" in str(run.error)
-    run.close()
-    assert not folder.exists()
+    assert bpy.ops.stereo_reproject.check_scene() == {"FINISHED"}
     assert everything() == before
+    assert result_of(scene).inspection["predicted"]["gain"]["high"] > 0.0
+    (_, near), (_, far) = parallax_now(scene)
+    assert near.pixels < 0.0 < far.pixels
+    assert near.depth == pytest.approx(4.0, rel=1e-3)
+    # A cinema's screen makes the same picture's parallax wider than a viewer's eyes.
+    scene.stereo_reproject.screen_width = 0.1
+    assert is_comfortable(scene, far)
+    scene.stereo_reproject.screen_width = 20.0
+    assert not is_comfortable(scene, far)
+
+
+def test_convergence_is_set_to_an_object_and_to_the_focus(extension, scene):
+    stereo = scene.camera.data.stereo
+    bpy.context.view_layer.objects.active = next(item for item in scene.objects if item.location.z == -4.0)
+    bpy.ops.stereo_reproject.set_convergence(target="OBJECT")
+    assert stereo.convergence_distance == pytest.approx(4.0)
+    scene.camera.data.dof.focus_distance = 7.5
+    bpy.ops.stereo_reproject.set_convergence(target="FOCUS")
+    assert stereo.convergence_distance == pytest.approx(7.5)
+    bpy.context.view_layer.objects.active = scene.camera
+    with pytest.raises(RuntimeError, match="camera itself is active"):
+        bpy.ops.stereo_reproject.set_convergence(target="OBJECT")
+    assert stereo.convergence_distance == pytest.approx(7.5)

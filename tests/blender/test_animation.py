@@ -1,0 +1,156 @@
+"""The frames of a scene in the files that its own output settings ask for."""
+
+import bpy
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.animation import render_animation_files
+from stereo_reproject.blender.delivery import deliver_to_result
+from stereo_reproject.blender.pictures import read_png
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.passes import COLOUR_PASS
+from stereo_reproject.settings import StereoSettings
+from tests.blender.snapshot import everything
+from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene
+
+SIZE = (64, 36)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A matte card before a wall, that moves to the right by its width in each frame."""
+    scene = empty_scene(*SIZE, samples=2)
+    add_plane(scene, diffuse("wall", colour=(0.2, 0.3, 0.8)), size=(30, 20), location=(0, 0, -8))
+    card = add_plane(scene, diffuse("card", colour=(0.9, 0.2, 0.1)), size=(1, 2), location=(-1.0, 0, -4))
+    card.keyframe_insert("location", frame=1)
+    card.location.x = 1.0
+    card.keyframe_insert("location", frame=3)
+    add_sun(scene, strength=1.5)
+    add_camera(scene)
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, 3, 2
+    scene.frame_set(2)
+    scene.render.filepath = str(tmp_path / "out" / "shot_")
+    set_format(scene, "PNG")
+    return scene
+
+
+def set_format(scene, file_format, *, media="IMAGE", views="INDIVIDUAL"):
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = media
+    settings.file_format, settings.views_format = file_format, views
+
+
+def render(scene, tmp_path):
+    work = tmp_path / "work"
+    (work / "tmp").mkdir(parents=True, exist_ok=True)
+    return render_animation_files(scene, StereoSettings(fill="packed"), work)
+
+
+def files(tmp_path):
+    return sorted(path.name for path in (tmp_path / "out").iterdir())
+
+
+def test_each_view_in_files_of_its_own(scene, tmp_path):
+    before = everything()
+    report = render(scene, tmp_path)
+    assert everything() == before
+    assert files(tmp_path) == ["shot_0001_L.png", "shot_0001_R.png", "shot_0003_L.png", "shot_0003_R.png"]
+    assert [row["frame"] for row in report["frames"]] == [1, 3]
+    assert sorted(report["files"]) == [str(tmp_path / "out" / name) for name in files(tmp_path)]
+    first, last = (read_png(tmp_path / "out" / f"shot_000{frame}_L.png") for frame in (1, 3))
+    redness = [picture[..., 0] - picture[..., 2] for picture in (first, last)]
+    assert redness[0].argmax() % SIZE[0] < 0.5 * SIZE[0] < redness[1].argmax() % SIZE[0]
+
+
+def test_side_by_side(scene, tmp_path):
+    set_format(scene, "PNG", views="STEREO_3D")
+    scene.render.image_settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
+    render(scene, tmp_path)
+    assert files(tmp_path) == ["shot_0001.png", "shot_0003.png"]
+    assert read_png(tmp_path / "out" / "shot_0001.png").shape[:2] == (SIZE[1], 2 * SIZE[0])
+
+
+@pytest.mark.parametrize("compositor", [True, False])
+def test_a_movie(scene, tmp_path, compositor):
+    media = {"media": "VIDEO"} if bpy.app.version >= (5, 0) else {}
+    set_format(scene, "FFMPEG", views="STEREO_3D", **media)
+    scene.render.image_settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
+    scene.render.ffmpeg.format = "MKV"
+    scene.render.use_compositing = compositor
+    before = everything()
+    render(scene, tmp_path)
+    assert everything() == before
+    (name,) = files(tmp_path)
+    assert name.endswith(".mkv")
+    clip = bpy.data.movieclips.load(str(tmp_path / "out" / name))
+    assert (tuple(clip.size), clip.frame_duration) == ((2 * SIZE[0], SIZE[1]), 2)
+    bpy.data.movieclips.remove(clip)
+
+
+def test_what_is_there_stays_when_overwrite_is_off(scene, tmp_path):
+    (tmp_path / "out").mkdir()
+    for view in "LR":
+        (tmp_path / "out" / f"shot_0001_{view}.png").write_text("mine")
+    scene.render.use_overwrite = False
+    report = render(scene, tmp_path)
+    assert ([row["frame"] for row in report["frames"]], report["there_already"]) == ([3], [1])
+    assert (tmp_path / "out" / "shot_0001_L.png").read_text() == "mine"
+    assert files(tmp_path) == ["shot_0001_L.png", "shot_0001_R.png", "shot_0003_L.png", "shot_0003_R.png"]
+    with pytest.raises(BadInputError, match="every frame is there already"):
+        render(scene, tmp_path)
+
+
+def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene, tmp_path):
+    (tmp_path / "file").write_text("")
+    scene.render.filepath = str(tmp_path / "file" / "shot_")
+    with pytest.raises(BadInputError, match="change the output path"):
+        render(scene, tmp_path)
+
+
+def test_a_relative_path_needs_a_saved_file(scene, tmp_path):
+    scene.render.filepath = "//shot_"
+    with pytest.raises(BadInputError, match="never saved"):
+        render(scene, tmp_path)
+
+
+def test_a_template_that_nobody_knows_is_said(scene, tmp_path):
+    scene.render.filepath = str(tmp_path / "{nothing}_")
+    with pytest.raises(BadInputError, match="output path cannot be used"):
+        render(scene, tmp_path)
+
+
+def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_path):
+    scene.view_layers[0].use_pass_diffuse_direct = True
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    layers, brighter, other = (tree.nodes.new(f"CompositorNode{kind}") for kind in ("RLayers", "Exposure", "Denoise"))
+    layers.scene = scene
+    brighter.inputs["Exposure"].default_value = 1.0
+    direct = next(socket for socket in layers.outputs if socket.name in ("DiffDir", "Diffuse Direct"))
+    tree.links.new(layers.outputs["Image"], brighter.inputs["Image"])
+    tree.links.new(direct, other.inputs["Image"])
+    tree.links.new(brighter.outputs["Image"], output.inputs[0])
+    links = [(link.from_socket.name, link.to_node.name, link.is_valid) for link in tree.links]
+
+    set_format(scene, "OPEN_EXR", views="STEREO_3D")
+    scene.render.image_settings.color_depth = "32"
+    scene.render.image_settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
+    eyes = {
+        view: {COLOUR_PASS: np.full((*SIZE[::-1], 4), (value, value, value, 1.0), np.float32)}
+        for view, value in (("left", 0.25), ("right", 0.5))
+    }
+    deliver_to_result(scene, eyes, tmp_path / "result.exr")
+    assert [(link.from_socket.name, link.to_node.name, link.is_valid) for link in tree.links] == links
+    image = bpy.data.images.load(str(tmp_path / "result.exr"))
+    pixels = np.array(image.pixels[:]).reshape(SIZE[1], 2 * SIZE[0], -1)
+    assert pixels[0, 0, 0] == pytest.approx(0.5, rel=1e-3)
+    assert pixels[0, -1, 0] == pytest.approx(1.0, rel=1e-3)

@@ -1,0 +1,224 @@
+"""Runs inside a Blender with a window, started with --enable-event-simulate: installs the zip and uses it as an artist
+does, with mouse and keyboard. `-- ZIP FOLDER`: FOLDER takes the screenshots and facts.json. Not a test itself."""
+
+import importlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+
+ZIP, FOLDER = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
+MODULE = "bl_ext.user_default.stereo_reproject"
+LIMIT = 240.0
+"""Seconds after which something that is waited for will never come."""
+
+facts: dict = {"steps": []}
+
+
+class StuckError(Exception):
+    pass
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def area_of(kind):
+    return next((area for area in window().screen.areas if area.type == kind), None)
+
+
+def region_of(kind, region_type):
+    return next(region for region in area_of(kind).regions if region.type == region_type)
+
+
+def jobs():
+    return importlib.import_module(f"{MODULE}.operators.jobs")
+
+
+def results():
+    return importlib.import_module(f"{MODULE}.operators.results").result_of(bpy.context.scene)
+
+
+def shoot(name):
+    """What the screen shows; Blender's own screenshot is black where a driver in software draws it."""
+    path = FOLDER / f"{name}.png"
+    if shutil.which("import"):
+        subprocess.run(["import", "-window", "root", f"png:{path}"], check=True)
+    else:
+        with bpy.context.temp_override(window=window()):
+            bpy.ops.screen.screenshot(filepath=str(path))
+
+
+def move(x, y):
+    window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=int(x), y=int(y))
+
+
+def press(key, **modifiers):
+    where = facts["mouse"]
+    for value in ("PRESS", "RELEASE"):
+        window().event_simulate(type=key, value=value, x=where[0], y=where[1], **modifiers)
+
+
+def go(x, y):
+    facts["mouse"] = (int(x), int(y))
+    move(x, y)
+
+
+def until(condition, what):
+    start = time.monotonic()
+    while not condition():
+        if time.monotonic() - start > LIMIT:
+            raise StuckError(what)
+        yield 0.2
+
+
+def find_button(kind, region_type, command):
+    """Where the button is that runs `command`: Ctrl+C over a button copies what it runs."""
+    manager = bpy.context.window_manager
+    region = region_of(kind, region_type)
+    for share in (0.25, 0.75):
+        for y in range(region.y + region.height - 8, region.y + 4, -9):
+            manager.clipboard = ""
+            go(region.x + share * region.width, y)
+            yield 0.02
+            press("C", ctrl=True)
+            yield 0.02
+            if command in manager.clipboard:
+                facts["button"] = facts["mouse"]
+                return
+    raise StuckError(f"no button for {command}")
+
+
+def click(kind, region_type, command):
+    yield from find_button(kind, region_type, command)
+    press("LEFTMOUSE")
+    yield 0.3
+
+
+def values():
+    """What of the file a user would notice if it changed."""
+    scene = bpy.context.scene
+    render, layer = scene.render, scene.view_layers[0]
+    kinds = [prop.identifier for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"]
+    found = {kind: sorted(block.name for block in getattr(bpy.data, kind)) for kind in kinds}
+    for kind in ("images", "all_ids"):
+        found[kind] = [name for name in found.get(kind, []) if name != "Render Result"]
+    plain = [prop.identifier for prop in render.bl_rna.properties if prop.type not in ("POINTER", "COLLECTION")]
+    found["render"] = {name: repr(getattr(render, name)) for name in plain}
+    found["layer"] = [layer.use, layer.use_grease_pencil, layer.use_pass_z]
+    found["frame"] = [scene.frame_current, scene.frame_start, scene.frame_end]
+    return found
+
+
+def install():
+    with bpy.context.temp_override(window=window(), area=window().screen.areas[0]):
+        bpy.ops.extensions.package_install_files(filepath=str(ZIP), repo="user_default", enable_on_install=True)
+    facts["registered"] = hasattr(bpy.types.Scene, "stereo_reproject")
+
+
+def show_sidebar(kind, category):
+    area = area_of(kind)
+    area.spaces.active.show_region_ui = True
+    yield 1.0
+    region_of(kind, "UI").active_panel_category = category
+    yield 1.0
+
+
+def scenario():
+    bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.view.render_display_type = "AREA"
+    facts["mouse"] = (window().width // 2, window().height // 2)
+    press("ESC")
+    yield 0.5
+    install()
+    yield 1.0
+    scene = bpy.context.scene
+    before = values()
+    yield from show_sidebar("VIEW_3D", "Stereo")
+    shoot("panel")
+
+    facts["steps"].append("check")
+    yield from click("VIEW_3D", "UI", "stereo_reproject.check_scene()")
+    yield from until(lambda: jobs().running() is None, "the check never ended")
+    yield 1.0
+    shoot("checked")
+    facts["inspection"] = results().inspection is not None
+    facts["unchanged_by_check"] = values() == before
+
+    facts["steps"].append("cancel")
+    yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
+    facts["started"] = jobs().running() is not None
+    facts["second_refused"] = not bpy.ops.render.stereo_reproject_image.poll()
+    run = jobs().running()
+    yield from until(lambda: run.stage == "source", "the source was never rendered")
+    yield 2.0
+    shoot("running")
+    facts["alive"] = _turns(scene)
+    folder = run.folder.parent
+    press("ESC")
+    yield from until(lambda: jobs().running() is None, "Esc did not end the run")
+    yield 1.0
+    facts["cancelled"] = results().report is None and not folder.exists()
+    facts["unchanged_by_cancel"] = values() == before
+    shoot("cancelled")
+
+    facts["steps"].append("preview")
+    yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
+    yield from until(lambda: jobs().running() is None, "the preview never ended")
+    yield 2.0
+    facts["preview"] = dict(results().report["fractions"]) if results().report else None
+    facts["fill"] = results().report["fill"] if results().report else None
+    facts["result"] = [image.name for image in bpy.data.images if image.type == "RENDER_RESULT" and image.has_data]
+    facts["unchanged_by_preview"] = values() == before
+    shoot("preview")
+
+    facts["steps"].append("pictures")
+    yield from show_sidebar("IMAGE_EDITOR", "Stereo")
+    shoot("result")
+    yield from click("IMAGE_EDITOR", "UI", "show_picture(which='HOLES')")
+    yield 1.0
+    shoot("holes")
+    space = area_of("IMAGE_EDITOR").spaces.active
+    facts["holes"] = [space.image.name, list(space.image.size)] if space.image else None
+
+    facts["steps"].append("switched off under way")
+    bpy.ops.render.stereo_reproject_image("INVOKE_DEFAULT")
+    yield 1.0
+    bpy.ops.preferences.addon_disable(module=MODULE)
+    yield 1.0
+    facts["gone"] = not hasattr(bpy.types.Scene, "stereo_reproject")
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    yield 0.5
+    facts["back"] = hasattr(bpy.types.Scene, "stereo_reproject")
+
+
+def _turns(scene):
+    """Whether the window's timers still run while a job does: this very one does, or it would not ask."""
+    return jobs().running() is not None and bpy.context.scene == scene
+
+
+def end():
+    (FOLDER / "facts.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
+    sys.stdout.flush()
+    os._exit(0)
+
+
+def tick(steps=scenario()):  # noqa: B008 - one scenario for the whole run
+    try:
+        return next(steps)
+    except StopIteration:
+        facts["finished"] = True
+    except Exception as error:  # noqa: BLE001 - whatever it is, the test is to say it
+        traceback.print_exc()
+        facts["error"] = f"{type(error).__name__}: {error}"
+        shoot("error")
+    return end()
+
+
+bpy.app.timers.register(tick, first_interval=3.0)
