@@ -1,5 +1,6 @@
 # make demo       render a scene that comes along, and compare it with Blender's multiview
 # make test       run the tests (PYTEST_ARGS="-m blender" for some of them)
+# make gui-test   the same in a real window: BLENDER_WINDOW="xvfb-run blender" (pictures in build/gui)
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
 # make bench      time the warp
@@ -29,7 +30,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test lint lint-tools extension bench coverage spending clean
+.PHONY: demo test gui-test lint lint-tools extension bench coverage spending clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -37,6 +38,10 @@ demo: $(INSTALLED)
 
 test: $(TEST_INSTALLED)
 	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS) tests
+
+gui-test: $(TEST_INSTALLED)
+	@test -n "$$BLENDER_WINDOW" || { echo 'BLENDER_WINDOW names no Blender with a window: BLENDER_WINDOW="xvfb-run blender" make gui-test' >&2; exit 2; }
+	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS) tests/gui
 
 lint: $(LINT_INSTALLED)
 	$(LINT_VENV)/bin/python -m ruff check .

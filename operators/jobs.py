@@ -123,7 +123,8 @@ class JobOperator:
     def _start(self, context: bpy.types.Context) -> bool:
         scene = context.scene
         try:
-            check_engine(scene)
+            if scene.stereo_reproject.source_engine == "scene":
+                check_engine(scene)
             check_camera(scene.camera)
             if not any(layer.use for layer in scene.view_layers):
                 raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")

@@ -49,6 +49,7 @@ class _Main:
         layout.prop(chosen, "accuracy")
         paragraph(layout, context, promise(chosen.accuracy) + ".")
         layout.row().prop(chosen, "source", expand=True)
+        layout.prop(chosen, "source_engine")
         layout.prop(chosen, "fill")
         paragraph(layout, context, _means(scene))
         _draw_layout(layout, scene)
@@ -62,13 +63,15 @@ class _Main:
 
 def _means(scene: bpy.types.Scene) -> str:
     """How holes will be filled on this device, and why."""
-    if scene.render.engine in EEVEE:
+    chosen = scene.stereo_reproject
+    engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
+    if engine in EEVEE:
         return "EEVEE renders both eyes whole: there is nothing to gain."
-    if scene.render.engine != CYCLES:
+    if engine != CYCLES:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
-    missing = missing_osl_cameras(scene)
-    if scene.stereo_reproject.fill != "auto":
-        return f"Not possible: {missing}." if scene.stereo_reproject.fill == "packed" and missing else ""
+    missing = missing_osl_cameras(scene, engine)
+    if chosen.fill != "auto":
+        return f"Not possible: {missing}." if chosen.fill == "packed" and missing else ""
     return f"By card or full: {missing}." if missing else "Packed, card or full, by what costs least."
 
 
@@ -128,9 +131,10 @@ class _Camera:
         if not known:
             paragraph(layout, context, "Check the scene, or render it, to see its parallax.")
             return
+        layout.label(text="Parallax, of the Width:")
         for name, parallax in known:
-            where = "behind" if parallax.pixels > 0.0 else "before"
-            text = f"{name}: {abs(parallax.pixels):.1f} px, {abs(parallax.percent):.2f} % {where} the screen"
+            where = "behind" if parallax.pixels > 0.0 else "in front"
+            text = f"{name}: {abs(parallax.percent):.2f} % {where}, {abs(parallax.pixels):.1f} px"
             paragraph(layout, context, text)
         if not all(is_comfortable(scene, parallax) for _, parallax in known):
             width, eyes = scene.stereo_reproject.screen_width, scene.stereo_reproject.eye_distance

@@ -12,6 +12,12 @@ FILLS = {
     "full": "The other eye is rendered whole, as Blender's multiview does",
 }
 
+ENGINES = {
+    "scene": ("The Scene's", "Render with the engine that the scene is set to"),
+    "cycles": ("Cycles", "Render with Cycles, whatever the scene is set to"),
+    "eevee": ("EEVEE", "Render with EEVEE, whatever the scene is set to. It renders both eyes whole"),
+}
+
 LOOKUPS = {"linear": "Fast, and as sharp as most renders need", "cubic": "Sharper where textures are fine"}
 
 
@@ -38,6 +44,12 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         description="The eye that is rendered whole; the other is made from it",
         items=[("left", "Left", "Render the left eye whole"), ("right", "Right", "Render the right eye whole")],
         default=StereoSettings.source,
+    )
+    source_engine: bpy.props.EnumProperty(
+        name="Source Engine",
+        description="What renders the source eye",
+        items=[(name, *words) for name, words in ENGINES.items()],
+        default="scene",
     )
     fill: bpy.props.EnumProperty(
         name="Fill Method",

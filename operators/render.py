@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -94,13 +95,14 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
 def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     """What the panel asks for. Raises BadInputError."""
     chosen = scene.stereo_reproject
-    overrides = SceneOverrides(frame=scene.frame_current)
+    engine = None if chosen.source_engine == "scene" else chosen.source_engine
+    overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
     if preview:
         region = frame_region(scene.render)
         width, height = (
             max(side * chosen.preview_percentage // 100, SMALLEST) for side in (region.full_width, region.full_height)
         )
-        overrides = SceneOverrides(frame=scene.frame_current, size=(width, height), samples=chosen.preview_samples)
+        overrides = replace(overrides, size=(width, height), samples=chosen.preview_samples)
     return StereoSettings(
         source=chosen.source,
         accuracy=chosen.accuracy,

@@ -15,6 +15,7 @@ from .settings import (
     EYES,
     FILL_METHODS,
     INTERPOLATIONS,
+    SOURCE_ENGINES,
     SceneOverrides,
     StereoSettings,
 )
@@ -31,6 +32,7 @@ def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
         interocular_distance=arguments.interocular,
         convergence_distance=arguments.convergence,
         convergence_mode=arguments.mode,
+        source_engine=arguments.source_engine,
     )
 
 
@@ -117,6 +119,11 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
+    )
+    parser.add_argument(
+        "--source-engine",
+        choices=SOURCE_ENGINES,
+        help="what renders it, in place of the scene's engine; EEVEE renders both eyes whole",
     )
 
 

@@ -12,6 +12,7 @@ CUSTOM = "custom"
 """The accuracy of a run that was given a tolerance."""
 FILL_METHODS = ("auto", "packed", "card", "full")
 EYES = ("left", "right")
+SOURCE_ENGINES = ("cycles", "eevee")
 CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
 INTERPOLATIONS = ("linear", "cubic")
 
@@ -53,7 +54,8 @@ class SceneOverrides:
     """What replaces the .blend's own values for this run; None keeps the scene's value.
 
     size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
-    convergence_distance are in scene units. Raises BadInputError.
+    convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine. Raises
+    BadInputError.
     """
 
     frame: int | None = None
@@ -63,6 +65,7 @@ class SceneOverrides:
     interocular_distance: float | None = None
     convergence_distance: float | None = None
     convergence_mode: str | None = None
+    source_engine: str | None = None
 
     def __post_init__(self) -> None:
         _check_int("frame", self.frame, -1048574, 1048574)
@@ -80,6 +83,8 @@ class SceneOverrides:
             _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
         if self.convergence_mode is not None:
             _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
+        if self.source_engine is not None:
+            _check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ SHADER = Path(__file__).with_name("hole_camera.osl")
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
-    without_osl = missing_osl_cameras(scene)
+    without_osl = missing_osl_cameras(scene, scene.render.engine)
     if without_osl is not None:
         return without_osl
     camera = evaluated(scene.camera, scene).data
@@ -55,9 +55,9 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
     return next((reason for reason, blocks in checks.items() if blocks), None)
 
 
-def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
-    """Why an OSL camera cannot be rendered on this scene's engine and device whatever it shows, or None."""
-    if scene.render.engine != CYCLES:
+def missing_osl_cameras(scene: bpy.types.Scene, engine: str) -> str | None:
+    """Why an OSL camera cannot be rendered by this engine on the scene's device, whatever it shows, or None."""
+    if engine != CYCLES:
         return "the scene renders with EEVEE"
     if not _has_osl():
         return "this Blender is built without OSL"

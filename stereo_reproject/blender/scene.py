@@ -113,7 +113,7 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
 
     Raises BadInputError when the scene cannot be rendered as a pair.
     """
-    check_engine(scene)
+    engine = _engine(scene, overrides)
     frame = scene.frame_current if overrides.frame is None else overrides.frame
     marked = _camera_by_marker(scene, frame)
     camera = check_camera(marked or scene.camera)
@@ -129,6 +129,7 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
         copy.timeline_markers.clear()
         copy.collection.objects.link(eye)
         copy.camera = eye
+        copy.render.engine = engine
         _set_up(copy, layer)
         _apply(copy, eye.data, overrides)
         _check_region(copy.render)
@@ -139,6 +140,16 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
     finally:
         _remove(*names)
         return_to_own_frame(scene, frame)
+
+
+def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
+    """What the scene is to be rendered with. Raises BadInputError."""
+    if overrides.source_engine is None:
+        check_engine(scene)
+        return scene.render.engine
+    # EEVEE's name is not the same in every Blender.
+    eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
+    return CYCLES if overrides.source_engine == "cycles" else eevee
 
 
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:

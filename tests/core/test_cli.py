@@ -157,6 +157,7 @@ def test_quiet_leaves_standard_output_empty(place, capsys):
 def test_job_as_the_worker_gets_it(place, monkeypatch):
     monkeypatch.chdir(place)
     options = "--frame -3 --size 64x32 --samples 4 --seed 0 --interocular 0 --convergence 2.5 --mode toe-in"
+    options += " --source-engine cycles"
     options += " --source right --accuracy exact --fill card --grid-threshold 0.5 --interpolation cubic --compare"
     argv = ["render", "room.blend", "--output", "out", *options.split()]
     assert cli.main(argv, worker_command=stub(place, "success")) == 0
@@ -175,6 +176,7 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
         interocular_distance=0.0,
         convergence_distance=2.5,
         convergence_mode="toe-in",
+        source_engine="cycles",
     )
     scene = {**job["settings"].pop("scene")}
     scene["size"] = tuple(scene["size"])

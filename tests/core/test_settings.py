@@ -20,6 +20,7 @@ BAD_OVERRIDES = [
     *[("frame", value) for value in [1.0, "1", math.nan, 10**9, -(10**9), True]],
     *[("size", value) for value in [(0, 540), (960, 0), (-960, 540), (960.0, 540), ("960", "540"), (math.nan, 540)]],
     *[("size", value) for value in [(1 << 20, 540), (960, 1 << 20), (True, 540), (3, 3)]],
+    *[("source_engine", value) for value in ["", "CYCLES", "workbench", 1]],
     *[("convergence_mode", value) for value in ["", "OFFAXIS", "toe_in", 1, "left\nright"]],
 ]
 
@@ -65,6 +66,7 @@ def test_a_bad_setting_is_bad_input_in_one_line(name, value):
         {"interocular_distance": 1e6, "convergence_distance": 1e-6},
         {"frame": -20, "samples": 1, "seed": 0, "size": (4, 4)},
         {"frame": 1048574, "samples": 1 << 24, "seed": (1 << 31) - 1, "size": (65536, 65536)},
+        *({"source_engine": engine} for engine in ("cycles", "eevee")),
         *({"convergence_mode": mode} for mode in ("off-axis", "parallel", "toe-in")),
     ],
 )

@@ -19,6 +19,8 @@ LIMIT = 240.0
 """Seconds after which something that is waited for will never come."""
 
 facts: dict = {"steps": []}
+turns = {"count": 0}
+"""How often Blender has come back to its events."""
 
 
 class StuckError(Exception):
@@ -138,10 +140,21 @@ def scenario():
     yield 0.5
     install()
     yield 1.0
+    import _cycles
+
+    facts["osl"] = bool(_cycles.with_osl)
     scene = bpy.context.scene
     before = values()
     yield from show_sidebar("VIEW_3D", "Stereo")
     shoot("panel")
+    area_of("PROPERTIES").spaces.active.context = "OUTPUT"
+    yield 1.0
+    region = region_of("PROPERTIES", "WINDOW")
+    go(region.x + 0.5 * region.width, region.y + 0.5 * region.height)
+    for _ in range(40):
+        press("WHEELDOWNMOUSE")
+    yield 1.0
+    shoot("output")
 
     facts["steps"].append("check")
     yield from click("VIEW_3D", "UI", "stereo_reproject.check_scene()")
@@ -155,11 +168,11 @@ def scenario():
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
     facts["started"] = jobs().running() is not None
     facts["second_refused"] = not bpy.ops.render.stereo_reproject_image.poll()
-    run = jobs().running()
+    run, since = jobs().running(), turns["count"]
     yield from until(lambda: run.stage == "source", "the source was never rendered")
     yield 2.0
     shoot("running")
-    facts["alive"] = _turns(scene)
+    facts["turns"] = turns["count"] - since
     folder = run.folder.parent
     press("ESC")
     yield from until(lambda: jobs().running() is None, "Esc did not end the run")
@@ -187,6 +200,16 @@ def scenario():
     space = area_of("IMAGE_EDITOR").spaces.active
     facts["holes"] = [space.image.name, list(space.image.size)] if space.image else None
 
+    facts["steps"].append("animation")
+    settings = scene.render.image_settings
+    settings.file_format, settings.views_format = "PNG", "INDIVIDUAL"
+    scene.frame_end, scene.render.filepath = 2, str(FOLDER / "shots" / "shot_")
+    scene.render.resolution_percentage = 10
+    bpy.ops.render.stereo_reproject_animation("INVOKE_DEFAULT")
+    yield from until(lambda: jobs().running() is None, "the animation never ended")
+    yield 1.0
+    facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("*"))
+
     facts["steps"].append("switched off under way")
     bpy.ops.render.stereo_reproject_image("INVOKE_DEFAULT")
     yield 1.0
@@ -198,11 +221,6 @@ def scenario():
     facts["back"] = hasattr(bpy.types.Scene, "stereo_reproject")
 
 
-def _turns(scene):
-    """Whether the window's timers still run while a job does: this very one does, or it would not ask."""
-    return jobs().running() is not None and bpy.context.scene == scene
-
-
 def end():
     (FOLDER / "facts.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
     sys.stdout.flush()
@@ -210,6 +228,7 @@ def end():
 
 
 def tick(steps=scenario()):  # noqa: B008 - one scenario for the whole run
+    turns["count"] += 1
     try:
         return next(steps)
     except StopIteration:

@@ -43,14 +43,20 @@ def origins_in(worker):
     return json.loads(asked.stdout)
 
 
-def enable():
+def start():
+    """As Blender starts where the extension is installed: a Python module would leave the preferences unread."""
+    bpy.ops.wm.read_userpref()
+    assert hasattr(bpy.types.Scene, "stereo_reproject"), "the extension is not on after a start"
     # An installed Blender has no other OpenEXR than the extension's. Here the environment of the tests has one too, and
     # the folder that Blender adds to the path comes last.
     sys.path.sort(key=lambda folder: not Path(folder).is_relative_to(bpy.utils.user_resource("EXTENSIONS")))
+
+
+def switch_on():
     assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
 
 
-def disable():
+def switch_off():
     assert bpy.ops.preferences.addon_disable(module=MODULE) == {"FINISHED"}
 
 
@@ -77,41 +83,52 @@ def set_format(scene, file_format, views_format):
 
 def traces():
     """Whatever an add-on may leave behind in Blender: classes, operators, properties, menu entries, handlers."""
-    handlers = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)}
+    handlers = [getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)]
     owners = (bpy.types.Scene, bpy.types.Object, bpy.types.WindowManager, bpy.types.Camera)
     return {
         "types": sorted(dir(bpy.types)),
         "operators": sorted(f"{module}.{name}" for module in dir(bpy.ops) for name in dir(getattr(bpy.ops, module))),
         "properties": sorted(f"{owner.__name__}.{name}" for owner in owners for name in dir(owner)),
         "render menu": len(bpy.types.TOPBAR_MT_render._dyn_ui_initialize()),
-        "handlers": {name: len(found) for name, found in handlers.items() if isinstance(found, list)},
+        # Its own alone: Blender's add-ons add theirs once more when preferences are read.
+        "handlers": [
+            function.__name__
+            for functions in handlers
+            if isinstance(functions, list)
+            for function in functions
+            if getattr(function, "__module__", "").startswith(MODULE)
+        ],
     }
 
 
 def install(archive):
     result = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
+    bpy.ops.wm.save_userpref()
     return {
         "result": list(result),
         "enabled": MODULE in bpy.context.preferences.addons,
         "registered": hasattr(bpy.types.Scene, "stereo_reproject"),
         "module": sys.modules[MODULE].__file__,
+        "extensions": bpy.utils.user_resource("EXTENSIONS"),
     }
 
 
 def cycle():
-    """Switched on and off twice; what is there at each step."""
+    """What is there before the extension, with it, and without and with it again."""
     found = [traces()]
-    for _ in range(2):
-        enable()
+    start()
+    found.append(traces())
+    for switch in (switch_off, switch_on, switch_off):
+        switch()
         found.append(traces())
-        disable()
-        found.append(traces())
+    switch_on()
     return {"traces": found}
 
 
 def image(blend, output, preview):
-    enable()
+    start()
     scene = open_demo(blend)
+    scene.stereo_reproject.preview_percentage = 50
     result = bpy.ops.render.stereo_reproject_image(preview=preview)
     set_format(scene, "OPEN_EXR", "INDIVIDUAL")
     scene.render.use_multiview = True
@@ -122,7 +139,7 @@ def image(blend, output, preview):
 
 
 def animation(blend, output, views_format):
-    enable()
+    start()
     scene = open_demo(blend)
     set_format(scene, "PNG", views_format)
     scene.render.filepath = str(Path(output) / "name")
@@ -130,7 +147,7 @@ def animation(blend, output, views_format):
 
 
 def check(blend):
-    enable()
+    start()
     scene = open_demo(blend)
     result = bpy.ops.stereo_reproject.check_scene()
     inspection = import_module(f"{MODULE}.operators.results").result_of(scene).inspection
@@ -141,7 +158,7 @@ def convergence(blend):
     """What the convergence distance becomes for each target, and Blender's own word on how far that is."""
     from bpy_extras.object_utils import world_to_camera_view
 
-    enable()
+    start()
     scene = open_demo(blend)
     camera = scene.camera
     target = next(item for item in scene.objects if item.type == "MESH")
@@ -160,7 +177,7 @@ def convergence(blend):
 
 def pictures(blend):
     """Before and after a pair is there: what of it an Image Editor can show."""
-    enable()
+    start()
     open_demo(blend)
     window = bpy.context.window_manager.windows[0]
     area = window.screen.areas[0]
@@ -184,13 +201,13 @@ def pictures(blend):
 
 
 def cancel():
-    enable()
+    start()
     return {"poll": bpy.ops.stereo_reproject.cancel.poll()}
 
 
 def command(arguments):
     """`blender --command stereo_reproject …`, from the function that is registered for it."""
-    enable()
+    start()
     run = import_module(f"{MODULE}.operators.command").run_command
     with contextlib.redirect_stdout(io.StringIO()) as out:
         status = run(arguments)
@@ -203,12 +220,15 @@ TASKS = {
 
 
 def main():
+    import addon_utils  # found only when bpy is there
+
     sys.addaudithook(note_worker)
     given = json.loads(sys.argv[1])
     facts = TASKS[given.pop("do")](**given)
-    if MODULE in bpy.context.preferences.addons:
-        disable()
-    facts |= {"workers": [origins_in(worker) for worker in workers], "temporary files": own_temporary_files()}
+    facts["workers"] = [origins_in(worker) for worker in workers]
+    # What a pair has left goes with the extension. The preferences keep it, so that the next start has it again.
+    addon_utils.disable(MODULE)
+    facts["temporary files"] = own_temporary_files()
     print("\n" + json.dumps(facts))
     sys.stdout.flush()
     sys.stderr.flush()

@@ -43,14 +43,16 @@ HARMLESS = (
     # What the installer and the operators are meant to say.
     r'STATUS Installed "stereo_reproject"',
     r"Info: .*",
-    # That the demo scene asks for denoising, which is left to the artist.
-    r"(Warning|stereo_reproject: warning): [Tt]he scene denoises: both eyes are left as rendered, denoise them afterwards",
+    # The demo scene asks for denoising, which is left to the artist.
+    r"(Warning|stereo_reproject: warning): [Tt]he scene denoises: both eyes are left as rendered, .*",
     # Blender's log of files that it reads and writes.
     r'(\d\d:\d\d\.\d+ +blend +\| )?(Read blend|Writing userprefs|Writing user preferences): ".*".*',
     # The demo scene was saved by a newer Blender than 4.5, whose editors this one does not know.
     r'Warning: region type \d+ missing in space type "\w+" \(id: \d+\) - removing region',
     r"regiondata free error",
     r"Warning: File written by newer Blender binary \(\d+\.\d+\), expect loss of data!",
+    # After a plain multiview render as well, 4.5 looks for a file without a view's suffix when it has saved the result.
+    r"Error: Image 'Render Result' could not be saved to '.*'",
 )
 
 
@@ -222,17 +224,16 @@ def test_its_manifest_says_where_help_is_and_what_it_is_permitted(archive):
 def test_it_is_installed_and_enabled_without_a_warning(blender, installation):
     assert installation["result"] == ["FINISHED"]
     assert installation["registered"]
-    extensions = blender.user / "extensions"
-    assert Path(installation["module"]).resolve() == (
-        (extensions / "user_default" / "stereo_reproject" / "__init__.py").resolve()
-    )
+    assert Path(installation["extensions"]).is_relative_to(blender.user)
+    package = Path(installation["extensions"], "user_default", "stereo_reproject")
+    assert Path(installation["module"]).resolve() == (package / "__init__.py").resolve()
     assert unexpected(installation["said"]) == []
 
 
 def test_the_wheel_of_this_python_is_installed_with_it(extension):
-    (site,) = (extension.user / "extensions" / ".local").rglob("site-packages")
-    (library,) = site.glob("OpenEXR*" + sysconfig.get_config_var("EXT_SUFFIX"))
-    assert library.stat().st_size > 0
+    libraries = [path for path in (extension.user / "extensions" / ".local").rglob("OpenEXR*") if path.is_file()]
+    assert [path.name for path in libraries] == ["OpenEXR" + sysconfig.get_config_var("EXT_SUFFIX")]
+    assert libraries[0].stat().st_size > 0
 
 
 def test_it_goes_without_a_trace_and_comes_back(extension):
@@ -298,14 +299,17 @@ def test_pictures_that_explain_a_pair_are_shown_in_an_image_editor_alone(extensi
     facts = extension.do("pictures", blend=str(DEMO))
     assert not facts["elsewhere"]
     assert facts["there"]
-    assert "no such picture" in facts["refusal"]
+    assert "There is no such picture" in facts["refusal"]
     shown = {"HOLES": "Stereo Holes", "GRID": "Stereo Grid", "ERRORS": "Stereo Probe Errors", "PAIR": "Render Result"}
     assert facts["shown"] == shown
+    assert [line for line in unexpected(facts["said"]) if line not in facts["refusal"]] == []
     assert_done_by_what_is_installed(facts, extension)
 
 
 def test_there_is_nothing_to_cancel_when_nothing_runs(extension):
-    assert extension.do("cancel")["poll"] is False
+    facts = extension.do("cancel")
+    assert facts["poll"] is False
+    assert unexpected(facts["said"]) == []
 
 
 def test_the_command_line_within_blender_inspects_a_scene(extension):

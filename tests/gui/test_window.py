@@ -1,0 +1,103 @@
+"""The extension in a real window: installed from its zip, pressed, cancelled, looked at.
+
+BLENDER_WINDOW names the command that starts such a Blender, to which options are added: `blender`, `xvfb-run blender`,
+or whatever makes a window where there is none. Without it these tests are skipped. What they see is left in
+build/gui, pictures included.
+"""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
+COMMAND = os.environ.get("BLENDER_WINDOW", "")
+SEEN = ROOT / "build" / "gui"
+"""Below the checkout: a Blender in a container of its own may see nothing else."""
+
+SECONDS = 540.0
+"""Far more than the whole takes, some 60 seconds."""
+
+PLATFORMS = {"linux": "linux_x64", "win32": "windows_x64", "darwin": "macos_arm64"}
+
+PICTURES = ["panel", "output", "checked", "running", "cancelled", "preview", "result", "holes"]
+
+pytestmark = pytest.mark.skipif(not COMMAND, reason="no BLENDER_WINDOW, which names a Blender with a window")
+
+
+@pytest.fixture(scope="module")
+def facts():
+    """What the driver has seen."""
+    shutil.rmtree(SEEN, ignore_errors=True)
+    SEEN.mkdir(parents=True)
+    subprocess.run([sys.executable, ROOT / ".ci" / "extension.py", "--output", SEEN], check=True, timeout=SECONDS)
+    (archive,) = SEEN.glob(f"*-{PLATFORMS[sys.platform]}.zip")
+    scene = shutil.copy(DEMO, SEEN)
+    options = ["--factory-startup", "--enable-event-simulate", scene, "--python", ROOT / "tests" / "gui" / "drive.py"]
+    command = [*shlex.split(COMMAND), *options, "--", archive, SEEN]
+    finished = subprocess.run(
+        list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, check=False
+    )
+    said = SEEN / "facts.json"
+    assert said.exists(), finished.stdout[-4000:] + finished.stderr[-4000:]
+    found = json.loads(said.read_text(encoding="utf-8"))
+    assert found.get("finished"), (found, finished.stdout[-4000:])
+    return found
+
+
+def test_the_zip_is_installed(facts):
+    assert facts["registered"]
+
+
+def test_the_window_lives_while_a_job_runs_and_a_second_one_is_refused(facts):
+    assert facts["started"]
+    assert facts["turns"] > 5
+    assert facts["second_refused"]
+
+
+def test_a_check_changes_nothing(facts):
+    assert facts["inspection"]
+    assert facts["unchanged_by_check"]
+
+
+def test_escape_ends_a_run_and_leaves_nothing(facts):
+    assert facts["cancelled"]
+    assert facts["unchanged_by_cancel"]
+
+
+def test_a_preview_becomes_the_render_result(facts):
+    assert facts["result"] == ["Render Result"]
+    assert 0.0 < facts["preview"]["rerendered"] < 0.5
+    assert facts["unchanged_by_preview"]
+
+
+def test_the_fill_and_its_reason_fit_this_blender(facts):
+    method, reason = facts["fill"]["method"], facts["fill"]["reason"]
+    assert method == "packed" if facts["osl"] else (method in ("card", "full") and "without OSL" in reason)
+
+
+def test_a_picture_is_shown_in_the_image_editor(facts):
+    name, size = facts["holes"]
+    assert name == "Stereo Holes"
+    assert min(size) > 100
+
+
+def test_an_animation_is_written(facts):
+    assert facts["animation"] == ["shot_0001_L.png", "shot_0001_R.png", "shot_0002_L.png", "shot_0002_R.png"]
+
+
+def test_switching_the_extension_off_under_way_and_on_again(facts):
+    assert facts["gone"]
+    assert facts["back"]
+
+
+def test_every_picture_shows_something(facts):
+    assert facts["steps"]
+    for name in PICTURES:
+        assert (SEEN / f"{name}.png").stat().st_size > 20_000, name
