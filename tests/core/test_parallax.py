@@ -5,7 +5,15 @@ from decimal import Decimal, getcontext, localcontext
 import numpy as np
 import pytest
 
-from stereo_reproject.parallax import ARC_MINUTE, parallax_angle, parallax_difference
+from stereo_reproject.camera import PerspectiveCamera, ViewPlane
+from stereo_reproject.parallax import (
+    ARC_MINUTE,
+    is_wider_than_eyes,
+    parallax_angle,
+    parallax_at,
+    parallax_difference,
+    visible_parallax,
+)
 
 DIGITS = 60
 
@@ -113,3 +121,48 @@ def test_float32_depths_are_taken_in_float64():
 
 def test_one_arc_minute():
     assert pytest.approx(1.0 / 60.0) == np.degrees(ARC_MINUTE)
+
+
+# On the screen
+
+
+def rig(convergence, *, ipd=0.065, width=200):
+    """Off-axis eyes with the pivot at the left one; the view is one wide at unit depth."""
+    shift = 0.5 * ipd / convergence
+    right = np.eye(4)
+    right[0, 3] = ipd
+    left_eye = PerspectiveCamera(width, 100, np.eye(4), ViewPlane(-0.5, 0.5, -0.25, 0.25))
+    plane = ViewPlane(-0.5 - 2.0 * shift, 0.5 - 2.0 * shift, -0.25, 0.25)
+    return left_eye, PerspectiveCamera(width, 100, right, plane)
+
+
+def test_what_is_at_the_convergence_has_no_parallax_and_what_is_behind_it_a_positive_one():
+    eyes = rig(2.0)
+    assert parallax_at(*eyes, 2.0, 200).pixels == pytest.approx(0.0, abs=1e-9)
+    assert parallax_at(*eyes, 1.0, 200).pixels == pytest.approx(-200 * 0.065 * (1.0 - 0.5))
+    assert parallax_at(*eyes, 8.0, 200).percent == pytest.approx(100 * 0.065 * (0.5 - 0.125))
+
+
+def test_the_sky_has_the_greatest_parallax():
+    sky = parallax_at(*rig(2.0), np.inf, 200)
+    assert sky.percent == pytest.approx(100 * 0.065 / 2.0)
+
+
+def test_nearest_and_farthest_of_what_is_seen():
+    depth = np.array([[0.0, 3.0, np.nan], [-1.0, 1.5, np.inf]])
+    near, far = visible_parallax(*rig(2.0), depth, 200)
+    assert (near.depth, far.depth) == (1.5, np.inf)
+    assert near.pixels < 0.0 < far.pixels
+    assert visible_parallax(*rig(2.0), np.array([[np.nan, 0.0]]), 200) is None
+
+
+def test_a_cut_out_of_the_frame_has_the_frame_s_percent():
+    left, right = rig(2.0, width=200)
+    assert parallax_at(left, right, 8.0, 400).percent == pytest.approx(0.5 * parallax_at(left, right, 8.0, 200).percent)
+
+
+def test_eyes_need_not_turn_outwards_on_a_small_screen():
+    far = parallax_at(*rig(1.0), np.inf, 200)  # 6.5 % of the width
+    assert not is_wider_than_eyes(far, 0.99, 0.065)
+    assert is_wider_than_eyes(far, 1.01, 0.065)
+    assert not is_wider_than_eyes(parallax_at(*rig(1.0), 0.01, 200), 10.0, 0.065), "in front of the screen eyes cross"

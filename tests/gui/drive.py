@@ -145,6 +145,7 @@ def scenario():
     facts["osl"] = bool(_cycles.with_osl)
     scene = bpy.context.scene
     before = values()
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
     yield from show_sidebar("VIEW_3D", "Stereo")
     shoot("panel")
     area_of("PROPERTIES").spaces.active.context = "OUTPUT"

@@ -2,7 +2,7 @@
 
 BLENDER_WINDOW names the command that starts such a Blender, to which options are added: `blender`, `xvfb-run blender`,
 or whatever makes a window where there is none. Without it these tests are skipped. What they see is left in
-build/gui, pictures included.
+build/gui, pictures included. GUI_SCENE names another .blend than the demo's.
 """
 
 import json
@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
+SCENE = Path(os.environ.get("GUI_SCENE", ROOT / "demo" / "cornell-box" / "cornell-box.blend"))
 COMMAND = os.environ.get("BLENDER_WINDOW", "")
 SEEN = ROOT / "build" / "gui"
 """Below the checkout: a Blender in a container of its own may see nothing else."""
@@ -38,7 +38,7 @@ def facts():
     SEEN.mkdir(parents=True)
     subprocess.run([sys.executable, ROOT / ".ci" / "extension.py", "--output", SEEN], check=True, timeout=SECONDS)
     (archive,) = SEEN.glob(f"*-{PLATFORMS[sys.platform]}.zip")
-    scene = shutil.copy(DEMO, SEEN)
+    scene = shutil.copy(SCENE, SEEN)
     options = ["--factory-startup", "--enable-event-simulate", scene, "--python", ROOT / "tests" / "gui" / "drive.py"]
     command = [*shlex.split(COMMAND), *options, "--", archive, SEEN]
     finished = subprocess.run(
