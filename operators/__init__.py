@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from typing import Any
 
 _commands: list[Any] = []
@@ -27,13 +28,14 @@ def _classes() -> tuple[type, ...]:
 def register() -> None:
     import bpy
 
-    from . import panels, properties
+    from . import panels, properties, results
     from .command import COMMAND, run_command
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
+    atexit.register(results.forget_all)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
 
@@ -46,6 +48,7 @@ def unregister() -> None:
         bpy.utils.unregister_cli_command(_commands.pop())
     jobs.stop_running()
     results.forget_all()
+    atexit.unregister(results.forget_all)
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject
     for cls in reversed(_classes()):

@@ -134,7 +134,7 @@ class _Camera:
         layout.label(text="Parallax, of the Width:")
         for name, parallax in known:
             where = "behind" if parallax.pixels > 0.0 else "in front"
-            text = f"{name}: {abs(parallax.percent):.2f} % {where}, {abs(parallax.pixels):.1f} px"
+            text = f"{name}: {abs(parallax.percent):.1f} % {where} ({abs(parallax.pixels):.0f} px)"
             paragraph(layout, context, text)
         if not all(is_comfortable(scene, parallax) for _, parallax in known):
             width, eyes = scene.stereo_reproject.screen_width, scene.stereo_reproject.eye_distance

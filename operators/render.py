@@ -87,7 +87,7 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
 
     def take(self, scene: bpy.types.Scene, run: Run) -> str:
         assert run.report is not None
-        keep_inspection(scene, run.report)
+        keep_inspection(scene, run)
         run.close()
         return gain_words(run.report["predicted"])
 
@@ -115,14 +115,24 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
 
 
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
-    """Expects what the scene's last pair took, if it was made in the same way, or else the usual."""
-    result = result_of(scene)
-    usual = USUAL["render"]
-    last = result.run
-    if last is None or result.report is None or last.settings != settings:
-        stages = {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual
-        return Progress(time.monotonic(), stages)
-    return Progress(time.monotonic(), seconds_of(result.report, usual), in_seconds=True)
+    """Expects what the same pair took before, or was predicted to take, or else the usual."""
+    result, now, usual = result_of(scene), time.monotonic(), USUAL["render"]
+    if result.run is not None and result.report is not None and result.run.settings == settings:
+        return Progress(now, seconds_of(result.report, usual), in_seconds=True)
+    checked = result.inspection
+    if checked is not None and result.inspected == settings and checked["predicted"]["total_seconds"] is not None:
+        return Progress(now, {**dict.fromkeys(usual, 0.0), **_predicted_stages(checked["predicted"])}, in_seconds=True)
+    return Progress(now, {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual)
+
+
+def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
+    refine = predicted["refine_seconds"]
+    return {
+        "source": predicted["source_seconds"],
+        "warp": predicted["warp_seconds"],
+        "fill": predicted["fill"]["seconds"],
+        "refine": 0.5 * (refine["low"] + refine["high"]),
+    }
 
 
 def _deliver(scene: bpy.types.Scene, run: Run) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.settings import StereoSettings
 from ..stereo_reproject.work_folder import DIFFERENCE
 from .run import Run
 
@@ -27,6 +28,8 @@ class Result:
 
     report: Mapping[str, Any] | None = None
     inspection: Mapping[str, Any] | None = None
+    inspected: StereoSettings | None = None
+    """What the check was asked about."""
     warnings: list[str] = field(default_factory=list)
     parallax: Mapping[str, Any] | None = None
     """Nearest and farthest of what was seen last, by whichever saw it."""
@@ -58,10 +61,12 @@ def keep_pair(scene: bpy.types.Scene, run: Run) -> None:
         result.parallax = run.report.get("parallax") or result.parallax
 
 
-def keep_inspection(scene: bpy.types.Scene, inspection: Mapping[str, Any]) -> None:
+def keep_inspection(scene: bpy.types.Scene, run: Run) -> None:
+    """What a check that is over has found."""
+    assert run.report is not None
     result = result_of(scene)
-    result.inspection = inspection
-    result.parallax = inspection["parallax"] or result.parallax
+    result.inspection, result.inspected = run.report, run.settings
+    result.parallax = run.report["parallax"] or result.parallax
 
 
 def forget_all() -> None:

@@ -15,11 +15,12 @@ _PAIR = {
     "write": 4.0,
 }
 USUAL: Mapping[str, Mapping[str, float]] = {
-    "render": {"load": 2.0, **_PAIR, "compare": 0.0},
+    "render": {"load": 0.0, **_PAIR, "compare": 0.0},
     "animate": {"load": 0.0, **_PAIR},
-    "inspect": {"load": 20.0, "plan": 10.0, "sketch": 70.0},
+    "inspect": {"load": 0.0, "plan": 0.0, "sketch": 1.0},
 }
-"""Shares of a run's time by what is done, in the order of its stages."""
+"""Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
+"""
 
 NEVER_WHOLE = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""

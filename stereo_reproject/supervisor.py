@@ -181,7 +181,8 @@ def _work_folder(job: Job) -> Iterator[Path]:
 
 def _worker_command() -> list[str]:
     # In an extension this package lies below Blender's own packages; the worker finds it by its folder.
-    return [sys.executable, "-m", f"{(__package__ or '').rpartition('.')[2]}.worker"]
+    # Not from the folder in which it is started, where another package may have this name.
+    return [sys.executable, "-P", "-m", f"{(__package__ or '').rpartition('.')[2]}.worker"]
 
 
 def _start(command: Sequence[str], work: Path) -> _Worker:

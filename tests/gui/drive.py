@@ -229,7 +229,6 @@ def end():
 
 
 def tick(steps=scenario()):  # noqa: B008 - one scenario for the whole run
-    turns["count"] += 1
     try:
         return next(steps)
     except StopIteration:
@@ -241,4 +240,10 @@ def tick(steps=scenario()):  # noqa: B008 - one scenario for the whole run
     return end()
 
 
+def count():
+    turns["count"] += 1
+    return 0.05
+
+
+bpy.app.timers.register(count, first_interval=3.0)
 bpy.app.timers.register(tick, first_interval=3.0)

@@ -27,6 +27,7 @@ EXAMPLES = re.findall(r"```python\n(.*?)```", DOCS.read_text(encoding="utf-8"), 
 def folder(tmp_path, monkeypatch):
     """A script's folder, with the room that its examples open."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PWD", str(tmp_path))  # what Blender 4.5 takes a relative path to be relative to
     scene = empty_scene(160, 90, samples=4)
     add_plane(scene, diffuse("wall"), size=(30, 20), location=(0, 0, -8))
     add_plane(scene, diffuse("card", colour=(0.9, 0.2, 0.1)), size=(1, 2), location=(0.3, 0.2, -4))
