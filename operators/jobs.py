@@ -80,6 +80,7 @@ class JobOperator:
             return self.execute(context)
         if not self._start(context):
             return {"CANCELLED"}
+        self._told = ""
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
         manager.modal_handler_add(self)
@@ -96,7 +97,7 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        _show(context, progress_of(run)[1])
+        self._tell(context, progress_of(run)[1])
         # Blender has one render at a time, and the user may have begun another.
         if not run.finished or (self.uses_render_result and bpy.app.is_job_running("RENDER")):
             return {"PASS_THROUGH"}
@@ -159,6 +160,12 @@ class JobOperator:
             self.report({"WARNING"}, _sentence(warning))
         self.report({"INFO"}, words)
         return {"FINISHED"}
+
+    def _tell(self, context: bpy.types.Context, text: str) -> None:
+        # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
+        if text != self._told:
+            self._told = text
+            _show(context, text)
 
     def _quiet(self, context: bpy.types.Context) -> None:
         context.window_manager.event_timer_remove(self._timer)

@@ -21,7 +21,7 @@ from .render import (
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
 
-CHARACTER_WIDTH = 6.6
+CHARACTER_WIDTH = 6.2
 """Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
 
 SHOWN_EFFECTS = 6
@@ -31,7 +31,7 @@ def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
     """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    letters = max(int((width - 45 * scale) / (CHARACTER_WIDTH * scale)), 20)
+    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH * scale)), 20)
     column = layout.column(align=True)
     column.scale_y = 0.8
     for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
