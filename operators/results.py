@@ -51,8 +51,22 @@ def result_of(scene: bpy.types.Scene) -> Result:
     return _by_scene.setdefault(scene.session_uid, Result())
 
 
+def _forget_gone() -> None:
+    """What belongs to scenes that were deleted, or of a file that is no longer open."""
+    there = {scene.session_uid for scene in bpy.data.scenes}
+    for uid in [uid for uid in _by_scene if uid not in there]:
+        _forget(uid)
+
+
+def _forget(uid: int) -> None:
+    result = _by_scene.pop(uid)
+    if result.run is not None:
+        result.run.close()
+
+
 def keep_pair(scene: bpy.types.Scene, run: Run) -> None:
     """The pair of a run that is over, in place of an earlier one."""
+    _forget_gone()
     result = result_of(scene)
     if result.run is not None:
         result.run.close()
@@ -71,7 +85,5 @@ def keep_inspection(scene: bpy.types.Scene, run: Run) -> None:
 
 def forget_all() -> None:
     """Remove what is still on the disk."""
-    while _by_scene:
-        _, result = _by_scene.popitem()
-        if result.run is not None:
-            result.run.close()
+    for uid in list(_by_scene):
+        _forget(uid)

@@ -153,7 +153,7 @@ def run_worker(
     interrupts = interrupts or Interrupts()
     with _work_folder(job) as work:
         interrupts.check()
-        with _start(command or _worker_command(), work) as worker:
+        with _start(command, work) as worker:
             worker.send(job)
             done = _listen(worker, on_event, on_tick, interrupts)
         report = done.get("report")
@@ -185,18 +185,20 @@ def _worker_command() -> list[str]:
     return [sys.executable, "-P", "-m", f"{(__package__ or '').rpartition('.')[2]}.worker"]
 
 
-def _start(command: Sequence[str], work: Path) -> _Worker:
+def _start(command: Sequence[str] | None, work: Path) -> _Worker:
     try:
         return _Worker(command, work)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise StereoReprojectError(f"{command[0]} could not be started ({reason}); free some resources") from error
+        reason, program = error.strerror or str(error), (command or _worker_command())[0]
+        raise StereoReprojectError(f"{program} could not be started ({reason}); free some resources") from error
 
 
 class _Worker:
     """The worker process, with its whole process group."""
 
-    def __init__(self, command: Sequence[str], work: Path) -> None:
+    def __init__(self, command: Sequence[str] | None, work: Path) -> None:
+        own_python = command is None
+        command = _worker_command() if command is None else command
         self.log = work / "blender.log"
         self._work = work
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -207,7 +209,7 @@ class _Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                env=_environment(work),
+                env=_environment(work, own_python=own_python),
                 start_new_session=os.name == "posix",
                 creationflags=_CREATION_FLAGS,
             )
@@ -277,8 +279,12 @@ class _Worker:
         return ""
 
 
-def _environment(work: Path) -> dict[str, str]:
+def _environment(work: Path, *, own_python: bool) -> dict[str, str]:
     environment = dict(os.environ)
+    if not own_python:
+        # What the caller has set for its Python may be of no use to Blender's.
+        for name in ("PYTHONPATH", "PYTHONHOME"):
+            environment.pop(name, None)
     environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
     # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
     # libraries that an extension brings along.

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..errors import BadInputError
+from ..errors import BadInputError, StereoReprojectError
 from ..exr import VIEWS, read_eye, write_eye
 from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
@@ -132,6 +132,8 @@ def output_files(scene: bpy.types.Scene, frame: int) -> list[Path]:
     Raises BadInputError when the output path cannot be used.
     """
     render = scene.render
+    if not getattr(render, "save_output", True):
+        raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
     if render.filepath.startswith("//") and not bpy.data.filepath:
         raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
     multiview = render.use_multiview
@@ -186,4 +188,6 @@ def _move_all(folder: Path, final: Path) -> list[Path]:
             beside.unlink(missing_ok=True)
             raise BadInputError(f"{destination} cannot be written ({error.strerror}): is it in use?") from error
         moved.append(destination)
+    if not moved:
+        raise StereoReprojectError(f"Blender wrote no file for {final}: check the output settings")
     return moved

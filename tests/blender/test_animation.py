@@ -108,6 +108,28 @@ def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene,
         render(scene, tmp_path)
 
 
+# Before 5.2, output cannot be switched off.
+if "save_output" in bpy.types.RenderSettings.bl_rna.properties:
+
+    def test_switched_off_output_is_said(scene, tmp_path):
+        scene.render.save_output = False
+        with pytest.raises(BadInputError, match="Output is switched off"):
+            render(scene, tmp_path)
+
+
+def test_a_file_without_an_extension(scene, tmp_path):
+    scene.render.use_file_extension = False
+    render(scene, tmp_path)
+    assert files(tmp_path) == ["shot_0001_L", "shot_0001_R", "shot_0003_L", "shot_0003_R"]
+
+
+def test_both_views_in_one_exr(scene, tmp_path):
+    media = {"media": "MULTI_LAYER_IMAGE"} if bpy.app.version >= (5, 0) else {}
+    set_format(scene, "OPEN_EXR_MULTILAYER", views="MULTIVIEW", **media)
+    render(scene, tmp_path)
+    assert files(tmp_path) == ["shot_0001.exr", "shot_0003.exr"]
+
+
 def test_a_relative_path_needs_a_saved_file(scene, tmp_path):
     scene.render.filepath = "//shot_"
     with pytest.raises(BadInputError, match="never saved"):

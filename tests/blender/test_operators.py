@@ -179,6 +179,29 @@ def test_a_check_says_what_is_to_be_gained(extension, scene):
     assert not is_comfortable(scene, far)
 
 
+def test_a_check_says_where_there_is_nothing_to_be_gained(extension, scene):
+    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.stereo_reproject.source_engine = "eevee"
+    assert bpy.ops.stereo_reproject.check_scene() == {"FINISHED"}
+    words = gain_words(result_of(scene).inspection["predicted"])
+    assert words == "Reprojection will not pay: the scene renders with EEVEE"
+
+
+def test_what_a_closed_file_has_left_is_forgotten(extension, scene, tmp_path):
+    from stereo_reproject_extension.operators.results import _by_scene, result_of
+
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    folder = result_of(scene).run.folder
+    bpy.ops.wm.read_homefile(use_empty=True)
+    other = empty_scene(*SIZE, samples=1)
+    add_camera(other)
+    add_plane(other, diffuse(), size=(30, 20), location=(0, 0, -8))
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert (list(_by_scene), folder.exists()) == ([other.session_uid], False)
+
+
 def test_convergence_is_set_to_an_object_and_to_the_focus(extension, scene):
     stereo = scene.camera.data.stereo
     bpy.context.view_layer.objects.active = next(item for item in scene.objects if item.location.z == -4.0)
