@@ -15,6 +15,7 @@ def _classes() -> tuple[type, ...]:
     return (
         properties.StereoReprojectSettings,
         jobs.STEREO_REPROJECT_OT_cancel,
+        jobs.STEREO_REPROJECT_OT_listen,
         render.RENDER_OT_stereo_reproject_image,
         render.RENDER_OT_stereo_reproject_animation,
         render.STEREO_REPROJECT_OT_check_scene,

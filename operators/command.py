@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..stereo_reproject.cli import main
+from ..stereo_reproject.blender.devices import devices_in_use
+from ..stereo_reproject.cli import Host, main
 from .run import worker_command
 
 COMMAND = "stereo_reproject"
@@ -12,4 +13,5 @@ COMMAND = "stereo_reproject"
 
 def run_command(arguments: Sequence[str]) -> int:
     """What Blender calls with what follows the command's name; the exit status."""
-    return main(arguments, worker_command=worker_command())
+    host = Host(f"blender --command {COMMAND}", worker_command(), devices_in_use())
+    return main(arguments, host=host)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import traceback
 from typing import ClassVar
 
 import bpy
 
 from ..stereo_reproject.blender.rig import check_camera
-from ..stereo_reproject.blender.scene import check_engine
+from ..stereo_reproject.blender.scene import camera_at, check_engine
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import clock
 from .run import Run
@@ -34,6 +35,9 @@ _running: list[Run] = []
 """The run that is under way, if any."""
 
 
+_timers: list[bpy.types.Timer] = []
+
+
 def running() -> Run | None:
     return _running[0] if _running else None
 
@@ -42,6 +46,14 @@ def stop_running() -> None:
     """End what is under way, at once."""
     while _running:
         _running.pop().close()
+    _quiet()
+
+
+def _quiet() -> None:
+    """No timer, and nothing in the status bar: nothing runs any more."""
+    while _timers:
+        bpy.context.window_manager.event_timer_remove(_timers.pop())
+        _show(None)
 
 
 def progress_of(run: Run) -> tuple[float, str]:
@@ -82,33 +94,33 @@ class JobOperator:
             return {"CANCELLED"}
         self._told = ""
         manager = context.window_manager
-        self._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+        _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
         manager.modal_handler_add(self)
+        for window in manager.windows:
+            if window != context.window:
+                with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                    bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+    def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         run = running()
         if run is None:
-            # The extension was switched off under way.
-            self._quiet(context)
             return {"CANCELLED"}
         if event.type == "ESC" and event.value == "PRESS":
             run.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self._tell(context, progress_of(run)[1])
+        self._tell(progress_of(run)[1])
         # Blender has one render at a time, and the user may have begun another.
         if not run.finished or (self.uses_render_result and bpy.app.is_job_running("RENDER")):
             return {"PASS_THROUGH"}
-        result = self._finish()
-        self._quiet(context)
-        return result
+        _quiet()
+        return self._finish()
 
-    def cancel(self, context: bpy.types.Context) -> None:
+    def cancel(self, _context: bpy.types.Context) -> None:
         """The window is closed, or another file is opened."""
         stop_running()
-        self._quiet(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self._start(context):
@@ -126,7 +138,7 @@ class JobOperator:
         try:
             if scene.stereo_reproject.source_engine == "scene":
                 check_engine(scene)
-            check_camera(scene.camera)
+            check_camera(camera_at(scene, scene.frame_current))
             if not any(layer.use for layer in scene.view_layers):
                 raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
             _running.append(self.start(scene))
@@ -153,6 +165,10 @@ class JobOperator:
             else:
                 self.report({"ERROR"}, _sentence(error))
             return {"CANCELLED"}
+        except Exception as error:  # noqa: BLE001 - the user is to hear of it in a line, and the console in full
+            traceback.print_exc()
+            self.report({"ERROR"}, f"A defect of Stereo Reproject: {type(error).__name__}: {_sentence(error)}")
+            return {"CANCELLED"}
         finally:
             if not kept:
                 run.close()
@@ -161,15 +177,11 @@ class JobOperator:
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
-    def _tell(self, context: bpy.types.Context, text: str) -> None:
+    def _tell(self, text: str) -> None:
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
         if text != self._told:
             self._told = text
-            _show(context, text)
-
-    def _quiet(self, context: bpy.types.Context) -> None:
-        context.window_manager.event_timer_remove(self._timer)
-        _show(context, None)
+            _show(text)
 
 
 def _sentence(what: object) -> str:
@@ -177,19 +189,42 @@ def _sentence(what: object) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _show(context: bpy.types.Context, text: str | None) -> None:
+def _show(text: str | None) -> None:
     """In every window's status bar, and in the panels."""
-    for window in context.window_manager.windows:
-        window.workspace.status_text_set(None if text is None else f"{text}   |   Esc: Cancel")
+    for window in bpy.context.window_manager.windows:
+        # The text belongs to the workspace of the context, whichever it is asked of.
+        with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
+            window.workspace.status_text_set(None if text is None else f"{text}   |   Esc: Cancel")
         for area in window.screen.areas:
             if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
                 for region in area.regions:
-                    if region.type in ("UI", "WINDOW") and (region.type == "UI" or area.type == "PROPERTIES"):
+                    if region.type == "UI" or (region.type == "WINDOW" and area.type == "PROPERTIES"):
                         region.tag_redraw()
 
 
+class STEREO_REPROJECT_OT_listen(bpy.types.Operator):
+    """Have Esc end the running job in this window too"""
+
+    bl_idname = "stereo_reproject.listen"
+    bl_label = "Listen for Esc"
+    bl_options = {"INTERNAL"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        run = running()
+        if run is None:
+            return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS":
+            run.cancel()
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+
 class STEREO_REPROJECT_OT_cancel(bpy.types.Operator):
-    """End the stereo job that is running; nothing of it is kept"""
+    """End the stereo job that is running. Of an animation, the frames that are finished stay"""
 
     bl_idname = "stereo_reproject.cancel"
     bl_label = "Cancel"

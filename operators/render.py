@@ -7,8 +7,9 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.animation import ANIMATION_FILES, output_files
+from ..stereo_reproject.blender.animation import ANIMATION_FILES, frames_to_render
 from ..stereo_reproject.blender.delivery import deliver_to_result
+from ..stereo_reproject.blender.output_paths import output_files
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import SMALLEST, scene_frames
 from ..stereo_reproject.exr import VIEWS, read_eye
@@ -45,7 +46,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         return Run(scene, settings, "render", files, _pair_progress(scene, settings))
 
     def take(self, scene: bpy.types.Scene, run: Run) -> str:
-        _deliver(scene, run)
+        _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
         assert run.report is not None
         keep_pair(scene, run)
         return summary(run.report)
@@ -59,13 +60,16 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
 
     def start(self, scene: bpy.types.Scene) -> Run:
         frames = scene_frames(scene)
-        output_files(scene, frames[0])
-        progress = Progress(time.monotonic(), USUAL["animate"], frames=len(frames))
-        return Run(scene, settings_of(scene, preview=False), "animate", ANIMATION_FILES, progress)
+        wanted = frames_to_render(scene, frames)
+        progress = Progress(time.monotonic(), USUAL["animate"], frames=len(wanted))
+        folders = dict.fromkeys(output_files(scene, frame)[0].parent for frame in wanted)
+        settings = settings_of(scene, preview=False)
+        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=tuple(folders))
 
     def take(self, scene: bpy.types.Scene, run: Run) -> str:
-        _deliver(scene, run)
         assert run.report is not None
+        # What its File Output nodes write was written with each frame.
+        _deliver(scene, run, frame=run.report["frames"][-1]["frame"], to_look_at=True)
         rows, there = run.report["frames"], len(run.report["there_already"])
         run.close()
         skipped = f", {there} were there already" if there else ""
@@ -135,10 +139,10 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _deliver(scene: bpy.types.Scene, run: Run) -> None:
+def _deliver(scene: bpy.types.Scene, run: Run, *, frame: int | None, to_look_at: bool) -> None:
     """Put the eyes of a run into the scene's Render Result, and show that."""
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
-    deliver_to_result(scene, eyes)
+    deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at)
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()
     if bpy.context.window is not None and not bpy.app.background and not _is_shown():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import tempfile
 import threading
 import time
@@ -19,9 +20,13 @@ from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
 from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
+from ..stereo_reproject.work_folder import remove_abandoned
 
 WORKER = f"from {StereoSettings.__module__.split('.')[-2]}.worker import main; main()"
 POLL_SECONDS = 0.1
+
+UNSAVED = "Unsaved.blend"
+"""What Blender's path templates call a file that was never saved."""
 
 
 class _Cancel(Interrupts):
@@ -44,7 +49,10 @@ class Run:
         command: str,
         files: Sequence[str],
         progress: Progress,
+        *,
+        written: Sequence[Path] = (),
     ) -> None:
+        """written are the folders into which the job itself writes."""
         self.uid = scene.session_uid
         self.settings = settings
         self.stage, self.detail = "start", ""
@@ -53,13 +61,14 @@ class Run:
         self.report: dict[str, Any] | None = None
         self.error: StereoReprojectError | None = None
         self._files = tempfile.TemporaryDirectory(prefix="stereo_reproject-", ignore_cleanup_errors=True)
+        self._written = written
         self._cancel = _Cancel()
         self._lock = threading.Lock()
         try:
             self._blend = self._save_copy()
             output = self.folder if files else None
             chosen = scene.stereo_reproject
-            session = Session(scene_key(scene), devices_in_use(), absolute_output_path(scene), chosen.use_scripts)
+            session = Session(scene_key(scene), devices_in_use(), bpy.data.filepath, chosen.use_scripts)
             job = Job(self._blend, output, settings, command, files=tuple(files), session=session)
             self._thread = threading.Thread(target=self._work, args=(job, worker_command()), daemon=True)
             self._thread.start()
@@ -98,10 +107,16 @@ class Run:
         self.cancel()
         self._thread.join()
         self._files.cleanup()
+        for folder in self._written:
+            remove_abandoned(folder)
 
     def _save_copy(self) -> Path:
-        """The open file as it is now, unsaved changes included; what it refers to by relative paths is found."""
-        blend = Path(self._files.name) / (Path(bpy.data.filepath).name or "untitled.blend")
+        """The open file as it is now, unsaved changes included; what it refers to is found from there too."""
+        blend = Path(self._files.name) / (Path(bpy.data.filepath).name or UNSAVED)
+        if bpy.data.filepath:
+            caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
+            if caches.is_dir():
+                link_folder(caches, blend.with_name(caches.name))
         try:
             bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
         except RuntimeError as error:
@@ -130,9 +145,15 @@ class Run:
             self.progress.advance(event.get("fraction"), now)
 
 
-def absolute_output_path(scene: bpy.types.Scene) -> str:
-    """The scene's output path as it is seen from anywhere; its templates stay."""
-    return bpy.path.abspath(scene.render.filepath, library=scene.library)
+def link_folder(folder: Path, link: Path) -> None:
+    """Have a folder found under another path: Blender looks for baked simulations beside the .blend, by its name."""
+    if sys.platform == "win32":
+        # A symbolic link would need rights that few people have.
+        import _winapi
+
+        _winapi.CreateJunction(str(folder), str(link))
+    else:
+        link.symlink_to(folder, target_is_directory=True)
 
 
 def worker_command() -> list[str] | None:

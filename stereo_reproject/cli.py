@@ -11,8 +11,8 @@ import importlib.metadata
 import os
 import stat
 import tomllib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -37,12 +37,27 @@ INTERRUPTED_STATUS = 130
 BLEND_MAGICS = (b"BLENDER", b"\x1f\x8b", b"\x28\xb5\x2f\xfd")
 
 
-def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | None = None) -> int:
-    """Run the command line with `argv` and return its exit status; `worker_command` starts another worker."""
+@dataclass(frozen=True)
+class Host:
+    """Where the command line runs: the program's name there, what starts another worker than `python -m`, and what
+    Cycles is to compute on in it (as `supervisor.Session` has it)."""
+
+    program: str = f"python -m {PROGRAM}"
+    worker_command: Sequence[str] | None = None
+    devices: Mapping[str, Any] | None = None
+
+    def job(self, job: Job) -> Job:
+        """The job on these devices."""
+        return replace(job, session=replace(job.session, devices=self.devices))
+
+
+def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
+    """Run the command line with `argv` and return its exit status."""
+    host = host or Host()
     console = Console()
     try:
-        arguments = _parser().parse_args(argv)
-        status = arguments.run(arguments, console, worker_command)
+        arguments = _parser(host.program).parse_args(argv)
+        status = arguments.run(arguments, console, host)
     except SystemExit as finished:
         # That is how argparse ends after --help and --version.
         status = finished.code if isinstance(finished.code, int) else 0
@@ -55,30 +70,30 @@ def main(argv: Sequence[str] | None = None, *, worker_command: Sequence[str] | N
     return console.finish(status)
 
 
-def _render(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     settings = settings_of(arguments)
     job = _scene_job(arguments, settings, files=pair_files(compare=settings.compare))
-    return _run(job, arguments, console, worker_command, format_report_table)
+    return _run(job, arguments, console, host, format_report_table)
 
 
-def _tradeoff(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+def _tradeoff(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
     job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES, only=tuple(arguments.only))
-    return _run(job, arguments, console, worker_command, format_price_table)
+    return _run(job, arguments, console, host, format_price_table)
 
 
 def _run(
     job: Job,
     arguments: argparse.Namespace,
     console: Console,
-    worker_command: Sequence[str] | None,
+    host: Host,
     table: Callable[[Any], str],
 ) -> int:
     """Have the job done, and show the table of what it reports and the files that it made."""
     console.quiet = arguments.quiet
     with Interrupts() as interrupts:
         report = run_worker(
-            job, console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command
+            host.job(job), console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
         )
     console.end_stage()
     console.show(table(report))
@@ -86,7 +101,7 @@ def _run(
     return 0
 
 
-def _inspect(arguments: argparse.Namespace, console: Console, worker_command: Sequence[str] | None) -> int:
+def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     command = "plan" if arguments.no_sketch else "inspect"
     job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=())
 
@@ -96,7 +111,9 @@ def _inspect(arguments: argparse.Namespace, console: Console, worker_command: Se
             console.on_event(event)
 
     with Interrupts() as interrupts:
-        inspection = run_worker(job, on_event, on_tick=console.on_tick, interrupts=interrupts, command=worker_command)
+        inspection = run_worker(
+            host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
+        )
     console.end_stage()
     console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
     return 0
@@ -164,7 +181,7 @@ class Command:
     summary: str
     examples: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace, Console, Sequence[str] | None], int]
+    run: Callable[[argparse.Namespace, Console, Host], int]
 
 
 COMMANDS = (
@@ -194,9 +211,9 @@ COMMANDS = (
 )
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(program: str) -> argparse.ArgumentParser:
     parser = _Parser(
-        prog=f"python -m {PROGRAM}",
+        prog=program,
         description="A stereo pair from a Blender scene, for little more than the price of one eye.",
         epilog="exit status: 0 done, 1 failed, 2 bad input, 130 interrupted",
         allow_abbrev=False,

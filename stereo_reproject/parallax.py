@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, target_px_from_source_px
+from .camera import Camera, OrthographicCamera, target_px_from_source_px
 
 ARC_MINUTE = np.pi / (180.0 * 60.0)
 """One arc minute in radians: about what a healthy eye resolves."""
@@ -72,7 +72,8 @@ def visible_parallax(
 
     What is no depth (0, negative, NaN) is passed over.
     """
-    seen = depth[depth > 0.0]
+    # The sky of parallel rays has no place on the screen when the eyes are turned.
+    seen = depth[(depth > 0.0) & (np.isfinite(depth) | (not isinstance(left, OrthographicCamera)))]
     if not seen.size:
         return None
     near, far = float(seen.min()), float(seen.max())

@@ -71,7 +71,7 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
         try:
             _make_folders(output, created)
             _check_names_free(output, files)
-            _remove_abandoned(output)
+            remove_abandoned(output)
             work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
             (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
             for name in ("out", "tmp", "old"):
@@ -92,7 +92,7 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
     if folder.is_dir():
         return
     if os.path.lexists(folder):
-        raise BadInputError(f"{folder} is not a folder; choose another --output")
+        raise BadInputError(f"{folder} is not a folder; choose another output folder")
     if folder.parent != folder:
         _make_folders(folder.parent, created)
     try:
@@ -109,15 +109,15 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
     for name in files:
         if (output / name).is_dir():
             raise BadInputError(
-                f"{output / name} is a folder where a file is to be written; move it or choose another --output"
+                f"{output / name} is a folder where a file is to be written; move it or choose another output folder"
             )
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
     if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
-        return BadInputError(f"{output}: the disk is full; free some space or choose another --output")
+        return BadInputError(f"{output}: the disk is full; free some space or choose another output folder")
     reason = error.strerror or str(error)
-    return BadInputError(f"{output} cannot be written ({reason}); choose another --output")
+    return BadInputError(f"{output} cannot be written ({reason}); choose another output folder")
 
 
 def _remove_tree(folder: Path) -> None:
@@ -130,7 +130,7 @@ def _remove_tree(folder: Path) -> None:
         time.sleep(RETRY_SECONDS)
 
 
-def _remove_abandoned(output: Path) -> None:
+def remove_abandoned(output: Path) -> None:
     """Remove the work folders of runs that were killed before they could do it themselves."""
     for folder in output.glob(f"{WORK_PREFIX}*"):
         if folder.is_dir() and not folder.is_symlink() and _is_abandoned(folder):
@@ -199,7 +199,7 @@ def publish(
     moved: list[tuple[Path, Path]] = []
     try:
         for name in files:
-            _flush(made / name)
+            flush(made / name)
         _check_names_free(output, files)
         # What an earlier run left goes first and its report before all else: at no moment does a report stand beside
         # files that are not its own.
@@ -219,6 +219,7 @@ def publish(
         raise
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """Have a file on the disk, and not only on its way there."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())

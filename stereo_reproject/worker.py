@@ -145,6 +145,7 @@ COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     """The job's scene, and the seconds that loading it took."""
     from .blender.devices import use_devices
+    from .blender.output_paths import write_beside
     from .blender.scene import open_blend
 
     start = time.perf_counter()
@@ -153,8 +154,8 @@ def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     scene = open_blend(Path(job["blend"]), session["scene"], scripts=session["scripts"])
     if session["devices"] is not None:
         use_devices(session["devices"])
-    if session["output_path"] is not None:
-        scene.render.filepath = session["output_path"]
+    if session["original"]:
+        write_beside(scene, Path(session["original"]))
     return scene, time.perf_counter() - start
 
 

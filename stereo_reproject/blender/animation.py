@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import contextlib
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,12 +15,35 @@ from ..exr import VIEWS, read_eye, write_eye
 from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
+from ..work_folder import flush, work_folder
 from .delivery import deliver_movie, deliver_to_result
 from .frame import render_pair
+from .output_paths import output_files
 from .scene import scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
+
+
+def frames_to_render(scene: bpy.types.Scene, frames: range) -> list[int]:
+    """Those whose files are not there yet, or all when the scene's Overwrite is on.
+
+    Raises BadInputError when there are none, or when their files cannot be written.
+    """
+    if not frames or frames.step < 0:
+        raise BadInputError(f"frames {frames.start} to {frames.stop - 1} are none: name at least one, in rising order")
+    paths = {frame: output_files(scene, frame, span=frames)[1] for frame in frames}
+    kept = not scene.render.use_overwrite
+    missing = [frame for frame in frames if not (kept and all(path.exists() for path in paths[frame]))]
+    if not missing:
+        raise BadInputError(f"{paths[frames[0]][0]} and all others are there already: switch on Overwrite in Output")
+    for folder in dict.fromkeys(paths[frame][0].parent for frame in missing):
+        # Made and removed again: whether it can be is known before anything is rendered.
+        with work_folder(folder, ()):
+            pass
+    for path in dict.fromkeys(path for frame in missing for path in paths[frame]):
+        _check_can_be_written(path)
+    return list(frames) if scene.render.is_movie_format else missing
 
 
 def render_animation_files(
@@ -37,32 +58,23 @@ def render_animation_files(
 
     A file appears under its final name when it is whole; a frame whose files are there is left out when the scene's
     Overwrite is off. The last frame's eyes and the report are left in work/out. work is a private folder. on_stage is
-    told a stage's name and which frame it is of. Raises BadInputError and StereoReprojectError.
+    told a stage's name and which frame it is of. Raises BadInputError and StereoReprojectError; frames that are
+    finished stay.
     """
     frames = scene_frames(scene) if frames is None else frames
-    movie = scene.render.is_movie_format
-    writer = (_Movie if movie else _Stills)(scene, frames, work)
+    wanted = frames_to_render(scene, frames)
     (work / "out").mkdir(exist_ok=True)
+    writer = (_Movie if scene.render.is_movie_format else _Stills)(scene, frames, work)
     rows = []
-    for frame in writer.missing:
-        of_frame = f"frame {frame} of {frames[0]} to {frames[-1]}"
-
-        def tell(stage: str, detail: str = of_frame) -> None:
-            on_stage(stage, detail)
-
-        of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
-        pair, report = render_pair(scene, of_this, work, on_stage=tell)
-        tell("write")
-        writer.write(frame, pair.eyes)
-        rows.append({"frame": frame, "files": [], **{key: report[key] for key in ("seconds", "fractions", "fill")}})
-        for view in VIEWS:
-            write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view)
+    for frame in wanted:
+        where = f"frame {frame} of {frames[0]} to {frames[-1]}"
+        rows.append(_render_frame(scene, settings, work, frame, writer, lambda stage, of=where: on_stage(stage, of)))
     on_stage("write", "")
     report = {
         "schema": 1,
         "scene": Path(bpy.data.filepath).stem or scene.name,
         "frames": rows,
-        "there_already": [frame for frame in frames if frame not in writer.missing],
+        "there_already": [frame for frame in frames if frame not in wanted],
         "files": [str(path) for path in writer.finish()],
         "warnings": scene_warnings(scene, compositor=False),
     }
@@ -70,24 +82,35 @@ def render_animation_files(
     return report
 
 
+def _render_frame(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    frame: int,
+    writer: _Stills | _Movie,
+    on_stage: Callable[[str], None],
+) -> dict[str, Any]:
+    of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
+    pair, report = render_pair(scene, of_this, work, on_stage=on_stage)
+    on_stage("write")
+    writer.write(frame, pair.eyes)
+    for view in VIEWS:
+        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view)
+    return {"frame": frame, **{key: report[key] for key in ("seconds", "fractions", "fill", "estimate")}}
+
+
 class _Stills:
     """Each frame in files of its own, as soon as it is there."""
 
-    def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
-        self._scene, self._work = scene, work
+    def __init__(self, scene: bpy.types.Scene, _frames: range, _work: Path) -> None:
+        self._scene = scene
         self._files: list[Path] = []
-        paths = {frame: output_files(scene, frame) for frame in frames}
-        self.missing = [frame for frame in frames if not _is_done(scene, paths[frame])]
-        if not self.missing:
-            raise BadInputError("every frame is there already: switch on Overwrite in Output to render them again")
-        for paths_of_frame in paths.values():
-            _make_folder(paths_of_frame[0].parent)
 
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
-        final = output_files(self._scene, frame)[0]
-        with _empty_folder(self._work / "tmp" / "frame") as folder:
-            deliver_to_result(self._scene, eyes, folder / _plain_name(self._scene, frame), frame=frame)
-            self._files += _move_all(folder, final.parent)
+        plain, _ = output_files(self._scene, frame)
+        with work_folder(plain.parent, ()) as beside:
+            deliver_to_result(self._scene, eyes, beside / "out" / plain.name, frame=frame)
+            self._files += _put_in_place(beside / "out", plain.parent)
 
     def finish(self) -> list[Path]:
         return self._files
@@ -97,14 +120,9 @@ class _Movie:
     """All frames in one file, or one for each eye, when the last of them is there."""
 
     def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
-        self._scene, self._frames, self._work = scene, frames, work
+        self._scene, self._frames, self._folder = scene, frames, work / "tmp"
         self._size = (0, 0)
-        paths = output_files(scene, frames[0])
-        if _is_done(scene, paths):
-            raise BadInputError(f"{paths[0]} is there already: switch on Overwrite in Output to render it again")
-        self.missing = list(frames)
-        self._folder = paths[0].parent
-        _make_folder(self._folder)
+        self._read: tuple[int, dict[str, Passes]] | None = None
 
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
         for view in VIEWS:
@@ -114,80 +132,47 @@ class _Movie:
         self._size = (width, height)
 
     def finish(self) -> list[Path]:
-        with _empty_folder(self._work / "tmp" / "movie") as folder:
-            path = folder / _plain_name(self._scene, self._frames[0])
-            deliver_movie(self._scene, self._eyes_at, path, size=self._size, frames=self._frames)
-            return _move_all(folder, self._folder)
+        plain, _ = output_files(self._scene, self._frames[0], span=self._frames)
+        with work_folder(plain.parent, ()) as beside:
+            deliver_movie(self._scene, self._eyes_at, beside / "out" / plain.name, size=self._size, frames=self._frames)
+            return _put_in_place(beside / "out", plain.parent)
 
     def _eyes_at(self, frame: int) -> dict[str, Passes]:
-        return {view: read_eye(self._eye(frame, view)) for view in VIEWS}
+        # Blender asks several times in a row.
+        if self._read is None or self._read[0] != frame:
+            self._read = frame, {view: read_eye(self._eye(frame, view)) for view in VIEWS}
+        return self._read[1]
 
     def _eye(self, frame: int, view: str) -> Path:
-        return self._work / "tmp" / f"{view}.{frame}.exr"
+        return self._folder / f"{view}.{frame}.exr"
 
 
-def output_files(scene: bpy.types.Scene, frame: int) -> list[Path]:
-    """The files that a frame's pair is written to by the scene's own settings; a movie's for any of its frames.
-
-    Raises BadInputError when the output path cannot be used.
-    """
-    render = scene.render
-    if not getattr(render, "save_output", True):
-        raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
-    if render.filepath.startswith("//") and not bpy.data.filepath:
-        raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
-    multiview = render.use_multiview
+def _check_can_be_written(path: Path) -> None:
+    """Raises BadInputError when something is in the way of a file, or holds it."""
+    if path.is_dir():
+        raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
     try:
-        render.use_multiview = True
-        single = render.image_settings.views_format != "INDIVIDUAL"
-        names = [render.frame_path(frame=frame, view="" if single else view) for view in VIEWS[: 1 if single else 2]]
-    except RuntimeError as error:
-        raise BadInputError(f"the output path cannot be used: {' '.join(str(error).split())}") from error
-    finally:
-        render.use_multiview = multiview
-    return [Path(name) for name in names]
-
-
-def _plain_name(scene: bpy.types.Scene, frame: int) -> str:
-    """The file's name without a view's suffix."""
-    return Path(scene.render.frame_path(frame=frame)).name
-
-
-def _is_done(scene: bpy.types.Scene, paths: Sequence[Path]) -> bool:
-    return not scene.render.use_overwrite and all(path.exists() for path in paths)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):
-            raise PermissionError(13, "it is read-only")
+        with contextlib.suppress(FileNotFoundError), path.open("r+b"):
+            pass
     except OSError as error:
-        raise BadInputError(f"{folder} cannot be written ({error.strerror}): change the output path") from error
+        raise BadInputError(f"{path} cannot be written ({error.strerror}): is it in use?") from error
 
 
-@contextmanager
-def _empty_folder(folder: Path) -> Iterator[Path]:
-    folder.mkdir(parents=True)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _move_all(folder: Path, final: Path) -> list[Path]:
-    """Move finished files to where they belong; each appears there whole, also from another drive."""
-    moved = []
+def _put_in_place(folder: Path, final: Path) -> list[Path]:
+    """Move finished files from a folder on the same drive to where they belong; each appears there whole."""
+    placed = []
     for path in sorted(folder.iterdir()):
         destination = final / path.name
-        beside = final / f".{path.name}.{os.getpid()}.tmp"
+        flush(path)
         try:
-            shutil.move(path, beside)
-            beside.replace(destination)
+            path.replace(destination)
         except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise BadInputError(f"{destination} cannot be written ({error.strerror}): is it in use?") from error
-        moved.append(destination)
-    if not moved:
+            spare = destination.with_stem(f"{destination.stem}-new")
+            path.replace(spare)
+            raise BadInputError(
+                f"{destination} cannot be replaced ({error.strerror}): the new one is {spare.name}"
+            ) from error
+        placed.append(destination)
+    if not placed:
         raise StereoReprojectError(f"Blender wrote no file for {final}: check the output settings")
-    return moved
+    return placed

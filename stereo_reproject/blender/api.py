@@ -24,7 +24,6 @@ from ..work_folder import pair_files, publish, superseded_by, work_folder
 from .animation import render_animation_files
 from .frame import render_files
 from .inspection import inspect_scene
-from .scene import scene_frames
 
 __all__ = (
     "BadInputError",
@@ -70,11 +69,11 @@ def render_animation(
 ) -> dict[str, Any]:
     """Render the pairs of many frames into the scene's own output path, format and stereo layout; a report of them all.
 
-    frames are the scene's, unless given.
+    frames are the scene's, unless given. When it ends early, frames that are finished stay.
     """
     scene = scene or bpy.context.scene
     with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as folder, work_folder(Path(folder), ()) as work:
-        return render_animation_files(scene, settings or StereoSettings(), work, frames=frames or scene_frames(scene))
+        return render_animation_files(scene, settings or StereoSettings(), work, frames=frames)
 
 
 def inspect(

@@ -6,8 +6,8 @@ stereo formats and file naming do the rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import StereoReprojectError
+from ..errors import BadInputError, StereoReprojectError
 from ..exr import VIEWS, pass_letters
 from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .output_paths import file_outputs_muted
 from .pictures import check_png
 from .render import call_render, output_path
-from .scene import return_to_own_frame
+from .scene import changed, return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -115,14 +116,21 @@ def deliver_side_by_side(
 
 
 def deliver_to_result(
-    scene: bpy.types.Scene, eyes: Mapping[str, Passes], path: Path | None = None, *, frame: int | None = None
+    scene: bpy.types.Scene,
+    eyes: Mapping[str, Passes],
+    path: Path | None = None,
+    *,
+    frame: int | None = None,
+    to_look_at: bool = False,
 ) -> None:
     """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
 
-    The scene's compositor is run. With a `path`, the result is written there in the scene's own format and layout,
-    which may add a view's suffix. The scene is afterwards as it was. Raises StereoReprojectError.
+    The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. With a
+    `path`, the result is written there in the scene's own format and layout, which may add a view's suffix. The scene
+    is afterwards as it was. Raises StereoReprojectError.
     """
-    with _at_frame(scene, frame), _as_delivered(scene, path):
+    muted = file_outputs_muted(scene) if to_look_at else nullcontext()
+    with _at_frame(scene, frame), _as_delivered(scene, path), muted:
         _hand_over(scene, eyes, "hand the pair over to Blender", path)
 
 
@@ -132,7 +140,7 @@ def deliver_movie(scene: bpy.types.Scene, eyes_at: EyesAt, path: Path, *, size: 
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
     span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
-    with _at_frame(scene, frames[0]), _as_delivered(scene, path), _changed(scene, **span):
+    with _at_frame(scene, frames[0]), _as_delivered(scene, path), changed(scene, **span):
         _take(scene, eyes_at, f"write {path.name}", size, lambda: call_render(scene, animation=True))
 
 
@@ -153,12 +161,20 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
 def _as_delivered(scene: bpy.types.Scene, path: Path | None) -> Iterator[None]:
     """The scene set so that nothing but the eyes goes into its result, and that is written under `path`."""
     layers = [layer for layer in scene.view_layers if layer.use]
+    if not layers:
+        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
     output = {} if path is None else {"filepath": output_path(path), "use_overwrite": True, "use_placeholder": False}
-    with _changed(scene.render, **_as_it_is(), **output):
-        views = [view for view in scene.render.views if view.use != (view.name in VIEWS)]
+    if path is not None and hasattr(scene.render, "save_output"):
+        output["save_output"] = True
+    with ExitStack() as changes:
+        changes.enter_context(changed(scene.render, **_as_it_is(), **output))
         # The eyes have Grease Pencil already, as far as they can.
-        with _changed(layers[0], use_grease_pencil=False), _switched(views), _switched(layers[1:]):
-            yield
+        changes.enter_context(changed(layers[0], use_grease_pencil=False))
+        for layer in layers[1:]:
+            changes.enter_context(changed(layer, use=False))
+        for view in scene.render.views:
+            changes.enter_context(changed(view, use=view.name in VIEWS))
+        yield
 
 
 def _hand_over(scene: bpy.types.Scene, eyes: Mapping[str, Passes], what: str, path: Path | None) -> None:
@@ -174,7 +190,7 @@ def _take(
     delivery = _Delivery(eyes_at)
     place = {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
     try:
-        with _registered(delivery), _changed(scene.render, engine=ENGINE, **place):
+        with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
             render()
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
@@ -192,31 +208,6 @@ def _as_it_is() -> dict[str, Any]:
         "use_multiview": True,
         "views_format": "STEREO_3D",
     }
-
-
-@contextmanager
-def _changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
-    kept = {name: getattr(owner, name) for name in values}
-    try:
-        for name, value in values.items():
-            setattr(owner, name, value)
-        yield
-    finally:
-        for name, value in reversed(kept.items()):
-            setattr(owner, name, value)
-
-
-@contextmanager
-def _switched(items: Iterable[Any]) -> Iterator[None]:
-    """The other way round what `use` says of each."""
-    items = list(items)
-    try:
-        for item in items:
-            item.use = not item.use
-        yield
-    finally:
-        for item in items:
-            item.use = not item.use
 
 
 def _set_up(scene: bpy.types.Scene, path: Path) -> None:

@@ -9,13 +9,14 @@ import bpy
 
 
 def devices_in_use() -> dict[str, Any] | None:
-    """The compute device type that the preferences name, and the ids of the devices that are ticked there; None in a
-    Blender without Cycles."""
+    """The compute device type that the preferences name, the ids of the devices that are ticked there, and what is
+    switched on for them; None in a Blender without Cycles."""
     preferences = _preferences()
     if preferences is None:
         return None
     ids = [device.id for device in preferences.devices if device.use]
-    return {"type": preferences.compute_device_type, "ids": ids}
+    options = {name: getattr(preferences, name) for name in _switches(preferences)}
+    return {"type": preferences.compute_device_type, "ids": ids, "options": options}
 
 
 def use_devices(devices: Mapping[str, Any]) -> None:
@@ -30,6 +31,13 @@ def use_devices(devices: Mapping[str, Any]) -> None:
     preferences.refresh_devices()
     for device in preferences.devices:
         device.use = device.id in devices["ids"]
+    for name in _switches(preferences):
+        setattr(preferences, name, devices["options"].get(name, getattr(preferences, name)))
+
+
+def _switches(preferences: Any) -> list[str]:
+    """Hardware ray tracing, peer memory and whatever else can be switched on for devices."""
+    return [prop.identifier for prop in preferences.bl_rna.properties if prop.type == "BOOLEAN"]
 
 
 def _preferences() -> Any:

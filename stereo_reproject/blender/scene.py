@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import bpy
 
@@ -115,8 +115,7 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
     """
     engine = _engine(scene, overrides)
     frame = scene.frame_current if overrides.frame is None else overrides.frame
-    marked = _camera_by_marker(scene, frame)
-    camera = check_camera(marked or scene.camera)
+    camera = check_camera(camera_at(scene, frame))
     layer = next((layer.name for layer in scene.view_layers if layer.use), None)
     if layer is None:
         raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
@@ -133,7 +132,7 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
         _set_up(copy, layer)
         _apply(copy, eye.data, overrides)
         _check_region(copy.render)
-        copy.frame_set(frame)
+        copy.frame_set(frame, subframe=scene.frame_subframe if frame == scene.frame_current else 0.0)
         # The fills look at it, and the copy's own value may be that of another frame.
         copy.cycles.filter_width = evaluated(copy, copy).cycles.filter_width
         yield copy
@@ -155,6 +154,20 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
     """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
     return item.evaluated_get(rendered_layer(scene).depsgraph)
+
+
+@contextmanager
+def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
+    """These properties of a scene, or of something in it, for a while; then as they were."""
+    kept = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        with ExitStack() as restored:
+            for name, value in kept.items():
+                restored.callback(setattr, owner, name, value)
 
 
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
@@ -202,6 +215,11 @@ def _check_region(render: bpy.types.RenderSettings) -> None:
             f"{region.width} x {region.height} pixels are to be rendered: at least {SMALLEST} x {SMALLEST} are needed;"
             " check resolution, percentage and render border"
         )
+
+
+def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
+    """The camera that Blender renders a frame with."""
+    return _camera_by_marker(scene, frame) or scene.camera
 
 
 def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:

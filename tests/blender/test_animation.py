@@ -97,14 +97,14 @@ def test_what_is_there_stays_when_overwrite_is_off(scene, tmp_path):
     assert ([row["frame"] for row in report["frames"]], report["there_already"]) == ([3], [1])
     assert (tmp_path / "out" / "shot_0001_L.png").read_text() == "mine"
     assert files(tmp_path) == ["shot_0001_L.png", "shot_0001_R.png", "shot_0003_L.png", "shot_0003_R.png"]
-    with pytest.raises(BadInputError, match="every frame is there already"):
+    with pytest.raises(BadInputError, match="all others are there already"):
         render(scene, tmp_path)
 
 
 def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene, tmp_path):
     (tmp_path / "file").write_text("")
     scene.render.filepath = str(tmp_path / "file" / "shot_")
-    with pytest.raises(BadInputError, match="change the output path"):
+    with pytest.raises(BadInputError, match="choose another output folder"):
         render(scene, tmp_path)
 
 

@@ -81,6 +81,104 @@ def test_failed(extension, scene, place, monkeypatch, stage):
         bpy.ops.render.stereo_reproject_image()
     assert everything() == before
     assert (jobs.running(), list(place.iterdir())) == (None, [])
+    monkeypatch.undo()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+
+
+def _add_file_output(scene, folder):
+    """A compositor that hands the picture through and writes it beside the file too."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        result = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        result = tree.nodes.new("CompositorNodeComposite")
+    layers, writer = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("CompositorNodeOutputFile")
+    layers.scene = scene
+    tree.links.new(layers.outputs["Image"], result.inputs[0])
+    if hasattr(writer, "file_output_items"):
+        writer.directory, writer.file_name = folder, "node_"
+        writer.file_output_items.new("RGBA", "Image")
+        writer.format.media_type = "IMAGE"
+    else:
+        writer.base_path = folder
+        writer.file_slots[0].path = "node_"
+    writer.format.file_format = "PNG"
+    tree.links.new(layers.outputs["Image"], writer.inputs[0])
+
+
+@pytest.fixture
+def animated(scene, place):
+    """A saved file of two frames that writes beside itself, and by a File Output node as well."""
+    project = place / "project"
+    project.mkdir()
+    _add_file_output(scene, "//nodes/")
+    scene.frame_start, scene.frame_end = 1, 2
+    scene.render.filepath = "{blend_dir}/shots/{blend_name}_"
+    if hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "IMAGE"
+    scene.render.image_settings.file_format = "PNG"
+    bpy.ops.wm.save_as_mainfile(filepath=str(project / "film.blend"))
+    return bpy.context.scene
+
+
+def _files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_what_an_animation_writes_lies_beside_the_file(extension, animated, place):
+    before = everything()
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert everything() == before
+    written = [name for name in _files(place / "project") if not name.endswith(".blend")]
+    shots = [name for name in written if name.startswith("shots")]
+    assert shots == [f"shots/film_000{frame}_{view}.png" for frame in (1, 2) for view in "LR"]
+    nodes = [name for name in written if name.startswith("nodes")]
+    assert {name.split(".")[0][:-2] for name in nodes} | {name.split(".")[0] for name in nodes} >= {"nodes/node_0001"}
+    assert any("0002" in name for name in nodes)
+    assert not [name for name in nodes if "0001" not in name and "0002" not in name]
+    assert sorted(path.name for path in place.iterdir()) == ["project"]
+
+
+def test_a_preview_does_not_write_what_a_render_would(extension, animated, place):
+    assert bpy.ops.render.stereo_reproject_image(preview=True) == {"FINISHED"}
+    assert _files(place / "project") == ["film.blend"]
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert any(name.startswith("nodes") for name in _files(place / "project"))
+
+
+@pytest.mark.parametrize("stage", ["source", "write"])
+def test_a_cancelled_animation_keeps_its_finished_frames_and_nothing_else(
+    extension, animated, place, monkeypatch, stage
+):
+    from stereo_reproject_extension.operators import jobs, run
+
+    told = run.Run._on_event
+
+    def cancel_at_the_second(self, event):
+        told(self, event)
+        if event.get("stage") == stage and str(event.get("detail")).startswith("frame 2"):
+            self.cancel()
+
+    before = everything()
+    monkeypatch.setattr(run.Run, "_on_event", cancel_at_the_second)
+    assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
+    assert everything() == before
+    assert _files(place / "project" / "shots")[:2] == ["film_0001_L.png", "film_0001_R.png"]
+    assert not [path for path in place.rglob(".*")]
+    assert (jobs.running(), [path.name for path in place.iterdir()]) == (None, ["project"])
+
+
+def test_a_destination_that_is_taken_is_said_before_anything_is_rendered(extension, animated, place):
+    (place / "project" / "shots" / "film_0002_R.png").mkdir(parents=True)
+    with pytest.raises(RuntimeError, match="film_0002_R.png is a folder"):
+        bpy.ops.render.stereo_reproject_animation()
+    assert _files(place / "project") == ["film.blend"]
 
 
 def test_a_delivery_that_fails_leaves_the_scene_as_it_was(extension, scene, place, monkeypatch):
@@ -100,14 +198,16 @@ def test_a_delivery_that_fails_leaves_the_scene_as_it_was(extension, scene, plac
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
 
 
-def test_a_second_start_is_refused(extension, scene, monkeypatch):
+def test_a_second_start_is_refused_with_a_word(extension, scene, place):
     from stereo_reproject_extension.operators import jobs
+    from stereo_reproject_extension.operators.render import RENDER_OT_stereo_reproject_image as operator
 
-    monkeypatch.setattr(jobs, "_running", [object()])
-    for operator in (bpy.ops.render.stereo_reproject_image, bpy.ops.stereo_reproject.check_scene):
-        with pytest.raises(RuntimeError, match="running already"):
-            operator()
-    monkeypatch.setattr(jobs, "_running", [])
+    jobs._running.append(operator.start(_Image(), scene))
+    for name in ("stereo_reproject_image", "stereo_reproject_animation"):
+        with pytest.raises(RuntimeError, match="running already: Esc ends it"):
+            getattr(bpy.ops.render, name)()
+    jobs.stop_running()
+    assert list(place.iterdir()) == []
 
 
 def test_switching_the_extension_off_ends_a_run(package, scene, place):

@@ -123,6 +123,57 @@ def test_a_linked_scene_is_rendered(extension, scene, tmp_path):
     assert views_of_result(linked, tmp_path)["_L"][..., :3].max() > 0.1
 
 
+def test_the_camera_of_a_marker_is_enough(extension, scene):
+    marker = scene.timeline_markers.new("cut", frame=scene.frame_current)
+    marker.camera, scene.camera = scene.camera, None
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+
+
+def test_a_saved_file_is_not_marked_as_changed(extension, scene, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert not bpy.data.is_dirty
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert bpy.ops.stereo_reproject.check_scene() == {"FINISHED"}
+    assert not bpy.data.is_dirty
+
+
+def test_baked_simulations_beside_the_file_are_found_beside_its_copy(extension, scene, tmp_path, monkeypatch):
+    from stereo_reproject_extension.operators import run
+
+    (tmp_path / "blendcache_saved").mkdir()
+    (tmp_path / "blendcache_saved" / "cloth.bphys").write_text("baked")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    seen = []
+    told = run.Run._on_event
+
+    def look(self, event):
+        told(self, event)
+        seen.append((self._blend.with_name("blendcache_saved") / "cloth.bphys").read_text())
+
+    monkeypatch.setattr(run.Run, "_on_event", look)
+    assert bpy.ops.stereo_reproject.check_scene() == {"FINISHED"}
+    assert set(seen) == {"baked"}
+    assert (tmp_path / "blendcache_saved" / "cloth.bphys").exists()
+
+
+@pytest.mark.parametrize(
+    ("device", "kind", "words"), [("CPU", "NONE", "least"), ("GPU", "CUDA", "device"), ("GPU", "HIP", "device")]
+)
+def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, kind, words):
+    from stereo_reproject_extension.operators.panels import _means
+    from stereo_reproject_extension.stereo_reproject.blender.devices import devices_in_use, use_devices
+
+    kept = devices_in_use()
+    try:
+        use_devices({"type": kind, "ids": [], "options": {}})
+        assert devices_in_use()["type"] == kind
+        scene.cycles.device = device
+        assert words in _means(scene)
+    finally:
+        use_devices(kept)
+    assert devices_in_use() == kept
+
+
 def test_a_missing_texture_is_said(extension, scene, tmp_path, capfd):
     image = next(image for image in bpy.data.images if image.filepath)
     image.filepath = str(tmp_path / "gone.png")

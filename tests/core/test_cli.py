@@ -27,9 +27,9 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals and terminals as 
 # The real entry point, with the worker replaced.
 DRIVER = """
 import sys
-from stereo_reproject import __main__, supervisor
+from stereo_reproject import __main__, worker_process
 worker, sys.argv[1:5] = sys.argv[1:5], []
-supervisor._worker_command = lambda: worker
+worker_process.own_worker = lambda: worker
 sys.exit(__main__.run())
 """
 
@@ -55,7 +55,7 @@ def stub(place, behaviour):
 def render(place, behaviour, *options, output="out/pair"):
     """Exit status of a run within this process."""
     argv = ["render", str(place / "room.blend"), "--output", str(place / output), *options]
-    return cli.main(argv, worker_command=stub(place, behaviour))
+    return cli.main(argv, host=cli.Host(worker_command=stub(place, behaviour)))
 
 
 @pytest.fixture
@@ -160,7 +160,7 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
     options += " --source-engine cycles"
     options += " --source right --accuracy exact --fill card --grid-threshold 0.5 --interpolation cubic --compare"
     argv = ["render", "room.blend", "--output", "out", *options.split()]
-    assert cli.main(argv, worker_command=stub(place, "success")) == 0
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "success"))) == 0
     job = json.loads((notes(place) / "job").read_text())
     assert job["blend"] == str(place / "room.blend")
     assert job["output"] == str(place / "out")
@@ -186,9 +186,9 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
 
 def test_a_difference_does_not_outlive_the_pair_that_it_is_of(place):
     argv = ["render", str(place / "room.blend"), "--output", str(place / "out")]
-    assert cli.main([*argv, "--compare"], worker_command=stub(place, "success")) == 0
+    assert cli.main([*argv, "--compare"], host=cli.Host(worker_command=stub(place, "success"))) == 0
     assert (place / "out" / "difference.png").read_text() == "new difference.png"
-    assert cli.main(argv, worker_command=stub(place, "success")) == 0
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "success"))) == 0
     assert sorted(path.name for path in (place / "out").iterdir()) == sorted(work_folder.FILES)
 
 
@@ -203,12 +203,12 @@ def test_tradeoff_takes_the_scene_and_leaves_accuracy_and_fill_to_its_runs(place
         "--source",
         "right",
     ]
-    assert cli.main(argv, worker_command=stub(place, "error 2")) == 2
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "error 2"))) == 2
     job = json.loads((notes(place) / "job").read_text())
     assert (job["command"], job["settings"]["source"]) == ("tradeoff", "right")
     assert job["settings"]["scene"]["size"] == [64, 32]
     capsys.readouterr()
-    assert cli.main([*argv, "--accuracy", "high"], worker_command=stub(place, "success")) == 2
+    assert cli.main([*argv, "--accuracy", "high"], host=cli.Host(worker_command=stub(place, "success"))) == 2
     assert_one_line(capsys.readouterr().err, "--accuracy")
 
 
@@ -296,7 +296,7 @@ def test_failure_leaves_an_output_folder_that_was_there(place):
 def test_worker_that_cannot_be_started(place, capsys):
     before = snapshot(place)
     argv = ["render", str(place / "room.blend"), "--output", str(place / "out")]
-    assert cli.main(argv, worker_command=[str(place / "nothing")]) == 1
+    assert cli.main(argv, host=cli.Host(worker_command=[str(place / "nothing")])) == 1
     assert_one_line(capsys.readouterr().err, "could not be started")
     assert snapshot(place) == before
 
@@ -426,7 +426,7 @@ def test_bad_output_is_one_line(place, capsys, output, part):
     assert render(place, "success", output=output) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert_one_line(printed.err, "error: ", part, "--output")
+    assert_one_line(printed.err, "error: ", part, "output folder")
     assert snapshot(place) == before
     assert not (notes(place) / "pid").exists()
 
@@ -757,7 +757,7 @@ def test_parent_process_never_imports_blender(place):
 def inspect(place, *options, behaviour="inspection"):
     """Exit status of an inspection within this process."""
     argv = ["inspect", str(place / "room.blend"), *options]
-    return cli.main(argv, worker_command=stub(place, behaviour))
+    return cli.main(argv, host=cli.Host(worker_command=stub(place, behaviour)))
 
 
 def test_an_inspection_is_printed_as_a_table_and_leaves_nothing(place, capsys):

@@ -15,7 +15,7 @@ from stereo_reproject.holes import Reason
 from stereo_reproject.masks import dilate
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings import ACCURACIES, SceneOverrides, StereoSettings
-from stereo_reproject.work_folder import FILES
+from stereo_reproject.work_folder import pair_files
 from tests.blender.toolbox import (
     Material,
     add_camera,
@@ -87,8 +87,9 @@ def render_pair(scene, folder, /, **settings):
     work = folder / "work"
     work.mkdir()
     report, files = render_files(scene, StereoSettings(**settings), work)
-    assert set(files) == set(FILES)
-    assert {path.name for path in (work / "out").iterdir()} == set(FILES)
+    expected = set(pair_files(compare=settings.get("compare", False)))
+    assert set(files) == expected
+    assert {path.name for path in (work / "out").iterdir()} == expected
     return report, {view: channels_of(work / "out" / f"{view}.exr") for view in ("left", "right")}
 
 

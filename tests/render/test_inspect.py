@@ -37,6 +37,7 @@ FIELDS = {
     "effects",
     "passes",
     "predicted",
+    "parallax",
     "warnings",
 }
 

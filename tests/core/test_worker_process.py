@@ -1,0 +1,31 @@
+"""What the worker's process is started with."""
+
+import os
+from pathlib import Path
+
+from stereo_reproject import worker_process
+
+
+def test_nothing_that_is_set_for_another_python_reaches_blender(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONHOME", "/nowhere")
+    monkeypatch.setenv("PYTHONPATH", "/somewhere")
+    monkeypatch.setenv("PYTHONWARNINGS", "error")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
+    environment = worker_process._environment(tmp_path, own_python=False)
+    ours = {name: value for name, value in environment.items() if name.startswith("PYTHON")}
+    home = str(Path(worker_process.__file__).resolve().parents[1])
+    assert set(ours) <= {"PYTHONPATH", "PYTHONNOUSERSITE"}
+    assert "/somewhere" not in ours.get("PYTHONPATH", "").split(os.pathsep)
+    assert home in ours["PYTHONPATH"].split(os.pathsep)
+    assert environment["CUDA_VISIBLE_DEVICES"] == "1"
+
+
+def test_the_same_python_keeps_its_settings(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", "/somewhere")
+    environment = worker_process._environment(tmp_path, own_python=True)
+    assert environment["PYTHONPATH"].split(os.pathsep)[-1] == "/somewhere"
+
+
+def test_temporary_files_go_into_the_run_s_own_folder(tmp_path):
+    environment = worker_process._environment(tmp_path, own_python=True)
+    assert {environment[name] for name in ("TMPDIR", "TEMP", "TMP")} == {str(tmp_path / "tmp")}
