@@ -29,27 +29,34 @@ def _classes() -> tuple[type, ...]:
 def register() -> None:
     import bpy
 
-    from . import panels, properties, results
+    from . import panels, properties
     from .command import COMMAND, run_command
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
-    atexit.register(results.forget_all)
+    atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
+
+
+def _end() -> None:
+    """Nothing runs any more, and nothing is left on the disk."""
+    from . import jobs, results
+
+    jobs.stop_running()
+    results.forget_all()
 
 
 def unregister() -> None:
     import bpy
 
-    from . import jobs, panels, results
+    from . import panels
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
-    jobs.stop_running()
-    results.forget_all()
-    atexit.unregister(results.forget_all)
+    _end()
+    atexit.unregister(_end)
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject
     for cls in reversed(_classes()):

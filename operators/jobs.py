@@ -113,7 +113,8 @@ class JobOperator:
             return {"PASS_THROUGH"}
         self._tell(progress_of(run)[1])
         # Blender has one render at a time, and the user may have begun another.
-        if not run.finished or (self.uses_render_result and bpy.app.is_job_running("RENDER")):
+        delivers = self.uses_render_result and run.error is None
+        if not run.finished or (delivers and bpy.app.is_job_running("RENDER")):
             return {"PASS_THROUGH"}
         _quiet()
         return self._finish()

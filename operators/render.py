@@ -62,7 +62,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         frames = scene_frames(scene)
         wanted = frames_to_render(scene, frames)
         progress = Progress(time.monotonic(), USUAL["animate"], frames=len(wanted))
-        folders = dict.fromkeys(output_files(scene, frame)[0].parent for frame in wanted)
+        folders = dict.fromkeys(output_files(scene, frame, span=frames)[0].parent for frame in wanted)
         settings = settings_of(scene, preview=False)
         return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=tuple(folders))
 

@@ -20,7 +20,7 @@ from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
 from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
-from ..stereo_reproject.work_folder import remove_abandoned
+from ..stereo_reproject.work_folder import remove_abandoned, work_folder
 
 WORKER = f"from {StereoSettings.__module__.split('.')[-2]}.worker import main; main()"
 POLL_SECONDS = 0.1
@@ -53,6 +53,8 @@ class Run:
         written: Sequence[Path] = (),
     ) -> None:
         """written are the folders into which the job itself writes."""
+        if not scene.users:
+            raise BadInputError(f"scene {scene.name!r} is shown in no window, and would not be saved with the file")
         self.uid = scene.session_uid
         self.settings = settings
         self.stage, self.detail = "start", ""
@@ -60,8 +62,11 @@ class Run:
         self.warnings: list[str] = []
         self.report: dict[str, Any] | None = None
         self.error: StereoReprojectError | None = None
-        self._files = tempfile.TemporaryDirectory(prefix="stereo_reproject-", ignore_cleanup_errors=True)
+        # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
+        self._place = work_folder(Path(tempfile.gettempdir()), ())
+        self._files = self._place.__enter__()
         self._written = written
+        self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
         try:
@@ -73,12 +78,12 @@ class Run:
             self._thread = threading.Thread(target=self._work, args=(job, worker_command()), daemon=True)
             self._thread.start()
         except BaseException:
-            self._files.cleanup()
+            self._place.__exit__(None, None, None)
             raise
 
     @property
     def folder(self) -> Path:
-        return Path(self._files.name) / "result"
+        return self._files / "result"
 
     @property
     def finished(self) -> bool:
@@ -103,16 +108,19 @@ class Run:
             self._thread.join(POLL_SECONDS)
 
     def close(self) -> None:
-        """End the run if it still goes on, and remove its files."""
+        """End the run if it still goes on, and remove its files. Once is enough."""
+        if self._closed:
+            return
+        self._closed = True
         self.cancel()
         self._thread.join()
-        self._files.cleanup()
+        self._place.__exit__(None, None, None)
         for folder in self._written:
             remove_abandoned(folder)
 
     def _save_copy(self) -> Path:
         """The open file as it is now, unsaved changes included; what it refers to is found from there too."""
-        blend = Path(self._files.name) / (Path(bpy.data.filepath).name or UNSAVED)
+        blend = self._files / (Path(bpy.data.filepath).name or UNSAVED)
         if bpy.data.filepath:
             caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
             if caches.is_dir():

@@ -28,9 +28,10 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        camera = context.scene.camera
-        if camera is None or camera.type != "CAMERA":
-            cls.poll_message_set("The scene has no camera")
+        try:
+            camera = check_camera(context.scene.camera)
+        except BadInputError as error:
+            cls.poll_message_set(str(error))
             return False
         if camera.data.library is not None:
             cls.poll_message_set("The camera is linked from another file: set it there")

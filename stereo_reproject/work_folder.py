@@ -57,6 +57,9 @@ RETRY_SECONDS = 0.05
 # A work folder without a pid may belong to a run that is just starting.
 NAMELESS_SECONDS = 60.0
 
+_own: set[Path] = set()
+"""Folders of this very process that are in use."""
+
 
 @contextlib.contextmanager
 def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
@@ -73,6 +76,7 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
             _check_names_free(output, files)
             remove_abandoned(output)
             work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
+            _own.add(work)
             (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
             for name in ("out", "tmp", "old"):
                 (work / name).mkdir()
@@ -82,6 +86,7 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
     finally:
         if work is not None:
             _remove_tree(work)
+            _own.discard(work)
         for folder in reversed(created):
             with contextlib.suppress(OSError):
                 folder.rmdir()
@@ -133,7 +138,7 @@ def _remove_tree(folder: Path) -> None:
 def remove_abandoned(output: Path) -> None:
     """Remove the work folders of runs that were killed before they could do it themselves."""
     for folder in output.glob(f"{WORK_PREFIX}*"):
-        if folder.is_dir() and not folder.is_symlink() and _is_abandoned(folder):
+        if folder.is_dir() and not folder.is_symlink() and folder not in _own and _is_abandoned(folder):
             shutil.rmtree(folder, ignore_errors=True)
 
 

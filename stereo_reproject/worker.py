@@ -35,7 +35,7 @@ def main() -> None:
         emit("error", status=status, message=str(error))
     except MemoryError:
         status = 1
-        emit("error", status=status, message="out of memory: render at a smaller --size")
+        emit("error", status=status, message="out of memory: render smaller, or free some")
     except OSError as error:
         status = 2
         emit("error", status=status, message=f"{error.strerror or error}: {error.filename or 'while writing'}")

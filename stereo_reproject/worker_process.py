@@ -169,6 +169,6 @@ def crash_message(worker: Worker, stage: str) -> str:
         how = f"exit status {status:#x}" if status > 255 else f"exit status {status}"
     message = f"Blender stopped unexpectedly ({how}) during {stage}"
     if os.name == "posix" and status == -signal.SIGKILL:
-        message += ", perhaps for want of memory: try a smaller --size or free some"
+        message += ", perhaps for want of memory: render smaller, or free some"
     words = worker.last_words()
     return f"{message}; last words: {words}" if words else message

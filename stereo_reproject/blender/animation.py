@@ -16,7 +16,7 @@ from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
 from ..work_folder import flush, work_folder
-from .delivery import deliver_movie, deliver_to_result
+from .delivery import EyesAt, deliver_frames
 from .frame import render_pair
 from .output_paths import output_files
 from .scene import scene_frames, scene_warnings
@@ -30,9 +30,11 @@ def frames_to_render(scene: bpy.types.Scene, frames: range) -> list[int]:
 
     Raises BadInputError when there are none, or when their files cannot be written.
     """
+    if not isinstance(frames, range):
+        raise BadInputError(f"frames must be a range, not {frames!r}")
     if not frames or frames.step < 0:
         raise BadInputError(f"frames {frames.start} to {frames.stop - 1} are none: name at least one, in rising order")
-    paths = {frame: output_files(scene, frame, span=frames)[1] for frame in frames}
+    paths = {frame: output_files(scene, frame, span=frames) for frame in frames}
     kept = not scene.render.use_overwrite
     missing = [frame for frame in frames if not (kept and all(path.exists() for path in paths[frame]))]
     if not missing:
@@ -76,7 +78,7 @@ def render_animation_files(
         "frames": rows,
         "there_already": [frame for frame in frames if frame not in wanted],
         "files": [str(path) for path in writer.finish()],
-        "warnings": scene_warnings(scene, compositor=False),
+        "warnings": scene_warnings(scene, compositor=True),
     }
     write_json(work / "out" / "report.json", report)
     return report
@@ -107,10 +109,8 @@ class _Stills:
         self._files: list[Path] = []
 
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
-        plain, _ = output_files(self._scene, frame)
-        with work_folder(plain.parent, ()) as beside:
-            deliver_to_result(self._scene, eyes, beside / "out" / plain.name, frame=frame)
-            self._files += _put_in_place(beside / "out", plain.parent)
+        height, width = eyes["left"][COLOUR_PASS].shape[:2]
+        self._files += _write(self._scene, lambda _: eyes, (width, height), range(frame, frame + 1))
 
     def finish(self) -> list[Path]:
         return self._files
@@ -132,10 +132,7 @@ class _Movie:
         self._size = (width, height)
 
     def finish(self) -> list[Path]:
-        plain, _ = output_files(self._scene, self._frames[0], span=self._frames)
-        with work_folder(plain.parent, ()) as beside:
-            deliver_movie(self._scene, self._eyes_at, beside / "out" / plain.name, size=self._size, frames=self._frames)
-            return _put_in_place(beside / "out", plain.parent)
+        return _write(self._scene, self._eyes_at, self._size, self._frames)
 
     def _eyes_at(self, frame: int) -> dict[str, Passes]:
         # Blender asks several times in a row.
@@ -145,6 +142,14 @@ class _Movie:
 
     def _eye(self, frame: int, view: str) -> Path:
         return self._folder / f"{view}.{frame}.exr"
+
+
+def _write(scene: bpy.types.Scene, eyes_at: EyesAt, size: tuple[int, int], frames: range) -> list[Path]:
+    """Have Blender write the frames beside where they belong, and put them there."""
+    folder = output_files(scene, frames[0], span=frames)[0].parent
+    with work_folder(folder, ()) as beside:
+        deliver_frames(scene, eyes_at, beside / "out", size=size, frames=frames)
+        return _put_in_place(beside / "out", folder)
 
 
 def _check_can_be_written(path: Path) -> None:

@@ -46,9 +46,11 @@ def render_frame(
     one, its current frame unless the settings name another.
     """
     settings = settings or StereoSettings()
+    if not os.fspath(output):
+        raise BadInputError("the output is empty; name a folder for the result")
     folder, files = Path(os.path.abspath(output)), pair_files(compare=settings.compare)  # noqa: PTH100 - links stay
     with work_folder(folder, files) as work:
-        report, _ = render_files(scene or bpy.context.scene, settings, work, files=files)
+        report, _ = render_files(_scene(scene), settings, work, files=files)
         publish(work, folder, files, superseded=superseded_by(files), between_steps=lambda: None)
     return report
 
@@ -71,7 +73,7 @@ def render_animation(
 
     frames are the scene's, unless given. When it ends early, frames that are finished stay.
     """
-    scene = scene or bpy.context.scene
+    scene = _scene(scene)
     with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as folder, work_folder(Path(folder), ()) as work:
         return render_animation_files(scene, settings or StereoSettings(), work, frames=frames)
 
@@ -84,4 +86,12 @@ def inspect(
     Without a sketch nothing is rendered and nothing predicted.
     """
     with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as folder, work_folder(Path(folder), ()) as work:
-        return inspect_scene(scene or bpy.context.scene, settings or StereoSettings(), work, sketch=sketch)
+        return inspect_scene(_scene(scene), settings or StereoSettings(), work, sketch=sketch)
+
+
+def _scene(scene: bpy.types.Scene | None) -> bpy.types.Scene:
+    if scene is None:
+        return bpy.context.scene
+    if not isinstance(scene, bpy.types.Scene):
+        raise BadInputError(f"scene must be one of bpy.data.scenes, not {scene!r}")
+    return scene

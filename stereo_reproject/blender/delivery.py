@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import VIEWS, pass_letters
 from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
-from .output_paths import file_outputs_muted
+from .compositor import compositor_blocker, file_outputs_muted
+from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path
 from .scene import changed, return_to_own_frame
@@ -116,32 +117,32 @@ def deliver_side_by_side(
 
 
 def deliver_to_result(
-    scene: bpy.types.Scene,
-    eyes: Mapping[str, Passes],
-    path: Path | None = None,
-    *,
-    frame: int | None = None,
-    to_look_at: bool = False,
+    scene: bpy.types.Scene, eyes: Mapping[str, Passes], *, frame: int | None = None, to_look_at: bool = False
 ) -> None:
     """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
 
-    The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. With a
-    `path`, the result is written there in the scene's own format and layout, which may add a view's suffix. The scene
+    The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. The scene
     is afterwards as it was. Raises StereoReprojectError.
     """
     muted = file_outputs_muted(scene) if to_look_at else nullcontext()
-    with _at_frame(scene, frame), _as_delivered(scene, path), muted:
-        _hand_over(scene, eyes, "hand the pair over to Blender", path)
+    with _at_frame(scene, frame), _as_delivered(scene), muted:
+        _hand_over(scene, eyes, "hand the pair over to Blender", None)
 
 
-def deliver_movie(scene: bpy.types.Scene, eyes_at: EyesAt, path: Path, *, size: tuple[int, int], frames: range) -> None:
-    """Write the eyes of all `frames`, of `size` (width, height), as a movie in the scene's own format and layout.
+def deliver_frames(
+    scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, size: tuple[int, int], frames: range
+) -> None:
+    """Have Blender write the eyes of `frames`, of `size` (width, height), into a folder, as it writes an animation: in
+    the scene's own format, layout and naming, movies too.
 
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
     span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
-    with _at_frame(scene, frames[0]), _as_delivered(scene, path), changed(scene, **span):
-        _take(scene, eyes_at, f"write {path.name}", size, lambda: call_render(scene, animation=True))
+    files = {"filepath": f"{output_path(folder)}/{output_name(scene)}", "use_overwrite": True, "use_placeholder": False}
+    if hasattr(scene.render, "save_output"):
+        files["save_output"] = True
+    with _at_frame(scene, frames[0]), _as_delivered(scene), changed(scene, **span), changed(scene.render, **files):
+        _take(scene, eyes_at, f"write frame {frames[0]}", size, lambda: call_render(scene, animation=True))
 
 
 @contextmanager
@@ -158,16 +159,14 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
 
 
 @contextmanager
-def _as_delivered(scene: bpy.types.Scene, path: Path | None) -> Iterator[None]:
-    """The scene set so that nothing but the eyes goes into its result, and that is written under `path`."""
+def _as_delivered(scene: bpy.types.Scene) -> Iterator[None]:
+    """The scene set so that nothing but the eyes goes into its result."""
     layers = [layer for layer in scene.view_layers if layer.use]
     if not layers:
         raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
-    output = {} if path is None else {"filepath": output_path(path), "use_overwrite": True, "use_placeholder": False}
-    if path is not None and hasattr(scene.render, "save_output"):
-        output["save_output"] = True
+    compositing = scene.render.use_compositing and compositor_blocker(scene) is None
     with ExitStack() as changes:
-        changes.enter_context(changed(scene.render, **_as_it_is(), **output))
+        changes.enter_context(changed(scene.render, use_compositing=compositing, **_as_it_is()))
         # The eyes have Grease Pencil already, as far as they can.
         changes.enter_context(changed(layers[0], use_grease_pencil=False))
         for layer in layers[1:]:

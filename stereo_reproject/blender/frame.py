@@ -58,7 +58,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, frame, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(frame.eyes[settings.target]), reference)
-    report["warnings"] = scene_warnings(scene, compositor="stereo.png" in files) + _invalid_warnings(frame)
+    report["warnings"] = scene_warnings(scene, compositor="stereo.png" not in files) + _invalid_warnings(frame)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)

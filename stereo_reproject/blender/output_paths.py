@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
 from pathlib import Path
 
 import bpy
 
 from ..errors import BadInputError
 from ..exr import VIEWS
+from .compositor import file_outputs
 from .render import output_path
 from .scene import changed
 
 BLEND_FOLDER = "{blend_dir}"
-
-FILE_OUTPUT = "CompositorNodeOutputFile"
 
 
 def write_beside(scene: bpy.types.Scene, original: Path) -> None:
@@ -34,41 +32,14 @@ def _beside(path: str, original: Path) -> str:
     return path.replace(BLEND_FOLDER, folder)
 
 
-def file_outputs(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
-    """The nodes of the scene's compositor that write files, those in groups too."""
-    if hasattr(scene, "compositing_node_group"):
-        tree = scene.compositing_node_group
-    else:
-        tree = scene.node_tree if scene.use_nodes else None
-    trees, seen = [tree], set()
-    while trees:
-        tree = trees.pop()
-        if tree is None or tree in seen:
-            continue
-        seen.add(tree)
-        for node in tree.nodes:
-            if node.bl_idname == FILE_OUTPUT:
-                yield node
-            elif hasattr(node, "node_tree"):
-                trees.append(node.node_tree)
+def output_name(scene: bpy.types.Scene) -> str:
+    """The last part of the scene's output path as it stands there, to which Blender adds frame, view and extension."""
+    return re.split(r"[/\\]", scene.render.filepath)[-1]
 
 
-@contextmanager
-def file_outputs_muted(scene: bpy.types.Scene) -> Iterator[None]:
-    """Nothing is written but the result: for what is rendered to be looked at."""
-    muted = [(node.id_data, node.name) for node in file_outputs(scene) if not node.mute]
-    try:
-        for tree, name in muted:
-            tree.nodes[name].mute = True
-        yield
-    finally:
-        for tree, name in muted:
-            tree.nodes[name].mute = False
-
-
-def output_files(scene: bpy.types.Scene, frame: int, *, span: range | None = None) -> tuple[Path, list[Path]]:
-    """Where a frame's pair is written by the scene's own settings: the file's path without a view's suffix, and all of
-    its files. A movie's are the same for all frames of its span, and named by that.
+def output_files(scene: bpy.types.Scene, frame: int, *, span: range | None = None) -> list[Path]:
+    """The files that a frame's pair is written to by the scene's own settings. A movie's are the same for all frames of
+    its span, and named by that.
 
     Raises BadInputError when the output path cannot be used.
     """
@@ -80,9 +51,9 @@ def output_files(scene: bpy.types.Scene, frame: int, *, span: range | None = Non
     ends = {} if span is None else {"frame_start": span[0], "frame_end": span[-1]}
     try:
         with changed(render, use_multiview=True), changed(scene, **ends):
-            plain = Path(render.frame_path(frame=frame))
             if render.image_settings.views_format != "INDIVIDUAL":
-                return plain, [plain]
-            return plain, [Path(render.frame_path(frame=frame, view=view)) for view in VIEWS]
+                return [Path(render.frame_path(frame=frame))]
+            return [Path(render.frame_path(frame=frame, view=view)) for view in VIEWS]
     except RuntimeError as error:
-        raise BadInputError(f"the output path cannot be used: {' '.join(str(error).split())}") from error
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise BadInputError(f"the output path cannot be used: {reason}") from error

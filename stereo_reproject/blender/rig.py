@@ -46,6 +46,8 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
     """The camera, if its pair can be made. Raises BadInputError with what is in the way."""
     if camera is None:
         raise BadInputError("the scene has no camera: set one in Scene properties > Camera")
+    if camera.is_missing:
+        raise BadInputError(f"camera {camera.name!r} is linked from a file that is missing: find it, or make one here")
     if camera.type != "CAMERA":
         raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one as scene camera")
     if camera.data.type not in ("PERSP", "ORTHO"):

@@ -12,6 +12,7 @@ import bpy
 
 from ..errors import BadInputError
 from ..settings import SceneOverrides
+from .compositor import compositor_blocker, has_compositor
 from .rig import MODES, check_camera, frame_region
 
 CYCLES = "CYCLES"
@@ -63,13 +64,18 @@ def scene_frames(scene: bpy.types.Scene) -> range:
     return frames
 
 
-def scene_warnings(scene: bpy.types.Scene, *, compositor: bool = True) -> list[str]:
-    """What the scene asks for that a stereo pair does not have yet: a line each; of the compositor only if told to."""
+def scene_warnings(scene: bpy.types.Scene, *, compositor: bool = False) -> list[str]:
+    """What the scene asks for that a stereo pair does not have yet: a line each; compositor: whether the pair is to go
+    through it."""
     warnings = []
     if scene.render.engine == CYCLES and scene.cycles.use_denoising:
         warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
-    if compositor and scene.render.use_compositing and _has_compositor(scene):
-        warnings.append("the scene's compositor is not applied to the pair")
+    if scene.render.use_compositing and has_compositor(scene):
+        if not compositor:
+            warnings.append("the scene's compositor is not applied to the pair")
+        elif (blocker := compositor_blocker(scene)) is not None:
+            warnings.append(f"the scene's compositor is left out: {blocker}")
+    warnings += _unbaked(scene)
     warnings += _missing_images()
     if bpy.app.autoexec_fail:
         warnings.append("scripts of the .blend were not run: drivers that need them stand still")
@@ -95,16 +101,42 @@ def _missing_images() -> list[str]:
     return [f"image file missing for {missing[0]!r}{more}: find it with File > External Data > Find Missing Files"]
 
 
-def _has_compositor(scene: bpy.types.Scene) -> bool:
-    """Whether the compositing nodes do more than hand the render through."""
-    if hasattr(scene, "compositing_node_group"):
-        tree = scene.compositing_node_group
-    else:
-        tree = scene.node_tree if scene.use_nodes else None
-    if tree is None:
-        return False
-    passive = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
-    return any(node.bl_idname not in passive for node in tree.nodes)
+def _unbaked(scene: bpy.types.Scene) -> list[str]:
+    """A line when something is simulated and not baked: its state is not part of a file, and frames are visited to
+    and fro."""
+    found = [
+        f"{modifier.name!r} on {item.name!r}"
+        for item in scene.objects
+        for modifier in item.modifiers
+        if modifier.type in ("CLOTH", "SOFT_BODY") and not modifier.point_cache.is_baked
+    ]
+    found += [
+        f"{system.name!r} on {item.name!r}"
+        for item in scene.objects
+        for system in item.particle_systems
+        if _moves(system) and not system.point_cache.is_baked
+    ]
+    world = scene.rigidbody_world
+    if world is not None and world.enabled and world.collection and not world.point_cache.is_baked:
+        found.append("the rigid body world")
+    found += [
+        f"{modifier.name!r} on {item.name!r}"
+        for item in scene.objects
+        for modifier in item.modifiers
+        if modifier.type == "NODES" and _has_simulation(modifier.node_group) and not len(modifier.bakes)
+    ]
+    if not found:
+        return []
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    return [f"a simulation is not baked, {found[0]}{more}: bake it, or it may look different here"]
+
+
+def _moves(system: bpy.types.ParticleSystem) -> bool:
+    return system.settings.type == "EMITTER" or system.use_hair_dynamics
+
+
+def _has_simulation(tree: bpy.types.NodeTree | None) -> bool:
+    return tree is not None and any(node.bl_idname == "GeometryNodeSimulationInput" for node in tree.nodes)
 
 
 @contextmanager

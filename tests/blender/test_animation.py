@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.animation import render_animation_files
-from stereo_reproject.blender.delivery import deliver_to_result
+from stereo_reproject.blender.delivery import deliver_frames
 from stereo_reproject.blender.pictures import read_png
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.passes import COLOUR_PASS
@@ -170,9 +170,9 @@ def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_pa
         view: {COLOUR_PASS: np.full((*SIZE[::-1], 4), (value, value, value, 1.0), np.float32)}
         for view, value in (("left", 0.25), ("right", 0.5))
     }
-    deliver_to_result(scene, eyes, tmp_path / "result.exr")
+    deliver_frames(scene, lambda _: eyes, tmp_path, size=SIZE, frames=range(2, 3))
     assert [(link.from_socket.name, link.to_node.name, link.is_valid) for link in tree.links] == links
-    image = bpy.data.images.load(str(tmp_path / "result.exr"))
+    image = bpy.data.images.load(str(tmp_path / "shot_0002.exr"))
     pixels = np.array(image.pixels[:]).reshape(SIZE[1], 2 * SIZE[0], -1)
     assert pixels[0, 0, 0] == pytest.approx(0.5, rel=1e-3)
     assert pixels[0, -1, 0] == pytest.approx(1.0, rel=1e-3)
