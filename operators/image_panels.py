@@ -12,8 +12,18 @@ from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
 
-REASONS = {"rerendered": "All that was rendered"}
-"""What a traced fraction is called where its own name would not do."""
+REASONS = {
+    "disoccluded": "Hidden from the first eye",
+    "outside": "Outside its frame",
+    "silhouette": "Edges",
+    "transparent": "Seen through glass",
+    "volume": "Volumes before the sky",
+    "defocus": "Blurred edges",
+    "refined": "Off, as probes found",
+    "probe": "Probes",
+    "rerendered": "All that was rendered",
+}
+"""What the reasons are called here, why pixels of the second eye were rendered."""
 
 
 class IMAGE_PT_stereo_reproject(bpy.types.Panel):
@@ -85,6 +95,7 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
         paragraph(column, context, f"No estimate: {estimate['from']}")
         return
     _row(column, "Noise ratio, estimated", f"{estimate['noise_ratio']:.3f}")
+    paragraph(column, context, "1 is as good as rendering it whole.")
     if estimate["low"] is not None:
         _row(column, "95 % interval", f"{estimate['low']:.2f} to {estimate['high']:.2f}")
     if estimate["promise"] is not None:

@@ -8,9 +8,10 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.hole_camera import missing_osl_cameras
+from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import CYCLES, EEVEE
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running
-from .properties import promise
+from .properties import FILLS, promise
 from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
@@ -70,9 +71,13 @@ def _means(scene: bpy.types.Scene) -> str:
     if engine != CYCLES:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
     missing = missing_osl_cameras(scene, engine)
+    if chosen.fill == "packed" and missing:
+        return f"Not possible here: {missing}."
     if chosen.fill != "auto":
-        return f"Not possible: {missing}." if chosen.fill == "packed" and missing else ""
-    return f"By card or full: {missing}." if missing else "Packed, card or full, by what costs least."
+        return f"{FILLS[chosen.fill]}."
+    if missing:
+        return f"Missing pixels are rendered through a card, which takes a little longer: {missing}."
+    return "Missing pixels are rendered in the way that is fastest for each frame."
 
 
 def _draw_layout(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
@@ -131,7 +136,7 @@ class _Camera:
         if not known:
             paragraph(layout, context, "Check the scene, or render it, to see its parallax.")
             return
-        layout.label(text="Parallax, of the Width:")
+        layout.label(text="Parallax (of the Width):")
         for name, parallax in known:
             where = "behind" if parallax.pixels > 0.0 else "in front"
             text = f"{name}: {abs(parallax.percent):.1f} % {where} ({abs(parallax.pixels):.0f} px)"
@@ -159,6 +164,8 @@ class _Check:
         size = " x ".join(map(str, found["size"]))
         how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {found['accuracy']}"
         paragraph(layout, context, f"{how}:")
+        if not is_current(scene, found):
+            paragraph(layout, context, "Something of this was changed since: check again.", icon="ERROR")
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
@@ -185,6 +192,14 @@ class _Check:
             paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
         if len(called) > SHOWN_EFFECTS:
             paragraph(layout, context, f"and {len(called) - SHOWN_EFFECTS} more effects")
+
+
+def is_current(scene: bpy.types.Scene, found: Any) -> bool:
+    """Whether a check was made for the frame, size, samples and accuracy that are set now."""
+    region = frame_region(scene.render)
+    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
+    samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
+    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == samples
 
 
 class _Preview:

@@ -119,7 +119,9 @@ def animated(scene, place):
     project.mkdir()
     _add_file_output(scene, "//nodes/")
     scene.frame_start, scene.frame_end = 1, 2
-    scene.render.filepath = "{blend_dir}/shots/{blend_name}_"
+    # The folder as a template came with 5.0.
+    folder = "{blend_dir}/" if bpy.app.version >= (5, 0) else "//"
+    scene.render.filepath = f"{folder}shots/{{blend_name}}_"
     if hasattr(scene.render.image_settings, "media_type"):
         scene.render.image_settings.media_type = "IMAGE"
     scene.render.image_settings.file_format = "PNG"

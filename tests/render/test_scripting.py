@@ -84,7 +84,7 @@ def test_bad_input_is_told_and_changes_nothing(folder):
     bpy.context.scene.render.filepath = str(folder / "taken" / "shot_")
     with pytest.raises(BadInputError, match="choose another output folder"):
         render_animation(frames=range(1, 2))
-    bpy.context.scene.render.filepath = before[("scenes", "Scene")]["render"]["filepath"]
+    bpy.context.scene.render.filepath = before["scenes", "Scene", None]["render"]["filepath"]
     assert everything() == before
     assert files(folder) == ["room.blend", "taken"]
 
