@@ -17,6 +17,7 @@ from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings
 from ..stereo_reproject.work_folder import DIFFERENCE
 from .jobs import JobOperator
+from .pictures import show_pair
 from .results import keep_inspection, keep_pair, result_of
 from .run import Run, seconds_of
 
@@ -145,15 +146,8 @@ def _deliver(scene: bpy.types.Scene, run: Run, *, frame: int | None, to_look_at:
     deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at)
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()
-    if bpy.context.window is not None and not bpy.app.background and not _is_shown():
-        bpy.ops.render.view_show("INVOKE_DEFAULT")
-
-
-def _is_shown() -> bool:
-    """Whether an Image Editor shows the Render Result: asking for it once more would close it."""
-    spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    images = [space.image for space in spaces if space.type == "IMAGE_EDITOR"]
-    return any(image is not None and image.type == "RENDER_RESULT" for image in images)
+    if bpy.context.window is not None and not bpy.app.background:
+        show_pair()
 
 
 def summary(report: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """Runs inside a Blender with a window, started with --enable-event-simulate: installs the zip and uses it as an artist
-does, with mouse and keyboard. `-- ZIP FOLDER`: FOLDER takes the screenshots and facts.json. Not a test itself."""
+does, with mouse and keyboard. `-- ZIP FOLDER [PERCENT SAMPLES]`: FOLDER takes the screenshots and facts.json, the
+numbers are the preview's. Not a test itself."""
 
 import importlib
 import json
@@ -13,7 +14,9 @@ from pathlib import Path
 
 import bpy
 
-ZIP, FOLDER = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
+ARGUMENTS = sys.argv[sys.argv.index("--") + 1 :]
+ZIP, FOLDER = map(Path, ARGUMENTS[:2])
+PREVIEW = [int(number) for number in ARGUMENTS[2:]]
 MODULE = "bl_ext.user_default.stereo_reproject"
 LIMIT = 240.0
 """Seconds after which something that is waited for will never come."""
@@ -182,7 +185,32 @@ def scenario():
     facts["unchanged_by_cancel"] = values() == before
     shoot("cancelled")
 
+    facts["steps"].append("cancel by its button")
+    yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
+    yield from click("VIEW_3D", "UI", "stereo_reproject.cancel()")
+    yield from until(lambda: jobs().running() is None, "Cancel did not end the run")
+    yield 0.5
+    facts["unchanged_by_cancel_button"] = values() == before
+
+    facts["steps"].append("convergence")
+    scene.camera.data.dof.focus_distance = 4.25
+    distance = scene.camera.data.stereo.convergence_distance
+    bpy.ops.ed.undo_push(message="Before")
+    yield from click("VIEW_3D", "UI", "set_convergence(target='FOCUS')")
+    yield 0.5
+    facts["convergence"] = scene.camera.data.stereo.convergence_distance
+    region = region_of("VIEW_3D", "WINDOW")
+    go(region.x + 0.3 * region.width, region.y + 0.3 * region.height)
+    press("Z", ctrl=True)
+    yield 1.0
+    # An undo makes new data of everything.
+    scene = bpy.context.scene
+    facts["undone"] = scene.camera.data.stereo.convergence_distance == distance
+    before = values()
+
     facts["steps"].append("preview")
+    if PREVIEW:
+        scene.stereo_reproject.preview_percentage, scene.stereo_reproject.preview_samples = PREVIEW
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
     yield from until(lambda: jobs().running() is None, "the preview never ended")
     yield 2.0
@@ -216,6 +244,7 @@ def scenario():
     yield 1.0
     bpy.ops.preferences.addon_disable(module=MODULE)
     yield 1.0
+    shoot("gone")
     facts["gone"] = not hasattr(bpy.types.Scene, "stereo_reproject")
     bpy.ops.preferences.addon_enable(module=MODULE)
     yield 0.5

@@ -2,7 +2,8 @@
 
 BLENDER_WINDOW names the command that starts such a Blender, to which options are added: `blender`, `xvfb-run blender`,
 or whatever makes a window where there is none. Without it these tests are skipped. What they see is left in
-build/gui, pictures included. GUI_SCENE names another .blend than the demo's.
+build/gui, pictures included. GUI_SCENE names another .blend than the demo's, GUI_PREVIEW its preview's percentage and
+samples.
 """
 
 import json
@@ -18,6 +19,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = Path(os.environ.get("GUI_SCENE", ROOT / "demo" / "cornell-box" / "cornell-box.blend"))
 COMMAND = os.environ.get("BLENDER_WINDOW", "")
+PREVIEW = os.environ.get("GUI_PREVIEW", "").split()
 SEEN = ROOT / "build" / "gui"
 """Below the checkout: a Blender in a container of its own may see nothing else."""
 
@@ -40,7 +42,7 @@ def facts():
     (archive,) = SEEN.glob(f"*-{PLATFORMS[sys.platform]}.zip")
     scene = shutil.copy(SCENE, SEEN)
     options = ["--factory-startup", "--enable-event-simulate", scene, "--python", ROOT / "tests" / "gui" / "drive.py"]
-    command = [*shlex.split(COMMAND), *options, "--", archive, SEEN]
+    command = [*shlex.split(COMMAND), *options, "--", archive, SEEN, *PREVIEW]
     finished = subprocess.run(
         list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, check=False
     )
@@ -48,6 +50,7 @@ def facts():
     assert said.exists(), finished.stdout[-4000:] + finished.stderr[-4000:]
     found = json.loads(said.read_text(encoding="utf-8"))
     assert found.get("finished"), (found, finished.stdout[-4000:])
+    assert "Traceback" not in finished.stdout + finished.stderr, finished.stdout[-4000:]
     return found
 
 
@@ -69,6 +72,15 @@ def test_a_check_changes_nothing(facts):
 def test_escape_ends_a_run_and_leaves_nothing(facts):
     assert facts["cancelled"]
     assert facts["unchanged_by_cancel"]
+
+
+def test_the_cancel_button_does_the_same(facts):
+    assert facts["unchanged_by_cancel_button"]
+
+
+def test_convergence_is_one_step_to_undo(facts):
+    assert facts["convergence"] == pytest.approx(4.25)
+    assert facts["undone"]
 
 
 def test_a_preview_becomes_the_render_result(facts):
@@ -97,7 +109,8 @@ def test_switching_the_extension_off_under_way_and_on_again(facts):
     assert facts["back"]
 
 
-def test_every_picture_shows_something(facts):
+def test_the_pictures_are_of_different_things(facts):
     assert facts["steps"]
-    for name in PICTURES:
-        assert (SEEN / f"{name}.png").stat().st_size > 20_000, name
+    seen = {(SEEN / f"{name}.png").read_bytes() for name in PICTURES}
+    assert len(seen) == len(PICTURES)
+    assert min(map(len, seen)) > 20_000, "a black window"
