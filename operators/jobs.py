@@ -113,6 +113,8 @@ class JobOperator:
             return {"PASS_THROUGH"}
         self._tell(progress_of(run)[1])
         # Blender has one render at a time, and the user may have begun another.
+        if _scene_of(run) is None:
+            run.cancel()
         delivers = self.uses_render_result and run.error is None
         if not run.finished or (delivers and bpy.app.is_job_running("RENDER")):
             return {"PASS_THROUGH"}
@@ -155,7 +157,7 @@ class JobOperator:
         try:
             if run.error is not None:
                 raise run.error
-            scene = next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
+            scene = _scene_of(run)
             if scene is None:
                 raise BadInputError("the scene was deleted while it was rendered: its result is thrown away")
             words = self.take(scene, run)
@@ -183,6 +185,11 @@ class JobOperator:
         if text != self._told:
             self._told = text
             _show(text)
+
+
+def _scene_of(run: Run) -> bpy.types.Scene | None:
+    """The scene that a run is of; None when it was deleted since."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
 
 
 def _sentence(what: object) -> str:

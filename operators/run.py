@@ -63,7 +63,7 @@ class Run:
         self.report: dict[str, Any] | None = None
         self.error: StereoReprojectError | None = None
         # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
-        self._place = work_folder(Path(tempfile.gettempdir()), ())
+        self._place = work_folder(temporary_folder(), ())
         self._files = self._place.__enter__()
         self._written = written
         self._closed = False
@@ -128,7 +128,11 @@ class Run:
         try:
             bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
         except RuntimeError as error:
-            raise BadInputError(f"no copy to render can be saved: {' '.join(str(error).split())}") from error
+            reason = " ".join(str(error).split()).removeprefix("Error: ")
+            raise BadInputError(
+                f"no copy of the file can be saved in {self._files.parent} ({reason}): free some space there, or set"
+                " another folder for temporary files in the preferences"
+            ) from error
         return blend
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
@@ -151,6 +155,11 @@ class Run:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
             self.progress.begin(self.stage, now)
             self.progress.advance(event.get("fraction"), now)
+
+
+def temporary_folder() -> Path:
+    """Where the preferences want temporary files, or else the system."""
+    return Path(bpy.context.preferences.filepaths.temporary_directory or tempfile.gettempdir())
 
 
 def link_folder(folder: Path, link: Path) -> None:

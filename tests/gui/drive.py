@@ -192,6 +192,21 @@ def scenario():
     yield 0.5
     facts["unchanged_by_cancel_button"] = values() == before
 
+    facts["steps"].append("Esc in another window")
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.wm.window_new()
+    yield 1.5
+    other = bpy.context.window_manager.windows[-1]
+    yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
+    for value in ("PRESS", "RELEASE"):
+        other.event_simulate(type="ESC", value=value, x=20, y=20)
+    yield from until(lambda: jobs().running() is None, "Esc in another window did not end the run")
+    facts["other_window"] = results().report is None
+    with bpy.context.temp_override(window=other):
+        bpy.ops.wm.window_close()
+    yield 0.5
+    before = values()
+
     facts["steps"].append("convergence")
     scene.camera.data.dof.focus_distance = 4.25
     distance = scene.camera.data.stereo.convergence_distance

@@ -74,6 +74,10 @@ def test_escape_ends_a_run_and_leaves_nothing(facts):
     assert facts["unchanged_by_cancel"]
 
 
+def test_escape_in_another_window_does_the_same(facts):
+    assert facts["other_window"]
+
+
 def test_the_cancel_button_does_the_same(facts):
     assert facts["unchanged_by_cancel_button"]
 
