@@ -22,6 +22,8 @@ LIMIT = 240.0
 """Seconds after which something that is waited for will never come."""
 
 facts: dict = {"steps": []}
+seen: dict = {}
+"""What later steps compare with."""
 turns = {"count": 0}
 """How often Blender has come back to its events."""
 
@@ -135,7 +137,7 @@ def show_sidebar(kind, category):
     yield 1.0
 
 
-def scenario():
+def set_up():
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.view.render_display_type = "AREA"
     facts["mouse"] = (window().width // 2, window().height // 2)
@@ -146,8 +148,10 @@ def scenario():
     import _cycles
 
     facts["osl"] = bool(_cycles.with_osl)
-    scene = bpy.context.scene
-    before = values()
+    seen["before"] = values()
+
+
+def look_at_the_panels():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
     yield from show_sidebar("VIEW_3D", "Stereo")
     shoot("panel")
@@ -160,15 +164,17 @@ def scenario():
     yield 1.0
     shoot("output")
 
-    facts["steps"].append("check")
+
+def check_the_scene():
     yield from click("VIEW_3D", "UI", "stereo_reproject.check_scene()")
     yield from until(lambda: jobs().running() is None, "the check never ended")
     yield 1.0
     shoot("checked")
     facts["inspection"] = results().inspection is not None
-    facts["unchanged_by_check"] = values() == before
+    facts["unchanged_by_check"] = values() == seen["before"]
 
-    facts["steps"].append("cancel")
+
+def cancel_with_escape():
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
     facts["started"] = jobs().running() is not None
     facts["second_refused"] = not bpy.ops.render.stereo_reproject_image.poll()
@@ -182,17 +188,19 @@ def scenario():
     yield from until(lambda: jobs().running() is None, "Esc did not end the run")
     yield 1.0
     facts["cancelled"] = results().report is None and not folder.exists()
-    facts["unchanged_by_cancel"] = values() == before
+    facts["unchanged_by_cancel"] = values() == seen["before"]
     shoot("cancelled")
 
-    facts["steps"].append("cancel by its button")
+
+def cancel_with_the_button():
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
     yield from click("VIEW_3D", "UI", "stereo_reproject.cancel()")
     yield from until(lambda: jobs().running() is None, "Cancel did not end the run")
     yield 0.5
-    facts["unchanged_by_cancel_button"] = values() == before
+    facts["unchanged_by_cancel_button"] = values() == seen["before"]
 
-    facts["steps"].append("Esc in another window")
+
+def cancel_in_another_window():
     with bpy.context.temp_override(window=window()):
         bpy.ops.wm.window_new()
     yield 1.5
@@ -205,37 +213,40 @@ def scenario():
     with bpy.context.temp_override(window=other):
         bpy.ops.wm.window_close()
     yield 0.5
-    before = values()
 
-    facts["steps"].append("convergence")
-    scene.camera.data.dof.focus_distance = 4.25
-    distance = scene.camera.data.stereo.convergence_distance
+
+def set_the_convergence_and_undo_it():
+    camera = bpy.context.scene.camera.data
+    camera.dof.focus_distance = 4.25
+    distance = camera.stereo.convergence_distance
     bpy.ops.ed.undo_push(message="Before")
     yield from click("VIEW_3D", "UI", "set_convergence(target='FOCUS')")
     yield 0.5
-    facts["convergence"] = scene.camera.data.stereo.convergence_distance
+    facts["convergence"] = camera.stereo.convergence_distance
     region = region_of("VIEW_3D", "WINDOW")
     go(region.x + 0.3 * region.width, region.y + 0.3 * region.height)
     press("Z", ctrl=True)
     yield 1.0
     # An undo makes new data of everything.
-    scene = bpy.context.scene
-    facts["undone"] = scene.camera.data.stereo.convergence_distance == distance
-    before = values()
+    facts["undone"] = bpy.context.scene.camera.data.stereo.convergence_distance == distance
 
-    facts["steps"].append("preview")
+
+def preview():
+    scene = bpy.context.scene
     if PREVIEW:
         scene.stereo_reproject.preview_percentage, scene.stereo_reproject.preview_samples = PREVIEW
+    seen["before"] = values()
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
     yield from until(lambda: jobs().running() is None, "the preview never ended")
     yield 2.0
     facts["preview"] = dict(results().report["fractions"]) if results().report else None
     facts["fill"] = results().report["fill"] if results().report else None
     facts["result"] = [image.name for image in bpy.data.images if image.type == "RENDER_RESULT" and image.has_data]
-    facts["unchanged_by_preview"] = values() == before
+    facts["unchanged_by_preview"] = values() == seen["before"]
     shoot("preview")
 
-    facts["steps"].append("pictures")
+
+def look_at_the_pictures():
     yield from show_sidebar("IMAGE_EDITOR", "Stereo")
     shoot("result")
     yield from click("IMAGE_EDITOR", "UI", "show_picture(which='HOLES')")
@@ -244,7 +255,9 @@ def scenario():
     space = area_of("IMAGE_EDITOR").spaces.active
     facts["holes"] = [space.image.name, list(space.image.size)] if space.image else None
 
-    facts["steps"].append("animation")
+
+def animate():
+    scene = bpy.context.scene
     settings = scene.render.image_settings
     settings.file_format, settings.views_format = "PNG", "INDIVIDUAL"
     scene.frame_end, scene.render.filepath = 2, str(FOLDER / "shots" / "shot_")
@@ -254,7 +267,8 @@ def scenario():
     yield 1.0
     facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("*"))
 
-    facts["steps"].append("switched off under way")
+
+def switch_off_under_way():
     bpy.ops.render.stereo_reproject_image("INVOKE_DEFAULT")
     yield 1.0
     bpy.ops.preferences.addon_disable(module=MODULE)
@@ -264,6 +278,27 @@ def scenario():
     bpy.ops.preferences.addon_enable(module=MODULE)
     yield 0.5
     facts["back"] = hasattr(bpy.types.Scene, "stereo_reproject")
+
+
+STEPS = (
+    set_up,
+    look_at_the_panels,
+    check_the_scene,
+    cancel_with_escape,
+    cancel_with_the_button,
+    cancel_in_another_window,
+    set_the_convergence_and_undo_it,
+    preview,
+    look_at_the_pictures,
+    animate,
+    switch_off_under_way,
+)
+
+
+def scenario():
+    for step in STEPS:
+        facts["steps"].append(step.__name__)
+        yield from step()
 
 
 def end():
