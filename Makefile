@@ -6,6 +6,7 @@
 # make bench      time the warp
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
+# make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
 # make clean      remove everything that the others made, environments included
 #
 # Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
@@ -30,7 +31,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test gui-test lint lint-tools extension bench coverage spending clean
+.PHONY: demo test gui-test lint lint-tools extension bench coverage spending preview clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -61,6 +62,9 @@ coverage: $(TEST_INSTALLED)
 
 spending: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/spending.py --scenes $(SCENES) $(SPENDING_OPTIONS)
+
+preview: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/preview.py --scenes $(SCENES)
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .ruff_cache
