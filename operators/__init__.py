@@ -44,8 +44,10 @@ def _end() -> None:
     """Nothing runs any more, and nothing is left on the disk."""
     from . import jobs, results
 
-    jobs.stop_running()
-    results.forget_all()
+    try:
+        jobs.stop_running()
+    finally:
+        results.forget_all()
 
 
 def unregister() -> None:

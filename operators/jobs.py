@@ -53,6 +53,7 @@ def _quiet() -> None:
     """No timer, and nothing in the status bar: nothing runs any more."""
     while _timers:
         bpy.context.window_manager.event_timer_remove(_timers.pop())
+        _clear_status()
         _show(None)
 
 
@@ -201,13 +202,21 @@ def _show(text: str | None) -> None:
     """In every window's status bar, and in the panels."""
     for window in bpy.context.window_manager.windows:
         # The text belongs to the workspace of the context, whichever it is asked of.
-        with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
-            window.workspace.status_text_set(None if text is None else f"{text}   |   Esc: Cancel")
+        if text is not None:
+            with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
+                window.workspace.status_text_set(f"{text}   |   Esc: Cancel")
         for area in window.screen.areas:
             if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
                 for region in area.regions:
                     if region.type == "UI" or (region.type == "WINDOW" and area.type == "PROPERTIES"):
                         region.tag_redraw()
+
+
+def _clear_status() -> None:
+    """In every workspace: one that was left under way still has its text."""
+    for workspace in bpy.data.workspaces:
+        with bpy.context.temp_override(workspace=workspace):  # pyright: ignore[reportGeneralTypeIssues] - as above
+            workspace.status_text_set(None)
 
 
 class STEREO_REPROJECT_OT_listen(bpy.types.Operator):

@@ -123,8 +123,8 @@ class Run:
         blend = self._files / (Path(bpy.data.filepath).name or UNSAVED)
         if bpy.data.filepath:
             caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
-            if caches.is_dir():
-                link_folder(caches, blend.with_name(caches.name))
+            if caches.is_dir() and not link_folder(caches, blend.with_name(caches.name)):
+                self.warnings.append(f"baked simulations in {caches} are not found from where the copy is rendered")
         try:
             bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
         except RuntimeError as error:
@@ -159,18 +159,26 @@ class Run:
 
 def temporary_folder() -> Path:
     """Where the preferences want temporary files, or else the system."""
-    return Path(bpy.context.preferences.filepaths.temporary_directory or tempfile.gettempdir())
+    wanted = bpy.context.preferences.filepaths.temporary_directory
+    return Path(wanted) if wanted and Path(wanted).is_dir() else Path(tempfile.gettempdir())
 
 
-def link_folder(folder: Path, link: Path) -> None:
-    """Have a folder found under another path: Blender looks for baked simulations beside the .blend, by its name."""
-    if sys.platform == "win32":
-        # A symbolic link would need rights that few people have.
-        import _winapi
+def link_folder(folder: Path, link: Path) -> bool:
+    """Have a folder found under another path: Blender looks for baked simulations beside the .blend, by its name.
 
-        _winapi.CreateJunction(str(folder), str(link))
-    else:
-        link.symlink_to(folder, target_is_directory=True)
+    False where that cannot be: some drives have no links.
+    """
+    try:
+        if sys.platform == "win32":
+            # A symbolic link would need rights that few people have.
+            import _winapi
+
+            _winapi.CreateJunction(str(folder), str(link))
+        else:
+            link.symlink_to(folder, target_is_directory=True)
+        return link.is_dir()
+    except OSError:
+        return False
 
 
 def worker_command() -> list[str] | None:

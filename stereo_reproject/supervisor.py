@@ -160,7 +160,7 @@ def _work_folder(job: Job) -> Iterator[Path]:
             yield work
         return
     # What leaves no files behind works where temporary files belong.
-    with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as parent, work_folder(Path(parent), ()) as work:
+    with work_folder(Path(tempfile.gettempdir()), ()) as work:
         yield work
 
 

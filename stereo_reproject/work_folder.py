@@ -14,6 +14,7 @@ import contextlib
 import errno
 import os
 import platform
+import secrets
 import shutil
 import sys
 import tempfile
@@ -57,8 +58,8 @@ RETRY_SECONDS = 0.05
 # A work folder without a pid may belong to a run that is just starting.
 NAMELESS_SECONDS = 60.0
 
-_own: set[Path] = set()
-"""Folders of this very process that are in use."""
+_own: set[str] = set()
+"""Folders of this very process that are in use, by their real paths."""
 
 
 @contextlib.contextmanager
@@ -75,8 +76,8 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
             _make_folders(output, created)
             _check_names_free(output, files)
             remove_abandoned(output)
-            work = Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
-            _own.add(work)
+            work = _make_private(output)
+            _own.add(os.path.realpath(work))
             (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
             for name in ("out", "tmp", "old"):
                 (work / name).mkdir()
@@ -86,10 +87,19 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
     finally:
         if work is not None:
             _remove_tree(work)
-            _own.discard(work)
+            _own.discard(os.path.realpath(work))
         for folder in reversed(created):
             with contextlib.suppress(OSError):
                 folder.rmdir()
+
+
+def _make_private(output: Path) -> Path:
+    if sys.platform != "win32":
+        return Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
+    # There, files keep the rights of the folder that they were made in, also when they are moved out of it.
+    work = output / f"{WORK_PREFIX}{secrets.token_hex(8)}"
+    work.mkdir()
+    return work
 
 
 def _make_folders(folder: Path, created: list[Path]) -> None:
@@ -138,8 +148,9 @@ def _remove_tree(folder: Path) -> None:
 def remove_abandoned(output: Path) -> None:
     """Remove the work folders of runs that were killed before they could do it themselves."""
     for folder in output.glob(f"{WORK_PREFIX}*"):
-        if folder.is_dir() and not folder.is_symlink() and folder not in _own and _is_abandoned(folder):
-            shutil.rmtree(folder, ignore_errors=True)
+        in_use = os.path.realpath(folder) in _own
+        if folder.is_dir() and not folder.is_symlink() and not in_use and _is_abandoned(folder):
+            _remove_tree(folder)
 
 
 def _is_abandoned(folder: Path) -> bool:

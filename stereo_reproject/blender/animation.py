@@ -18,7 +18,7 @@ from ..settings import StereoSettings
 from ..work_folder import flush, work_folder
 from .delivery import EyesAt, deliver_frames
 from .frame import render_pair
-from .output_paths import output_files
+from .output_paths import check_file_outputs, output_files
 from .scene import scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
@@ -34,6 +34,7 @@ def frames_to_render(scene: bpy.types.Scene, frames: range) -> list[int]:
         raise BadInputError(f"frames must be a range, not {frames!r}")
     if not frames or frames.step < 0:
         raise BadInputError(f"frames {frames.start} to {frames.stop - 1} are none: name at least one, in rising order")
+    check_file_outputs(scene)
     paths = {frame: output_files(scene, frame, span=frames) for frame in frames}
     kept = not scene.render.use_overwrite
     missing = [frame for frame in frames if not (kept and all(path.exists() for path in paths[frame]))]
@@ -172,11 +173,11 @@ def _put_in_place(folder: Path, final: Path) -> list[Path]:
         try:
             path.replace(destination)
         except OSError as error:
-            spare = destination.with_stem(f"{destination.stem}-new")
-            path.replace(spare)
-            raise BadInputError(
-                f"{destination} cannot be replaced ({error.strerror}): the new one is {spare.name}"
-            ) from error
+            spare = destination.with_stem(f"{destination.stem}-new-{path.stat().st_mtime_ns}")
+            with contextlib.suppress(OSError):
+                path.replace(spare)
+            where = f"the new one is {spare.name}" if spare.exists() else "the new one is lost"
+            raise BadInputError(f"{destination} cannot be replaced ({error.strerror}): {where}") from error
         placed.append(destination)
     if not placed:
         raise StereoReprojectError(f"Blender wrote no file for {final}: check the output settings")

@@ -74,7 +74,7 @@ def render_animation(
     frames are the scene's, unless given. When it ends early, frames that are finished stay.
     """
     scene = _scene(scene)
-    with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as folder, work_folder(Path(folder), ()) as work:
+    with work_folder(Path(tempfile.gettempdir()), ()) as work:
         return render_animation_files(scene, settings or StereoSettings(), work, frames=frames)
 
 
@@ -85,7 +85,7 @@ def inspect(
 
     Without a sketch nothing is rendered and nothing predicted.
     """
-    with tempfile.TemporaryDirectory(prefix="stereo_reproject-") as folder, work_folder(Path(folder), ()) as work:
+    with work_folder(Path(tempfile.gettempdir()), ()) as work:
         return inspect_scene(_scene(scene), settings or StereoSettings(), work, sketch=sketch)
 
 

@@ -137,7 +137,7 @@ def deliver_frames(
 
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
-    span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
+    span = {"frame_start": frames.start, "frame_end": frames.stop - 1, "frame_step": frames.step}
     files = {"filepath": f"{output_path(folder)}/{output_name(scene)}", "use_overwrite": True, "use_placeholder": False}
     if hasattr(scene.render, "save_output"):
         files["save_output"] = True

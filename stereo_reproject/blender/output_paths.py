@@ -32,6 +32,22 @@ def _beside(path: str, original: Path) -> str:
     return path.replace(BLEND_FOLDER, folder)
 
 
+def check_file_outputs(scene: bpy.types.Scene) -> None:
+    """Raises BadInputError when a File Output node would write beside a file that was never saved."""
+    if not scene.render.use_compositing:
+        return
+    for node in file_outputs(scene):
+        folder = getattr(node, "directory", getattr(node, "base_path", ""))
+        if not node.mute and _needs_a_saved_file(folder):
+            raise BadInputError(
+                f"the compositing node {node.name!r} writes beside a file that was never saved: save it, or mute that"
+            )
+
+
+def _needs_a_saved_file(path: str) -> bool:
+    return not bpy.data.filepath and (path.startswith("//") or BLEND_FOLDER in path)
+
+
 def output_name(scene: bpy.types.Scene) -> str:
     """The last part of the scene's output path as it stands there, to which Blender adds frame, view and extension."""
     return re.split(r"[/\\]", scene.render.filepath)[-1]
@@ -46,9 +62,9 @@ def output_files(scene: bpy.types.Scene, frame: int, *, span: range | None = Non
     render = scene.render
     if not getattr(render, "save_output", True):
         raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
-    if render.filepath.startswith("//") and not bpy.data.filepath:
+    if _needs_a_saved_file(render.filepath):
         raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
-    ends = {} if span is None else {"frame_start": span[0], "frame_end": span[-1]}
+    ends = {} if span is None else {"frame_start": span.start, "frame_end": span.stop - 1}
     try:
         with changed(render, use_multiview=True), changed(scene, **ends):
             if render.image_settings.views_format != "INDIVIDUAL":

@@ -136,6 +136,19 @@ def test_a_relative_path_needs_a_saved_file(scene, tmp_path):
         render(scene, tmp_path)
 
 
+def test_a_file_output_node_beside_no_file_is_said(scene, tmp_path):
+    from stereo_reproject.blender.compositor import compositor_tree
+
+    if hasattr(scene, "compositing_node_group"):
+        scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    else:
+        scene.use_nodes = True
+    node = compositor_tree(scene).nodes.new("CompositorNodeOutputFile")
+    setattr(node, "directory" if hasattr(node, "directory") else "base_path", "//nodes/")
+    with pytest.raises(BadInputError, match=f"{node.name}.* never saved"):
+        render(scene, tmp_path)
+
+
 def test_a_template_that_nobody_knows_is_said(scene, tmp_path):
     scene.render.filepath = str(tmp_path / "{nothing}_")
     with pytest.raises(BadInputError, match="output path cannot be used"):

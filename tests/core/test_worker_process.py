@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from stereo_reproject import worker_process
+from stereo_reproject.work_folder import work_folder
 
 
 def test_nothing_that_is_set_for_another_python_reaches_blender(tmp_path, monkeypatch):
@@ -29,3 +30,13 @@ def test_the_same_python_keeps_its_settings(tmp_path, monkeypatch):
 def test_temporary_files_go_into_the_run_s_own_folder(tmp_path):
     environment = worker_process._environment(tmp_path, own_python=True)
     assert {environment[name] for name in ("TMPDIR", "TEMP", "TMP")} == {str(tmp_path / "tmp")}
+
+
+def test_a_folder_in_use_is_not_abandoned_by_another_of_its_names(tmp_path):
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.mkdir()
+    link.symlink_to(real, target_is_directory=True)
+    with work_folder(real, ()) as first, work_folder(link, ()) as second:
+        assert first.is_dir()
+        assert second.is_dir()
+    assert list(real.iterdir()) == []
