@@ -163,7 +163,8 @@ def _more_layers(scene: bpy.types.Scene) -> list[str]:
 def _denoising(scene: bpy.types.Scene) -> list[str]:
     if scene.render.engine != CYCLES or not scene.cycles.use_denoising:
         return []
-    return [f"the render settings: {scene.cycles.denoiser}"]
+    # A Blender that is built without any denoiser has no name for it.
+    return [f"the render settings: {scene.cycles.denoiser}" if scene.cycles.denoiser else "the render settings"]
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:
