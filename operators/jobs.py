@@ -147,7 +147,7 @@ class JobOperator:
                 raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
-            self.report({"ERROR"}, _sentence(error))
+            self.report({"ERROR"}, sentence(error))
             return False
         return True
 
@@ -167,17 +167,17 @@ class JobOperator:
             if run.cancelled:
                 self.report({"INFO"}, "Stereo render cancelled")
             else:
-                self.report({"ERROR"}, _sentence(error))
+                self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         except Exception as error:  # noqa: BLE001 - the user is to hear of it in a line, and the console in full
             traceback.print_exc()
-            self.report({"ERROR"}, f"A defect of Stereo Reproject: {type(error).__name__}: {_sentence(error)}")
+            self.report({"ERROR"}, f"A defect of Stereo Reproject: {type(error).__name__}: {sentence(error)}")
             return {"CANCELLED"}
         finally:
             if not kept:
                 run.close()
         for warning in run.warnings:
-            self.report({"WARNING"}, _sentence(warning))
+            self.report({"WARNING"}, sentence(warning))
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
@@ -193,7 +193,8 @@ def _scene_of(run: Run) -> bpy.types.Scene | None:
     return next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
 
 
-def _sentence(what: object) -> str:
+def sentence(what: object) -> str:
+    """A message on one line, with a capital."""
     text = " ".join(str(what).split())
     return text[:1].upper() + text[1:]
 

@@ -10,7 +10,7 @@ import bpy
 from ..stereo_reproject.blender.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import CYCLES, EEVEE
-from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running
+from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence
 from .properties import FILLS, promise
 from .render import (
     RENDER_OT_stereo_reproject_animation,
@@ -59,7 +59,7 @@ class _Main:
         if result.report is not None and running() is None:
             paragraph(layout, context, summary(result.report) + ".")
             for warning in result.warnings:
-                paragraph(layout, context, warning[:1].upper() + warning[1:] + ".", icon="ERROR")
+                paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
 
 
 def _means(scene: bpy.types.Scene) -> str:
@@ -169,7 +169,7 @@ class _Check:
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
-            paragraph(layout, context, warning[:1].upper() + warning[1:] + ".", icon="ERROR")
+            paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         words = gain_words(predicted)

@@ -7,9 +7,8 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.animation import ANIMATION_FILES, frames_to_render
+from ..stereo_reproject.blender.animation import ANIMATION_FILES, folders_of, frames_to_render
 from ..stereo_reproject.blender.delivery import deliver_to_result
-from ..stereo_reproject.blender.output_paths import output_files
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import SMALLEST, scene_frames
 from ..stereo_reproject.exr import VIEWS, read_eye
@@ -60,12 +59,10 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
     bl_label = "Render Stereo Animation (Reprojected)"
 
     def start(self, scene: bpy.types.Scene) -> Run:
-        frames = scene_frames(scene)
-        wanted = frames_to_render(scene, frames)
+        wanted = frames_to_render(scene, scene_frames(scene))
         progress = Progress(time.monotonic(), USUAL["animate"], frames=len(wanted))
-        folders = dict.fromkeys(output_files(scene, frame, span=frames)[0].parent for frame in wanted)
         settings = settings_of(scene, preview=False)
-        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=tuple(folders))
+        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=folders_of(wanted))
 
     def take(self, scene: bpy.types.Scene, run: Run) -> str:
         assert run.report is not None

@@ -25,8 +25,8 @@ ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
 
 
-def frames_to_render(scene: bpy.types.Scene, frames: range) -> list[int]:
-    """Those whose files are not there yet, or all when the scene's Overwrite is on.
+def frames_to_render(scene: bpy.types.Scene, frames: range) -> dict[int, list[Path]]:
+    """Those whose files are not there yet, or all when the scene's Overwrite is on, with their files.
 
     Raises BadInputError when there are none, or when their files cannot be written.
     """
@@ -37,16 +37,21 @@ def frames_to_render(scene: bpy.types.Scene, frames: range) -> list[int]:
     check_file_outputs(scene)
     paths = {frame: output_files(scene, frame, span=frames) for frame in frames}
     kept = not scene.render.use_overwrite
-    missing = [frame for frame in frames if not (kept and all(path.exists() for path in paths[frame]))]
+    missing = {frame: files for frame, files in paths.items() if not (kept and all(path.exists() for path in files))}
     if not missing:
         raise BadInputError(f"{paths[frames[0]][0]} and all others are there already: switch on Overwrite in Output")
-    for folder in dict.fromkeys(paths[frame][0].parent for frame in missing):
+    for folder in folders_of(missing):
         # Made and removed again: whether it can be is known before anything is rendered.
         with work_folder(folder, ()):
             pass
-    for path in dict.fromkeys(path for frame in missing for path in paths[frame]):
+    for path in dict.fromkeys(path for files in missing.values() for path in files):
         _check_can_be_written(path)
-    return list(frames) if scene.render.is_movie_format else missing
+    return paths if scene.render.is_movie_format else missing
+
+
+def folders_of(files: Mapping[int, list[Path]]) -> list[Path]:
+    """The folders that the files of these frames lie in, each once."""
+    return list(dict.fromkeys(of_frame[0].parent for of_frame in files.values()))
 
 
 def render_animation_files(
@@ -110,8 +115,7 @@ class _Stills:
         self._files: list[Path] = []
 
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
-        height, width = eyes["left"][COLOUR_PASS].shape[:2]
-        self._files += _write(self._scene, lambda _: eyes, (width, height), range(frame, frame + 1))
+        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1))
 
     def finish(self) -> list[Path]:
         return self._files
@@ -122,18 +126,15 @@ class _Movie:
 
     def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
         self._scene, self._frames, self._folder = scene, frames, work / "tmp"
-        self._size = (0, 0)
         self._read: tuple[int, dict[str, Passes]] | None = None
 
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
         for view in VIEWS:
             wanted = eyes[view] if self._scene.render.use_compositing else {COLOUR_PASS: eyes[view][COLOUR_PASS]}
             write_eye(self._eye(frame, view), wanted, view=view)
-        height, width = eyes["left"][COLOUR_PASS].shape[:2]
-        self._size = (width, height)
 
     def finish(self) -> list[Path]:
-        return _write(self._scene, self._eyes_at, self._size, self._frames)
+        return _write(self._scene, self._eyes_at, self._frames)
 
     def _eyes_at(self, frame: int) -> dict[str, Passes]:
         # Blender asks several times in a row.
@@ -145,11 +146,11 @@ class _Movie:
         return self._folder / f"{view}.{frame}.exr"
 
 
-def _write(scene: bpy.types.Scene, eyes_at: EyesAt, size: tuple[int, int], frames: range) -> list[Path]:
+def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range) -> list[Path]:
     """Have Blender write the frames beside where they belong, and put them there."""
     folder = output_files(scene, frames[0], span=frames)[0].parent
     with work_folder(folder, ()) as beside:
-        deliver_frames(scene, eyes_at, beside / "out", size=size, frames=frames)
+        deliver_frames(scene, eyes_at, beside / "out", frames=frames)
         return _put_in_place(beside / "out", folder)
 
 

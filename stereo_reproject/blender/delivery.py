@@ -109,7 +109,8 @@ def deliver_side_by_side(
     try:
         _set_up(copy, path)
         copy.frame_set(frame)
-        _hand_over(copy, {view: {COLOUR_PASS: picture} for view, picture in eyes.items()}, f"write {path.name}", path)
+        passes = {view: {COLOUR_PASS: picture} for view, picture in eyes.items()}
+        _hand_over(copy, lambda _: passes, f"write {path.name}", write_still=True)
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
         return_to_own_frame(scene, frame)
@@ -126,14 +127,12 @@ def deliver_to_result(
     """
     muted = file_outputs_muted(scene) if to_look_at else nullcontext()
     with _at_frame(scene, frame), _as_delivered(scene), muted:
-        _hand_over(scene, eyes, "hand the pair over to Blender", None)
+        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender")
 
 
-def deliver_frames(
-    scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, size: tuple[int, int], frames: range
-) -> None:
-    """Have Blender write the eyes of `frames`, of `size` (width, height), into a folder, as it writes an animation: in
-    the scene's own format, layout and naming, movies too.
+def deliver_frames(scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range) -> None:
+    """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
+    layout and naming, movies too.
 
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
@@ -142,7 +141,7 @@ def deliver_frames(
     if hasattr(scene.render, "save_output"):
         files["save_output"] = True
     with _at_frame(scene, frames[0]), _as_delivered(scene), changed(scene, **span), changed(scene.render, **files):
-        _take(scene, eyes_at, f"write frame {frames[0]}", size, lambda: call_render(scene, animation=True))
+        _hand_over(scene, eyes_at, f"write frame {frames[0]}", animation=True)
 
 
 @contextmanager
@@ -176,21 +175,15 @@ def _as_delivered(scene: bpy.types.Scene) -> Iterator[None]:
         yield
 
 
-def _hand_over(scene: bpy.types.Scene, eyes: Mapping[str, Passes], what: str, path: Path | None) -> None:
-    """Render the scene with the engine that has the eyes already, and write the result if there is a path for it."""
-    height, width = eyes["left"][COLOUR_PASS].shape[:2]
-    _take(scene, lambda _: eyes, what, (width, height), lambda: call_render(scene, write_still=path is not None))
-
-
-def _take(
-    scene: bpy.types.Scene, eyes_at: EyesAt, what: str, size: tuple[int, int], render: Callable[[], object]
-) -> None:
-    """Have Blender render with the engine that has the eyes already; `what` is for is said where that fails."""
+def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, **how: bool) -> None:
+    """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
+    said where that fails."""
+    height, width = eyes_at(scene.frame_current)["left"][COLOUR_PASS].shape[:2]
     delivery = _Delivery(eyes_at)
-    place = {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
+    place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
     try:
         with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
-            render()
+            call_render(scene, **how)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
     if delivery.taken != set(VIEWS):

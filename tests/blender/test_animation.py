@@ -11,7 +11,7 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.passes import COLOUR_PASS
 from stereo_reproject.settings import StereoSettings
 from tests.blender.snapshot import everything
-from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene
+from tests.blender.toolbox import add_camera, add_compositor, add_plane, add_sun, diffuse, empty_scene
 
 SIZE = (64, 36)
 
@@ -137,13 +137,8 @@ def test_a_relative_path_needs_a_saved_file(scene, tmp_path):
 
 
 def test_a_file_output_node_beside_no_file_is_said(scene, tmp_path):
-    from stereo_reproject.blender.compositor import compositor_tree
-
-    if hasattr(scene, "compositing_node_group"):
-        scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-    else:
-        scene.use_nodes = True
-    node = compositor_tree(scene).nodes.new("CompositorNodeOutputFile")
+    tree, _, _ = add_compositor(scene)
+    node = tree.nodes.new("CompositorNodeOutputFile")
     setattr(node, "directory" if hasattr(node, "directory") else "base_path", "//nodes/")
     with pytest.raises(BadInputError, match=f"{node.name}.* never saved"):
         render(scene, tmp_path)
@@ -157,23 +152,13 @@ def test_a_template_that_nobody_knows_is_said(scene, tmp_path):
 
 def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_path):
     scene.view_layers[0].use_pass_diffuse_direct = True
-    if hasattr(scene, "compositing_node_group"):
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        output = tree.nodes.new("NodeGroupOutput")
-    else:
-        scene.use_nodes = True
-        tree = scene.node_tree
-        tree.nodes.clear()
-        output = tree.nodes.new("CompositorNodeComposite")
-    layers, brighter, other = (tree.nodes.new(f"CompositorNode{kind}") for kind in ("RLayers", "Exposure", "Denoise"))
-    layers.scene = scene
+    tree, layers, result = add_compositor(scene)
+    brighter, other = (tree.nodes.new(f"CompositorNode{kind}") for kind in ("Exposure", "Denoise"))
     brighter.inputs["Exposure"].default_value = 1.0
     direct = next(socket for socket in layers.outputs if socket.name in ("DiffDir", "Diffuse Direct"))
     tree.links.new(layers.outputs["Image"], brighter.inputs["Image"])
     tree.links.new(direct, other.inputs["Image"])
-    tree.links.new(brighter.outputs["Image"], output.inputs[0])
+    tree.links.new(brighter.outputs["Image"], result)
     links = [(link.from_socket.name, link.to_node.name, link.is_valid) for link in tree.links]
 
     set_format(scene, "OPEN_EXR", views="STEREO_3D")
@@ -183,7 +168,7 @@ def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_pa
         view: {COLOUR_PASS: np.full((*SIZE[::-1], 4), (value, value, value, 1.0), np.float32)}
         for view, value in (("left", 0.25), ("right", 0.5))
     }
-    deliver_frames(scene, lambda _: eyes, tmp_path, size=SIZE, frames=range(2, 3))
+    deliver_frames(scene, lambda _: eyes, tmp_path, frames=range(2, 3))
     assert [(link.from_socket.name, link.to_node.name, link.is_valid) for link in tree.links] == links
     image = bpy.data.images.load(str(tmp_path / "shot_0002.exr"))
     pixels = np.array(image.pixels[:]).reshape(SIZE[1], 2 * SIZE[0], -1)

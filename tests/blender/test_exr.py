@@ -6,6 +6,7 @@ import OpenEXR
 
 from stereo_reproject.exr import write_stereo
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
+from tests.blender.toolbox import empty_compositor
 
 WIDTH, HEIGHT = 24, 16
 
@@ -20,19 +21,10 @@ def eye(seed):
 def passing_on(image, output):
     """A scene whose compositor hands a pass of the image on."""
     scene = bpy.data.scenes.new("compositing")
-    if hasattr(scene, "compositing_node_group"):
-        tree = bpy.data.node_groups.new("compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        end = tree.nodes.new("NodeGroupOutput")
-    else:
-        scene.use_nodes = True
-        tree = scene.node_tree
-        tree.nodes.clear()
-        end = tree.nodes.new("CompositorNodeComposite")
+    tree, end = empty_compositor(scene)
     node = tree.nodes.new("CompositorNodeImage")
     node.image = image
-    tree.links.new(node.outputs[output], end.inputs[0])
+    tree.links.new(node.outputs[output], end)
     return scene
 
 

@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from tests.blender.snapshot import everything
-from tests.blender.toolbox import Material, add_camera, add_plane, add_sphere, add_sun, diffuse, empty_scene
+from tests.blender.toolbox import add_compositor, mirror_before_wall
 
 STAGES = ["load", "source", "warp", "fill", "refine", "composite", "account", "write"]
 
@@ -32,14 +32,7 @@ worker.main()
 
 @pytest.fixture
 def scene():
-    """A mirror ball before a matte wall: holes, probes and something to refine."""
-    scene = empty_scene(96, 54, samples=4)
-    add_plane(scene, diffuse("wall"), size=(30, 20), location=(0, 0, -9))
-    mirror = Material("mirror")
-    add_sphere(scene, mirror.surface(mirror.node("BsdfGlossy")), radius=1.4, location=(0.3, 0.2, -6.0))
-    add_sun(scene)
-    add_camera(scene)
-    return scene
+    return mirror_before_wall(96, 54, samples=4)
 
 
 @pytest.fixture
@@ -88,19 +81,9 @@ def test_failed(extension, scene, place, monkeypatch, stage):
 
 def _add_file_output(scene, folder):
     """A compositor that hands the picture through and writes it beside the file too."""
-    if hasattr(scene, "compositing_node_group"):
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        result = tree.nodes.new("NodeGroupOutput")
-    else:
-        scene.use_nodes = True
-        tree = scene.node_tree
-        tree.nodes.clear()
-        result = tree.nodes.new("CompositorNodeComposite")
-    layers, writer = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("CompositorNodeOutputFile")
-    layers.scene = scene
-    tree.links.new(layers.outputs["Image"], result.inputs[0])
+    tree, layers, result = add_compositor(scene)
+    writer = tree.nodes.new("CompositorNodeOutputFile")
+    tree.links.new(layers.outputs["Image"], result)
     if hasattr(writer, "file_output_items"):
         writer.directory, writer.file_name = folder, "node_"
         writer.file_output_items.new("RGBA", "Image")

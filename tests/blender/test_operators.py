@@ -8,7 +8,16 @@ import OpenEXR
 import pytest
 
 from tests.blender.snapshot import everything
-from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image, render_plain
+from tests.blender.toolbox import (
+    add_camera,
+    add_compositor,
+    add_plane,
+    add_sun,
+    diffuse,
+    empty_scene,
+    noise_image,
+    render_plain,
+)
 
 SIZE = (64, 36)
 
@@ -164,20 +173,11 @@ def test_a_simulation_that_is_not_baked_is_said(extension, scene, capfd):
 
 def test_a_compositor_that_shows_what_is_not_rendered_is_left_out_with_a_word(extension, scene, tmp_path, capfd):
     scene.view_layers.new("Second")
-    if hasattr(scene, "compositing_node_group"):
-        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
-        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-        result = tree.nodes.new("NodeGroupOutput")
-    else:
-        scene.use_nodes = True
-        tree = scene.node_tree
-        tree.nodes.clear()
-        result = tree.nodes.new("CompositorNodeComposite")
-    layers, exposure = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("CompositorNodeExposure")
-    layers.scene, layers.layer = scene, "Second"
+    tree, layers, result = add_compositor(scene)
+    exposure = tree.nodes.new("CompositorNodeExposure")
+    layers.layer = "Second"
     tree.links.new(layers.outputs["Image"], exposure.inputs["Image"])
-    tree.links.new(exposure.outputs["Image"], result.inputs[0])
+    tree.links.new(exposure.outputs["Image"], result)
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
     assert "shows the view layer 'Second'" in capfd.readouterr().out
     assert views_of_result(scene, tmp_path)["_L"][..., :3].max() > 0.1

@@ -75,6 +75,40 @@ def set_background(scene: bpy.types.Scene, strength: float) -> None:
     background.inputs["Strength"].default_value = strength
 
 
+def empty_compositor(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.NodeSocket]:
+    """The scene's compositing nodes with nothing in them but their end; the tree, and the socket for the picture."""
+    if hasattr(scene, "compositing_node_group"):
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        scene.compositing_node_group = tree
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        end = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        end = tree.nodes.new("CompositorNodeComposite")
+    return tree, end.inputs[0]
+
+
+def add_compositor(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.Node, bpy.types.NodeSocket]:
+    """The same with a Render Layers node of this scene, nothing linked: the tree, that node and the socket."""
+    tree, result = empty_compositor(scene)
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    layers.scene = scene
+    return tree, layers, result
+
+
+def mirror_before_wall(width: int, height: int, *, samples: int) -> bpy.types.Scene:
+    """A mirror ball before a matte wall: holes, probes and something to refine."""
+    scene = empty_scene(width, height, samples=samples)
+    add_plane(scene, diffuse("wall"), size=(30, 20), location=(0, 0, -9))
+    mirror = Material("mirror")
+    add_sphere(scene, mirror.surface(mirror.node("BsdfGlossy")), radius=1.4, location=(0.3, 0.2, -6.0))
+    add_sun(scene)
+    add_camera(scene)
+    return scene
+
+
 def set_border(scene: bpy.types.Scene, border: tuple[float, float, float, float]) -> None:
     """Render only from left to right and from bottom to top, in shares of the frame."""
     render = scene.render

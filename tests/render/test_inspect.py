@@ -15,7 +15,7 @@ from stereo_reproject.blender.scene import open_blend, working_scene
 from stereo_reproject.effects import Effect
 from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
 from stereo_reproject.settings import SceneOverrides, StereoSettings
-from tests.blender.toolbox import Material, add_camera, add_plane, add_sphere, add_sun, diffuse, empty_scene
+from tests.blender.toolbox import empty_scene, mirror_before_wall
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
@@ -71,13 +71,7 @@ def empty_folder(tmp_path):
 @pytest.fixture
 def mirror_scene():
     """A mirror ball before a matte wall."""
-    scene = empty_scene(160, 90, samples=16)
-    add_plane(scene, diffuse("wall"), size=(30, 20), location=(0, 0, -9))
-    mirror = Material("mirror")
-    add_sphere(scene, mirror.surface(mirror.node("BsdfGlossy")), radius=1.4, location=(0.3, 0.2, -6.0))
-    add_sun(scene)
-    add_camera(scene)
-    return scene
+    return mirror_before_wall(160, 90, samples=16)
 
 
 def effect_of(inspection, effect):
