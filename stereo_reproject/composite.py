@@ -7,7 +7,16 @@ from numpy.typing import NDArray
 
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
-from .passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
+from .passes import (
+    ALBEDO_PASS,
+    COLOUR_PASS,
+    DEPTH_PASS,
+    EFFECTS_PASS,
+    MATERIAL_PASS,
+    NOISY_PASS,
+    NORMAL_PASS,
+    Passes,
+)
 from .warp import Warp
 
 UNWARPED = ("Vector",)
@@ -26,8 +35,11 @@ NEAREST = (
     "Crypto",
     EFFECTS_PASS,
     MATERIAL_PASS,
+    NOISY_PASS,
+    ALBEDO_PASS,
+    NORMAL_PASS,
 )
-"""Passes of which a mean of two neighbours is neither of them."""
+"""Passes of which a mean of two neighbours is neither of them; a denoiser wants noise that is not smeared."""
 
 
 def warp_passes(

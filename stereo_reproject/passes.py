@@ -20,7 +20,15 @@ EFFECTS_PASS = "Effects"
 MATERIAL_PASS = "Shown Material"
 """(H, W, 1) number of the materials that each pixel shows. Ours alone, as the flags are."""
 
+NOISY_PASS = "Noisy"
+"""(H, W, 4) colour as it was traced, where the picture is denoised. Ours alone, as are what the denoiser looks at:"""
+
+ALBEDO_PASS = "Guiding Albedo"
+NORMAL_PASS = "Guiding Normal"
+
+OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)
+
 
 def without_ours(passes: Passes) -> Passes:
     """What of the passes is the user's."""
-    return {name: image for name, image in passes.items() if name not in (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS)}
+    return {name: image for name, image in passes.items() if name not in OURS}

@@ -28,6 +28,9 @@ LOUDEST = 25.0
 """How many times the mean noise of those around it, or of all others, a probe's may be. One firefly in one trace is
 more than the noise of a whole frame: taken as it is, nothing would seem wrong beside it."""
 
+MISJUDGED = 3.0
+"""Times that what a tile is likely to have may be put up or down because of those around it."""
+
 NOISE_AS_RISK = 0.5
 """Weight of noise beside contrast in a tile's risk: where nothing is to be seen, tiles differ by little else."""
 
@@ -73,6 +76,11 @@ class Probes:
         grid[self.tiles] = values
         return box_sum(grid, (reach, reach))[self.tiles] - values
 
+    def around_and_own(self, values: NDArray) -> NDArray[np.float64]:
+        """(N,): the mean of values (N,) over the tiles within 2 of each that have a probe."""
+        count = self.around(np.ones_like(values, np.float64)) + 1.0
+        return (self.around(values) + values) / count
+
     def over_tiles(self, values: NDArray, elsewhere: float) -> NDArray:
         """(H, W, ...): the values (N, ...) over the pixels of each probe's tile, and `elsewhere` in tiles without."""
         tiles = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
@@ -106,6 +114,21 @@ def place_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacing: int,
     return Probes(rows[chosen], columns[chosen], 1.0 / chance[chosen], spacing, (warped.shape[0], warped.shape[1]))
 
 
+def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
+    """The same, as a picture wants them: in each tile as near as may be to one place, which chance gives them all."""
+    height, width = warped.shape
+    place = np.random.default_rng(seed).integers(0, spacing, 2)
+    rows, columns = np.nonzero(warped)
+    apart = (rows % spacing - place[0]) ** 2 + (columns % spacing - place[1]) ** 2
+    names = rows // spacing * -(-width // spacing) + columns // spacing
+    order = np.lexsort((apart, names))
+    _, first, pixels = np.unique(names[order], return_index=True, return_counts=True)
+    chosen = order[first]
+    in_order = np.argsort(chosen)
+    chosen = chosen[in_order]
+    return Probes(rows[chosen], columns[chosen], pixels[in_order].astype(np.float64), spacing, (height, width))
+
+
 def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
     edges = [np.arange(0, size, spacing) for size in image.shape]
     return np.add.reduceat(np.add.reduceat(image.astype(np.float64), edges[0], axis=0), edges[1], axis=1)
@@ -119,7 +142,9 @@ class Measured:
     (`refined`), from all of them. left: what of that counts as left in the frame, on average. noise: as above, of one
     pixel. seen_noise: the variance that the warped picture shows there. pixels: warped pixels of the tile. risk: what
     the excess of tiles is taken to be proportional to, where nothing else is known. frame_pixels: of the whole picture.
-    materials: what the tiles show, None where that is not known.
+    materials: what the tiles show, None where that is not known. denoised: that variance over the one of a pixel as it
+    is traced, which is more where the picture is denoised. likely: the excess of each tile as `denoised_probes` tells
+    it by its own first trace, and left_by_second what its second tells, None where a tile's own have no say in that.
     """
 
     probes: Probes
@@ -132,6 +157,9 @@ class Measured:
     refined: NDArray[np.bool_]
     frame_pixels: int
     materials: ShownMaterials | None = None
+    denoised: float = 1.0
+    likely: NDArray[np.float64] | None = None
+    left_by_second: NDArray[np.float64] | None = None
 
     @property
     def mean_noise(self) -> float:
@@ -147,9 +175,23 @@ class Measured:
         return (self.probes.around(noise) + noise) / (self.probes.around(weight) + weight)
 
     @property
+    def traced_noise(self) -> float:
+        """The variance of one pixel as it is traced, over that of one of the picture that is delivered."""
+        return 1.0 / self.denoised
+
+    @property
     def frame_noise(self) -> float:
         """Sum over the frame's pixels of the squared difference between two plain renders."""
         return 2.0 * self.mean_noise * self.frame_pixels
+
+
+@dataclass(frozen=True)
+class FirstTold:
+    """What the first traces tell of a denoised picture: the excess that each tile (N,) is likely to have. source_noise
+    (N,) is in proportion to the variance of a traced pixel, as the source shows it."""
+
+    likely: NDArray[np.float64]
+    source_noise: NDArray[np.float64]
 
 
 def measure(
@@ -161,20 +203,23 @@ def measure(
     b: NDArray,
     *,
     shown: NDArray[np.integer] | None = None,
+    denoised: float = 1.0,
+    first: FirstTold | None = None,
 ) -> Measured:
     """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`.
 
-    shown (H, W) is a number for the materials that each pixel shows, if that is known.
+    shown (H, W) is a number for the materials that each pixel shows, if that is known. denoised is the variance that is
+    left of a traced pixel's in the picture that the warped one is to equal, 1 where that is not denoised. first is
+    what the a alone have told, so that tiles may be chosen by it: what is then left, the b alone tell.
 
     A probe with a value that is no number says nothing: it counts as neither error nor noise.
     """
     known = np.isfinite(w).all(axis=-1) & np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
     w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
-    error = np.mean((w - a) * (w - b), axis=-1)
-    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
+    noise = denoised * np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard(probes, noise)
     risk = np.where(warped, contrast.signal + NOISE_AS_RISK * contrast.noise, 0.0)
-    excess = probes.weight * share * (error - noise)
+    excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
     return Measured(
         probes=probes,
         excess=excess,
@@ -186,7 +231,22 @@ def measure(
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
         materials=None if shown is None else _materials_in(probes, shown, risk, excess),
+        denoised=denoised,
+        likely=None if first is None else first.likely,
+        left_by_second=None if first is None else probes.weight * _by_second(probes, w - b, noise, first, denoised),
     )
+
+
+def _by_second(
+    probes: Probes, residual: NDArray, noise: NDArray[np.float64], first: FirstTold, denoised: float
+) -> NDArray[np.float64]:
+    """(N,) excess of the probes' pixels as b tells it. A tile's own a must have no part in it: the noise is the local
+    one of the source, at the scale that all probes give it."""
+    local = first.source_noise
+    scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
+    error = np.mean(residual**2, axis=-1)
+    heard = np.minimum(1.0, LOUDEST * scale * local / denoised / np.maximum(error, 1e-30))
+    return heard * error - (1.0 + 1.0 / denoised) * scale * local
 
 
 def _materials_in(
@@ -226,19 +286,33 @@ def with_refined(
     """The same when the tiles set in refined (N,) have been traced: their excess is known from every pixel now.
 
     pixels (H, W) are those that were traced, warped and traced (H, W, >= 3) the colours before and after; noise (N,) is
-    the variance of one traced pixel there. Tiles of by_own (N,) were chosen because of what their own probe said: it
+    the variance of one pixel of a plain render there. Tiles of by_own (N,) were chosen because of what their own probe said: it
     may have said too much, as those of the tiles that stay have then said too little. So no more is taken off than is
     known now to have been there.
     """
     known = pixels & np.isfinite(warped[..., :3]).all(axis=-1) & np.isfinite(traced[..., :3]).all(axis=-1)
     error = np.zeros(known.shape)
     error[known] = squared_error(warped[known], traced[known])
-    excess = measured.probes.in_tiles(error) - 2.0 * noise * measured.probes.in_tiles(known)
-    found = measured.probes.in_tiles(error) - 2.0 * measured.noise_around * measured.probes.in_tiles(known)
+    counted = (1.0 + measured.traced_noise) * measured.probes.in_tiles(known)
+    excess = measured.probes.in_tiles(error) - noise * counted
+    found = measured.probes.in_tiles(error) - measured.noise_around * counted
     taken = measured.left if by_own is None else np.where(by_own, found, measured.left)
+    likely = None if measured.likely is None else _likely_after(measured, refined, excess)
     return replace(
         measured,
+        likely=likely,
         excess=np.where(refined, excess, measured.excess),
         left=np.where(refined, measured.left - taken, measured.left),
         refined=measured.refined | refined,
     )
+
+
+def _likely_after(measured: Measured, refined: NDArray[np.bool_], excess: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,): what tiles are likely to have, now that some are known: those around what had more are likely to have more."""
+    assert measured.likely is not None
+    had, foretold = (
+        measured.probes.around(np.where(refined, a, 0.0)) for a in (np.maximum(excess, 0.0), measured.likely)
+    )
+    usual = max(float(measured.likely.mean()), 1e-12)
+    factor = np.clip((had + usual) / (foretold + usual), 1.0 / MISJUDGED, MISJUDGED)
+    return np.where(refined | measured.refined, 0.0, measured.likely * factor)

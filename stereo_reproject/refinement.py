@@ -12,7 +12,7 @@ alone, and of them no more is taken off than was found (`with_refined`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,16 @@ BEYOND_DOUBT = 10.0
 
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
+
+DENOISED_SURE = -1.0
+"""The same of a denoised picture, of which single traces tell little: the frame is refined for what is certain, and
+its tiles one by one for what is likely."""
+
+DENOISED_LIMIT = 0.9
+"""What of the limit of a tile's noise ratio is allowed in a denoised picture, in which nothing hides an error."""
+
+ROUGHLY = 0.5
+"""Standard error, as a share of it, of what denoised probes say of a tile."""
 
 SURE = 0.5
 """Standard errors by which the estimate must be within the promise before refinement stops."""
@@ -62,6 +72,9 @@ def estimate(measured: Measured) -> Estimate:
     """The frame's noise ratio, with the tiles that are refined traced."""
     if not measured.frame_noise:
         return AS_RENDERED
+    if measured.left_by_second is not None:
+        # Tiles were chosen by what their own first trace told.
+        measured = replace(measured, left=np.where(measured.refined, measured.left, measured.left_by_second))
     excess, error = _remaining(measured, np.zeros(0, np.intp))
     return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(measured, measured.refined))
 
@@ -101,7 +114,7 @@ def choose_refined(
     candidates = np.nonzero(free & (likely > 0.0))[0]
     order = candidates[np.argsort(-likely[candidates], kind="stable")]
     excess, error = _remaining(measured, order)
-    bound = excess + sure * error
+    bound = excess + (sure if measured.likely is None else DENOISED_SURE) * error
     reached = np.nonzero(bound <= promise**2 - 1.0)[0]
     count = int(reached[0]) if reached.size else int(np.argmin(bound))
     chosen = np.zeros(free.size, bool)
@@ -109,11 +122,30 @@ def choose_refined(
     return chosen | (free & _beyond(measured, worst, unseen)) if np.isfinite(worst) else chosen
 
 
+def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N,) excess of a pixel of each tile of a denoised picture, and its standard error.
+
+    What the denoised probes tell of each, or the others' traces where those tell of more beyond chance; in all no more
+    than all traces together allow.
+    """
+    assert measured.likely is not None
+    all_told, doubt = _remaining(measured, np.zeros(0, np.intp))
+    allowed = max(float(all_told[-1] + doubt[-1]), 0.0) * measured.frame_noise
+    scale = min(1.0, allowed / max(float(measured.likely.sum()), 1e-30))
+    likely = scale * measured.likely / measured.pixels
+    for reach in (NEIGHBOURS, NEAREST):
+        told, error = _with_materials(measured, *_nearby(measured, reach))
+        likely = np.maximum(likely, np.where(told > error, told, 0.0))
+    return likely, ROUGHLY * likely
+
+
 def stands_out(measured: Measured, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
     """(N,): tiles whose own probe alone says, beyond all doubt, that their noise ratio is above `worst`."""
+    if measured.likely is not None:
+        return np.zeros_like(measured.refined)
     noise = np.maximum(local_noise(measured), max(float(np.median(measured.noise)), unseen**2))
     limit = 2.0 * (worst**2 - 1.0) * noise * measured.pixels
-    doubt = BEYOND_DOUBT * noise * measured.probes.weight
+    doubt = BEYOND_DOUBT * measured.traced_noise * noise * measured.probes.weight
     return ~measured.refined & (measured.excess > np.maximum(limit, doubt))
 
 
@@ -188,6 +220,8 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
 def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     """(N,) excess of a pixel of each tile, judged by those around it and by its materials, its own probe left out; and
     the standard error of that."""
+    if measured.likely is not None:
+        return _believed(measured)
     return _with_materials(measured, *_nearby(measured, reach))
 
 
@@ -238,7 +272,11 @@ def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_
     Or of which those around it alone are sure of that: a material may be wrong in one small place.
     """
     noise = local_noise(measured)
+    if measured.likely is not None:
+        worst = max(DENOISED_LIMIT * worst, 1.1)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
+    if measured.likely is not None:
+        return _believed(measured)[0] > allowed
     nearby, doubt = _nearby(measured, NEAREST)
     likely, error = _with_materials(measured, nearby, doubt)
     return ((likely > allowed) & (likely > error)) | ((nearby > allowed) & (nearby > CONFIDENT * doubt))

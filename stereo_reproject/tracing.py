@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .composite import composite, filtered
+from .denoised_probes import look
+from .denoising import Denoising
 from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, Passes
-from .probes import Measured, measure, place_probes, with_refined
+from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
 from .refinement import (
     Estimate,
     as_rendered,
@@ -100,6 +102,7 @@ class TargetEye:
         *,
         watched: bool,
         seed: int,
+        denoising: Denoising | None = None,
     ) -> None:
         holes = reprojection.reasons > 0
         self.passes = warped = reprojection.passes
@@ -114,6 +117,7 @@ class TargetEye:
         self._measured: Measured | None = None
         self._pilot: Measured | None = None
         self._seed = seed
+        self._denoising = denoising
 
     @property
     def wants_pilot(self) -> bool:
@@ -195,7 +199,10 @@ class TargetEye:
         """
         assert self._contrast is not None
         warped = ~(self.traced | self._holes)
-        probes = place_probes(warped, self._contrast, spacing=spacing, seed=seed)
+        if self._denoising is None:
+            probes = place_probes(warped, self._contrast, spacing=spacing, seed=seed)
+        else:
+            probes = place_regular_probes(warped, spacing=spacing, seed=seed)
         twins = probes.mask
         wanted = holes | twins
         traced = self._tracer.trace(method, self._view, wanted, twice=twins)
@@ -206,7 +213,33 @@ class TargetEye:
         both = {name: (passes[name][twins], traced[name][count:]) for name in passes if name in traced}
         self.passes = composite(passes, {name: _mean(*two) for name, two in both.items() if filtered(name)}, twins)
         self.traced, self.probed = self.traced | wanted, self.probed | twins
-        return measure(probes, warped, self._contrast, before, once, again, shown=materials_of(self.passes))
+        return self._measure(probes, warped, before, once, again)
+
+    def _measure(
+        self, probes: Probes, warped: NDArray[np.bool_], before: NDArray, once: NDArray, again: NDArray
+    ) -> Measured:
+        """What the probes say of the pixels that stay warped (H, W); in a denoised picture those are corrected by it.
+
+        before (N, C) is what the warp has at the probes, once and again (N, C) are their traces.
+        """
+        assert self._contrast is not None
+        shown = materials_of(self.passes)
+        if self._denoising is None:
+            return measure(probes, warped, self._contrast, before, once, again, shown=shown)
+        seen = look(
+            probes,
+            self.passes,
+            warped & ~probes.mask,
+            (once, again),
+            before,
+            risk=self._contrast.signal,
+            shown=shown,
+            denoising=self._denoising,
+        )
+        self.passes = {**self.passes, COLOUR_PASS: seen.colour}
+        left = self._denoising.noise_left
+        at_probes, first = seen.at_probes, seen.first
+        return measure(probes, warped, self._contrast, at_probes, once, again, shown=shown, denoised=left, first=first)
 
 
 def _mean(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,0 +1,135 @@
+"""What the warped colours are off by where that changes slowly: told by many probes together, and taken away.
+
+A reflection on a floor stands elsewhere for the other eye. Beside the noise of a denoised picture that shows, though it
+is a fraction of the noise of the probes that tell it. But its sign is the same over many of them: with m the mean of
+their residuals, m is off by their noise over the root of their number, and what is left of m beyond that is the bias.
+Where it is beyond doubt the warped pixels are corrected by it, and need not be traced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .metrics import tone
+from .probes import Probes
+
+REACH = 3
+"""Tiles each way whose probes tell what a tile is off by."""
+
+DOUBT = 6.0
+"""How many times its own variance is taken off the square of what is told: less is left where it may be chance."""
+
+FACTOR = 2.0
+"""How many times brighter or darker a colour may become: bright ones are a hair from white after tone mapping."""
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Of each tile (N, 3), after `tone`: what is to be added to its warped colours.
+
+    without_own is the same as the other probes alone tell it. shown (N,) is the number of what each tile's probe
+    shows.
+    """
+
+    probes: Probes
+    added: NDArray[np.float64]
+    without_own: NDArray[np.float64]
+    shown: NDArray[np.integer]
+
+    def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
+        """The scene-linear colours (N, >= 3) of the probes' pixels, corrected: (N, 3)."""
+        return _shifted(colour[..., :3], self.without_own if without_own else self.added)
+
+    def corrected(
+        self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
+    ) -> NDArray[np.float32]:
+        """The scene-linear colour (H, W, >= 3) with the pixels of (H, W) corrected.
+
+        Between the tiles' middles the bias is interpolated, among those that show the same as the pixel (H, W).
+        """
+        result = colour.copy()
+        rows, columns = np.nonzero(pixels)
+        if not self.added.any() or not rows.size:
+            return result
+        added = self._at(rows, columns, shown[rows, columns])
+        result[rows, columns, :3] = _shifted(colour[rows, columns, :3], added)
+        return result
+
+    def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
+        """(P, 3) at pixels."""
+        height, width = self.probes.tile_grid
+        numbers = np.full((height, width), -1, np.intp)
+        numbers[self.probes.tiles] = np.arange(self.probes.rows.size)
+        place_y, place_x = ((p + 0.5) / self.probes.spacing - 0.5 for p in (rows, columns))
+        top, left = np.floor(place_y).astype(np.intp), np.floor(place_x).astype(np.intp)
+        total, weights = np.zeros((rows.size, 3)), np.zeros(rows.size)
+        for down in (0, 1):
+            for right in (0, 1):
+                y, x = np.clip(top + down, 0, height - 1), np.clip(left + right, 0, width - 1)
+                tile = numbers[y, x]
+                weight = np.abs(1 - down - (place_y - top)) * np.abs(1 - right - (place_x - left))
+                weight *= (tile >= 0) & (self.shown[tile] == own)
+                total += weight[:, None] * self.added[tile]
+                weights += weight
+        return total / np.maximum(weights, 1e-9)[:, None]
+
+
+def bias_of(probes: Probes, w: NDArray, a: NDArray, b: NDArray, shown: NDArray[np.integer]) -> Bias:
+    """w, a, b (N, >= 3) as for `probes.measure`; shown (H, W) is a number for what each pixel shows.
+
+    A probe with a value that is no number says nothing.
+    """
+    known = (np.isfinite(w) & np.isfinite(a) & np.isfinite(b)).all(axis=-1)
+    w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
+    numbers = shown[probes.rows, probes.columns]
+    residual, variance = 0.5 * (a + b) - w, np.mean((a - b) ** 2, axis=-1) / 4.0
+    alike = _Neighbours(probes, np.where(known, numbers, -1), known)
+    nearby = alike.sum(variance) / np.maximum(alike.sum(np.ones_like(variance)), 1.0)
+    weight = known / (nearby + 1e-6)
+    own = weight[:, None] * residual
+    told, certainty = alike.sum(own), alike.sum(weight)
+    return Bias(probes, _beyond_doubt(told, certainty), _beyond_doubt(told - own, certainty - weight), numbers)
+
+
+def _beyond_doubt(told: NDArray, certainty: NDArray) -> NDArray[np.float64]:
+    """(N, 3): the mean of residuals of which the weighted sum (N, 3) and the weights' (N,) are given, shrunk by what
+    chance may have to do with it (James and Stein)."""
+    inverse = 1.0 / np.maximum(certainty, 1e-9)
+    mean = told * inverse[:, None]
+    size = np.maximum(np.mean(mean**2, axis=-1), 1e-12)
+    return np.where(certainty > 0.0, np.clip(1.0 - DOUBT * inverse / size, 0.0, 1.0), 0.0)[:, None] * mean
+
+
+class _Neighbours:
+    """Sums over the tiles within REACH of each that show the same as it does."""
+
+    def __init__(self, probes: Probes, shown: NDArray, known: NDArray[np.bool_]) -> None:
+        self._probes = probes
+        self._shown = self._grid(np.where(known, shown, -1), -1)
+
+    def sum(self, values: NDArray) -> NDArray[np.float64]:
+        """(N, ...) of values (N, ...), each's own among them."""
+        grid, shown = self._grid(values, 0.0), self._shown
+        total = np.zeros_like(grid, np.float64)
+        height, width = shown.shape
+        for down in range(-REACH, REACH + 1):
+            for right in range(-REACH, REACH + 1):
+                here = np.s_[max(-down, 0) : height - max(down, 0), max(-right, 0) : width - max(right, 0)]
+                there = np.s_[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)]
+                same = shown[here] == shown[there]
+                total[here] += grid[there] * same.reshape(*same.shape, *(1,) * (grid.ndim - 2))
+        return total[self._probes.tiles]
+
+    def _grid(self, values: NDArray, elsewhere: float) -> NDArray:
+        grid = np.full((*self._probes.tile_grid, *values.shape[1:]), elsewhere, np.asarray(values).dtype)
+        grid[self._probes.tiles] = values
+        return grid
+
+
+def _shifted(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Scene-linear (P, 3), changed by so much after `tone`."""
+    toned = np.clip(tone(colour) + added, 0.0, 1.0 - 1e-6)
+    return np.clip(toned / (1.0 - toned), colour / FACTOR, colour * FACTOR).astype(np.float32)

@@ -1,0 +1,104 @@
+"""What probes say of a denoised picture: of the noise that they have, it has a fiftieth, and errors show beside that.
+
+Three things together tell what one probe cannot. Slow changes have the same sign over many probes: they are told by the
+mean of those and taken away (see `bias`). The probes of all tiles are a small picture of the target, and that too can be
+denoised, with the same guides: what is left between it and the warped colours is an error, or a detail finer than a
+tile. And materials of which much is off for their contrast are off elsewhere for theirs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bias import bias_of
+from .denoising import Denoising
+from .metrics import squared_error
+from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .probes import FirstTold, Probes
+from .risk import box_sum
+
+BELIEVED = 0.5
+"""Share of what a tile is taken to be off by that its own probe tells, the rest being told by its material."""
+
+NOISE_REACH = (4, 4)
+"""Pixels, down and across, over which the source's noise is averaged."""
+
+NOISELESS = 1e-12
+
+
+@dataclass(frozen=True)
+class Look:
+    """The colour (H, W, C) with its bias taken away, that of the probes' pixels (N, 3) as if their own had not been
+    heard, and what the first traces tell."""
+
+    colour: NDArray[np.float32]
+    at_probes: NDArray[np.float32]
+    first: FirstTold
+
+
+def look(
+    probes: Probes,
+    passes: Passes,
+    warped: NDArray[np.bool_],
+    traces: tuple[NDArray[np.float32], NDArray[np.float32]],
+    before: NDArray[np.float32],
+    *,
+    risk: NDArray[np.float32],
+    shown: NDArray[np.integer] | None,
+    denoising: Denoising,
+) -> Look:
+    """passes are the target's, with the traced pixels among them; warped (H, W) the pixels that are not traced.
+
+    traces are the scene-linear colours (N, 4) of each probe's two, before (N, C) what the warp had there. risk (H, W)
+    is what may be wrong, shown (H, W) a number for what each pixel shows, if that is known.
+    """
+    once, again = traces
+    kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
+    bias = bias_of(probes, before, once, again, kinds)
+    colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
+    told = squared_error(_denoised_probes(probes, passes, once, denoising), bias.at_probes(before))
+    noise = probes.around_and_own(squared_error(once, again)) + NOISELESS
+    # Most tiles are right: what they are told to be off by is the noise of the telling.
+    error = np.maximum(told - np.median(told / noise) * noise, 0.0)
+    own, by_material = error * probes.in_tiles(warped), _by_material(probes, error, np.where(warped, risk, 0.0), kinds)
+    likely = BELIEVED * own + (1.0 - BELIEVED) * by_material
+    return Look(
+        colour, bias.at_probes(before, without_own=True), FirstTold(likely, _source_noise(probes, passes, warped))
+    )
+
+
+def _source_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(N,): how far the source's pixels are from their denoised ones around each probe, in the mean of squares."""
+    squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
+    near = probes.rows, probes.columns
+    return box_sum(squares, NOISE_REACH)[near] / np.maximum(box_sum(warped, NOISE_REACH)[near], 1.0)
+
+
+def _denoised_probes(
+    probes: Probes, passes: Passes, traced: NDArray[np.float32], denoising: Denoising
+) -> NDArray[np.float32]:
+    """(N, 3): the probes' colours (N, 4), denoised as a picture of one pixel a tile."""
+    height, width = probes.shape
+    rows, columns = (
+        np.minimum(np.arange(count) * probes.spacing + probes.spacing // 2, size - 1)
+        for count, size in zip(probes.tile_grid, (height, width), strict=True)
+    )
+    rows, columns = (places.copy() for places in np.meshgrid(rows, columns, indexing="ij"))
+    # A tile without a probe is traced throughout.
+    rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
+    small = {name: passes[name][rows, columns] for name in (NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)}
+    small[NOISY_PASS][probes.tiles] = traced
+    return denoising.of(small)[probes.tiles]
+
+
+def _by_material(probes: Probes, error: NDArray, risk: NDArray, shown: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(N,) what each tile is off by, were every pixel so for its risk as its material is at the probes."""
+    of_probe = shown[probes.rows, probes.columns]
+    count = int(shown.max(initial=0)) + 1
+    at_risk = np.bincount(of_probe, weights=risk[probes.rows, probes.columns], minlength=count)
+    off = np.bincount(of_probe, weights=error, minlength=count)
+    per_risk = np.where(at_risk > 0.0, off / np.where(at_risk > 0.0, at_risk, 1.0), 0.0)
+    return probes.in_tiles(per_risk[shown] * risk)
