@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .composite import composite, filtered
+from .composite import composite
 from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
-from .passes import COLOUR_PASS, Passes
+from .passes import COLOUR_PASS, Passes, filtered
 from .probes import Measured, measure, place_probes, with_refined
 from .refinement import (
     Estimate,
