@@ -85,9 +85,12 @@ def motion_from_directions(
     """(N, 4) vectors in pixels from what Cycles gives for a custom camera: differences of unit directions.
 
     turned (N, 4) are their x and y in camera space at the pixel positions x, y (N,) of a camera whose lens stays as it
-    is. sky (N,): for what is endlessly far Cycles leaves out the division by depth; then positions count from the
-    lower left corner of the whole frame, which lies at `corner` in this camera's pixels.
+    is. sky (N,): for what is endlessly far Cycles leaves out the division by depth, or gives it no vector at all (4.5);
+    then positions count from the lower left corner of the whole frame, which lies at `corner` in this camera's pixels.
     """
+    if np.any(sky & ~turned.any(axis=-1)):
+        # What moves in a pixel of the sky is what else is in it.
+        sky = np.zeros_like(sky)
     _, through = camera.ray_from_px(x, y)
     ahead = np.stack([np.broadcast_to(part, x.shape) for part in through], axis=-1)
     now = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""A small scene with every pass on that Blender offers, and something in it for each of them to show."""
+"""A small scene with every pass on that Blender offers, and something in it for most of them to show."""
 
 from __future__ import annotations
 
@@ -32,14 +32,15 @@ OFF = ("use_pass_cryptomatte_accurate", "use_pass_shadow_catcher")
 
 
 def every_pass(folder: Path, width: int = 96, height: int = 54, *, samples: int = 4) -> bpy.types.Scene:
-    """Walls, a box, and a ball that moves across; what a plain multiview render gives is the ruler."""
+    """A wall before the sky, a floor, a box, and a ball that moves across and shines; the camera stands
+    still. What a plain multiview render gives is the ruler."""
     scene = empty_scene(width, height, samples=samples)
     picture = noise_image(folder, size=8)
-    add_plane(scene, _surface("wall", picture), size=(24, 14), location=(0, 0, -9)).pass_index = 1
+    add_plane(scene, _surface("wall", picture), size=(8, 5), location=(0, 0, -9)).pass_index = 1
     floor = add_plane(scene, _surface("floor", picture), size=(16, 14), location=(0, -1.6, -6), rotation=(-1.3, 0, 0))
     floor.pass_index = 2
     add_cube(scene, _surface("box", picture), size=1.4, location=(-1.3, -0.2, -5.5)).pass_index = 3
-    ball = add_sphere(scene, _surface("ball", picture), radius=0.7, location=(1.2, 0.2, -4.5))
+    ball = add_sphere(scene, _surface("ball", picture, shining=True), radius=0.7, location=(1.2, 0.2, -4.5))
     ball.pass_index = 4
     keyframes(ball, "location", {0: (0.9, 0.1, -4.5), 1: (1.2, 0.2, -4.5), 2: (1.6, 0.35, -4.5)})
     for index, material in enumerate(bpy.data.materials):
@@ -53,7 +54,7 @@ def every_pass(folder: Path, width: int = 96, height: int = 54, *, samples: int 
     return scene
 
 
-def _surface(name: str, picture: bpy.types.Image) -> Material:
+def _surface(name: str, picture: bpy.types.Image, *, shining: bool = False) -> Material:
     material = Material(name)
     texture = material.texture(picture)
     shader = material.node("BsdfDiffuse")
@@ -62,7 +63,14 @@ def _surface(name: str, picture: bpy.types.Image) -> Material:
         output = material.node("OutputAOV")
         output.aov_name = aov
         material.link(texture, output.inputs["Value" if kind == "VALUE" else "Color"])
-    return material.surface(shader)
+    if not shining:
+        return material.surface(shader)
+    rough = material.node("BsdfPrincipled", Roughness=0.6)
+    material.link(texture, rough.inputs["Base Color"])
+    material.link(texture, rough.inputs["Emission Color"])
+    rough.inputs["Emission Strength"].default_value = 0.3
+    rough.inputs["Transmission Weight"].default_value = 0.4
+    return material.surface(rough)
 
 
 def _switch_on(scene: bpy.types.Scene) -> None:
