@@ -39,7 +39,7 @@ def warp_passes(
             warped[name] = _target_position(image, seen, warp, target_camera)
         elif name == VECTOR_PASS:
             eyes = motion or (standing_still(source_camera), standing_still(target_camera))
-            warped[name] = warp_motion(image, depth, warp, *eyes)
+            warped[name] = warp_motion(image, depth, warp, *eyes, seen)
         elif filtered(name):
             warped[name] = _interpolated(name, image, warp, interpolation)
         else:

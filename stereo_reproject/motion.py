@@ -46,31 +46,49 @@ def _as_cycles_has_it(then: Camera, now: Camera) -> Camera:
 
 
 def warp_motion(
-    vector: NDArray[np.float32], depth: NDArray[np.float32], warp: Warp, source: Moving, target: Moving
+    vector: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    warp: Warp,
+    source: Moving,
+    target: Moving,
+    target_depth: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """(H, W, 4): the vectors of the nearest source samples as the target sees them, 0 where nothing landed.
 
-    vector (H, W, 4) and depth (H, W, 1) are the source's. A point is taken to keep the depth that it has but for what
-    the camera's own motion changes: exact for what stands still and for what moves parallel to the picture.
+    vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's. A point is taken to keep
+    the depth that it has but for what the camera's own motion changes: exact for what stands still and for what moves
+    parallel to the picture. What the cameras do between the sample and the target's pixel is made up for.
     """
     vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
     z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
+    z = np.where(z > 0.0, z, np.inf)
     x, y = np.floor(warp.x) + 0.5, np.floor(warp.y) + 0.5
-    now_x, now_y, _ = target_px_from_source_px(source.now, target.now, x, y, np.where(z > 0.0, z, np.inf))
+    now = target_px_from_source_px(source.now, target.now, x, y, z)
     result = np.zeros_like(vectors)
     for at, sign, source_then, target_then in (
         (0, 1.0, source.before, target.before),
         (2, -1.0, source.after, target.after),
     ):
-        _, _, then = target_px_from_source_px(source.now, source_then, x, y, np.where(z > 0.0, z, np.inf))
+        _, _, then = target_px_from_source_px(source.now, source_then, x, y, z)
         then_x, then_y = x + sign * vectors[..., at], y - sign * vectors[..., at + 1]
-        target_x, target_y, _ = target_px_from_source_px(source_then, target_then, then_x, then_y, then)
-        result[..., at] = sign * (target_x - now_x)
-        result[..., at + 1] = -sign * (target_y - now_y)
+        moved = target_px_from_source_px(source_then, target_then, then_x, then_y, then)
+        result[..., at] = sign * (moved[0] - now[0])
+        result[..., at + 1] = -sign * (moved[1] - now[1])
+    if target.before is not target.now or target.after is not target.now:
+        rows, columns = np.mgrid[0.5 : z.shape[0], 0.5 : z.shape[1]]
+        here, there = _standing_still(target, columns, rows, target_depth), _standing_still(target, *now)
+        # Of the sky Cycles has other vectors (see below).
+        result += np.where(np.isfinite(z)[..., None], np.nan_to_num(here - there), 0.0)
     # A point behind a camera has no place in its picture.
     known = np.isfinite(result).all(axis=-1, keepdims=True)
     result = np.where(known, result, vectors)
     return np.where(warp.covered[..., None], result, 0.0).astype(np.float32)
+
+
+def _standing_still(eye: Moving, x: NDArray, y: NDArray, depth: NDArray) -> NDArray:
+    """(H, W, 4): the vectors of points at these places and depths (H, W) of an eye, which do not move themselves."""
+    before, after = (target_px_from_source_px(eye.now, then, x, y, depth) for then in (eye.before, eye.after))
+    return np.stack([before[0] - x, y - before[1], x - after[0], after[1] - y], axis=-1)
 
 
 def motion_from_directions(

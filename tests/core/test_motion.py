@@ -14,6 +14,8 @@ SIZE = (13, 9)
 EXACT = 2e-4
 """Pixels: what is left of single precision."""
 
+FARTHER = 0.3
+
 WORLDS = {
     "now": None,
     "before": pose((-0.2, 0.1, 0.3), yaw=0.05, pitch=-0.02),
@@ -48,6 +50,17 @@ def bumps():
     return 5.0 + np.sin(0.4 * columns) + 0.5 * np.cos(0.7 * rows)
 
 
+def standing(eye, points):
+    """The vectors of points that do not move themselves."""
+    return vectors_of(eye, points, points, points)
+
+
+def convert(vector, depth, source, target):
+    """The source's every pixel in the target's, which are at another depth."""
+    depths = depth[..., None].astype(np.float32)
+    return warp_motion(vector, depths, every_pixel_of(source.now), source, target, (depth + FARTHER).astype(np.float32))
+
+
 def every_pixel_of(camera):
     x, y = (values.astype(np.float32) for values in pixel_centres(camera))
     return Warp(x, y, np.ones_like(x))
@@ -60,9 +73,9 @@ def test_what_stands_still_moves_by_the_target_s_own_motion(mode, orthographic):
     source, target = eyes["left"], eyes["right"]
     depth = bumps()
     points = seen(source, depth)
-    vector = vectors_of(source, points, points, points)
-    result = warp_motion(vector, depth[..., None].astype(np.float32), every_pixel_of(source.now), source, target)
-    expected = vectors_of(target, points, points, points)
+    vector = standing(source, points)
+    result = convert(vector, depth, source, target)
+    expected = standing(target, seen(target, depth + FARTHER))
     np.testing.assert_allclose(result, expected, atol=EXACT)
     if not orthographic:
         assert np.abs(expected - vector).max() > 0.05, "the eyes do not see the same motion"
@@ -78,8 +91,10 @@ def test_what_moves_parallel_to_the_picture_is_exact(moves):
     slide = np.array([0.3, -0.2, 0.0])
     before, after = (points + one.world_from_camera[:3, :3] @ slide for one in (source.before, source.after))
     vector = vectors_of(source, points, before, after)
-    result = warp_motion(vector, depth[..., None].astype(np.float32), every_pixel_of(source.now), source, target)
-    np.testing.assert_allclose(result, vectors_of(target, points, before, after), atol=EXACT)
+    expected = vectors_of(target, points, before, after)
+    # The target's pixel is not quite where the point is: what its own motion does in between is made up for.
+    expected += standing(target, seen(target, depth + FARTHER)) - standing(target, points)
+    np.testing.assert_allclose(convert(vector, depth, source, target), expected, atol=EXACT)
 
 
 def test_vectors_are_those_of_the_nearest_sample_and_none_where_nothing_landed():
@@ -89,7 +104,7 @@ def test_vectors_are_those_of_the_nearest_sample_and_none_where_nothing_landed()
     warp = every_pixel_of(eye.now)
     x, nearness = warp.x + 0.4, warp.nearness.copy()
     x[3, 5], nearness[3, 5] = np.nan, -np.inf
-    result = warp_motion(vector, depth, Warp(x, warp.y, nearness), eye, eye)
+    result = warp_motion(vector, depth, Warp(x, warp.y, nearness), eye, eye, depth[..., 0])
     expected = vector.copy()
     expected[3, 5] = 0.0
     np.testing.assert_allclose(result, expected, atol=EXACT)
@@ -101,7 +116,8 @@ def test_what_has_no_depth_keeps_a_vector(depth):
     eyes = eyes_of(False)
     vector = np.full((*SIZE[::-1], 4), 2.0, np.float32)
     depths = np.full((*SIZE[::-1], 1), depth, np.float32)
-    result = warp_motion(vector, depths, every_pixel_of(eyes["left"].now), eyes["left"], eyes["right"])
+    warp = every_pixel_of(eyes["left"].now)
+    result = warp_motion(vector, depths, warp, eyes["left"], eyes["right"], depths[..., 0])
     np.testing.assert_allclose(result, vector, atol=EXACT)
 
 
@@ -140,6 +156,18 @@ def test_differences_of_directions_become_pixels():
         turned_of(eye, points.reshape(-1, 3)), eye.now, x, y, sky=np.zeros(x.size, bool), corner=(0.0, SIZE[1])
     )
     np.testing.assert_allclose(result, vectors_of(eye, points, points, points).reshape(-1, 4), atol=1e-3)
+
+
+def test_where_the_sky_has_no_vectors_a_pixel_s_is_that_of_what_else_is_in_it():
+    """Blender 4.5 gives the sky none."""
+    eye = eyes_of(True)["right"]
+    points = seen(eye, bumps()).reshape(-1, 3)
+    x, y = (values.ravel() for values in pixel_centres(eye.now))
+    turned, sky = turned_of(eye, points), np.zeros(x.size, bool)
+    turned[:3], sky[:6] = 0.0, True
+    result = motion_from_directions(turned, eye.now, x, y, sky=sky, corner=(0.0, SIZE[1]))
+    np.testing.assert_allclose(result[3:], standing(eye, points)[3:], atol=1e-3)
+    np.testing.assert_allclose(result[:3], 0.0, atol=1e-6)
 
 
 def test_the_sky_s_positions_are_times_its_depth_as_cycles_has_it():

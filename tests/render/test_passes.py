@@ -48,6 +48,11 @@ def camera_moves(scene):
     scene.frame_set(1)
 
 
+def camera_zooms(scene):
+    keyframes(scene.camera.data, "lens", {0: 30.0, 1: 35.0, 2: 42.0})
+    scene.frame_set(1)
+
+
 def camera_turns_in(scene):
     camera_moves(scene)
     scene.camera.data.stereo.convergence_mode = "TOE"
@@ -61,6 +66,7 @@ VARIANTS = {
     "packed": ("packed", camera_stands_still),
     "packed, moving": ("packed", camera_moves),
     "card, moving": ("card", camera_moves),
+    "card, zooming": ("card", camera_zooms),
     "packed, toe-in": ("packed", camera_turns_in),
 }
 
