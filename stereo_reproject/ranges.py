@@ -12,7 +12,7 @@ HALF_MAX = 65504.0
 
 
 def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
-    """A line each for values of one eye that are negative light, and for those that half floats cannot hold.
+    """A line each for values of one eye that are no numbers, negative light, or more than half floats can hold.
 
     half: whether a file of half floats is to be made of the passes. Of a multilayer file Blender makes the colours half
     floats and nothing else.
@@ -22,9 +22,12 @@ def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
     if negative:
         warnings.append(f"{negative} pixels of the {view} eye are negative in {COLOUR_PASS}")
     for name, image in passes.items():
+        unknown = _count(np.isnan(image))
+        if unknown:
+            warnings.append(f"{unknown} pixels of the {view} eye's {name} pass are no numbers")
         if not half or not pass_letters(name, image.shape[2]).startswith("RGB"):
             continue
-        beyond = _count(np.abs(image) > HALF_MAX)
+        beyond = _count(np.abs(np.nan_to_num(image, posinf=np.inf, neginf=-np.inf)) > HALF_MAX)
         if beyond:
             where = f"{beyond} pixels of the {view} eye's {name} pass"
             warnings.append(f"{where} are beyond what half floats hold: set the output's color depth to Float (Full)")

@@ -29,6 +29,15 @@ def test_negative_light_is_counted_by_pixel():
     assert line.startswith("2 pixels of the right eye are negative")
 
 
+@pytest.mark.parametrize("name", ["Combined", "Depth"])
+def test_what_is_no_number_is_told_by_pass(name):
+    passes = eye()
+    passes[name][0, 1, 0] = np.nan
+    passes["Depth"][3, 3] = np.inf
+    (line,) = range_warnings(passes, view="left", half=True)
+    assert line == f"1 pixels of the left eye's {name} pass are no numbers"
+
+
 @pytest.mark.parametrize("name", ["Combined", "Diffuse Direct", "Combined_Sun", "Normal map"])
 @pytest.mark.parametrize("value", [65536.0, np.inf])
 def test_what_half_floats_cannot_hold_is_told_by_pass(name, value):

@@ -168,3 +168,16 @@ def test_the_scene_is_in_its_own_frame_again(pair):
     frame, place = pair.after
     assert frame == 1
     assert tuple(place) == (0.0, 0.0, 0.0)
+
+
+def test_vectors_of_an_animated_lens_are_not_traced_packed(tmp_path):
+    """A custom camera's vectors know nothing of a lens."""
+    scene = every_pass(tmp_path)
+    camera_zooms(scene)
+    for wanted in (True, False):
+        scene.view_layers[0].use_pass_vector = wanted
+        with working_scene(scene, SceneOverrides()) as working:
+            renderer = BlenderRenderer(working, tmp_path, user_scene=scene)
+            blocker = renderer.fill_blockers()["packed"]
+            assert (blocker or "").startswith("the lens is animated") == wanted
+            assert (renderer.motion is not None) == wanted
