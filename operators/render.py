@@ -11,7 +11,7 @@ from ..stereo_reproject.blender.animation import ANIMATION_FILES, folders_of, fr
 from ..stereo_reproject.blender.delivery import deliver_to_result
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import SMALLEST, scene_frames
-from ..stereo_reproject.exr import VIEWS, read_eye
+from ..stereo_reproject.exr import VIEWS, main_layer, read_eye
 from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings
 from ..stereo_reproject.work_folder import DIFFERENCE
@@ -139,7 +139,7 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 def _deliver(scene: bpy.types.Scene, run: Run, *, frame: int | None, to_look_at: bool) -> None:
     """Put the eyes of a run into the scene's Render Result, and show that."""
-    eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
+    eyes = {view: main_layer(read_eye(run.folder / f"{view}.exr")) for view in VIEWS}
     deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at)
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()

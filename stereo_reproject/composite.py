@@ -7,60 +7,79 @@ from numpy.typing import NDArray
 
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
-from .passes import (
-    ALBEDO_PASS,
-    COLOUR_PASS,
-    DEPTH_PASS,
-    EFFECTS_PASS,
-    MATERIAL_PASS,
-    NOISY_PASS,
-    NORMAL_PASS,
-    Passes,
-)
+from .masks import dilate
+from .motion import Moving, standing_still, warp_motion
+from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered
 from .warp import Warp
 
-UNWARPED = ("Vector",)
-"""Passes that mean the source eye's own pixels: they do not carry over."""
-
-NEAREST = (
-    "Normal",
-    "Position",
-    "UV",
-    "Denoising Normal",
-    "Denoising Depth",
-    "IndexOB",
-    "IndexMA",
-    "Object Index",
-    "Material Index",
-    "Crypto",
-    EFFECTS_PASS,
-    MATERIAL_PASS,
-    NOISY_PASS,
-    ALBEDO_PASS,
-    NORMAL_PASS,
-)
-"""Passes of which a mean of two neighbours is neither of them; a denoiser wants noise that is not smeared."""
+CUBIC_REACH = 2
+"""Pixels from the nearest one to the farthest that the cubic kernel takes something from."""
 
 
 def warp_passes(
-    source: Passes, warp: Warp, source_camera: Camera, target_camera: Camera, *, interpolation: str
+    source: Passes,
+    warp: Warp,
+    source_camera: Camera,
+    target_camera: Camera,
+    *,
+    interpolation: str,
+    motion: tuple[Moving, Moving] | None = None,
 ) -> Passes:
-    """The source's passes as seen by the target, 0 (depth: +inf) where nothing landed."""
+    """The source's passes as seen by the target, 0 (depth: +inf) where nothing landed.
+
+    motion is that of the two eyes, of whom none moves without it; the Vector pass alone asks for it.
+    """
+    depth = source[DEPTH_PASS]
+    seen = _target_depth(depth, warp, source_camera, target_camera)
     warped: Passes = {}
     for name, image in source.items():
-        if name in UNWARPED:
-            continue
         if name == DEPTH_PASS:
-            warped[name] = _target_depth(image, warp, source_camera, target_camera)[..., None]
+            warped[name] = seen[..., None]
+        elif name == POSITION_PASS:
+            warped[name] = _target_position(image, seen, warp, target_camera)
+        elif name == VECTOR_PASS:
+            eyes = motion or (standing_still(source_camera), standing_still(target_camera))
+            warped[name] = warp_motion(image, depth, warp, *eyes, seen)
+        elif filtered(name):
+            warped[name] = _interpolated(name, image, warp, interpolation)
         else:
-            how = interpolation if filtered(name) else "nearest"
-            warped[name] = lookup(image, warp.x, warp.y, interpolation=how)
+            warped[name] = lookup(image, warp.x, warp.y, interpolation="nearest")
     return warped
 
 
-def filtered(name: str) -> bool:
-    """Whether a mean of two of the pass's values is a value of the pass."""
-    return name != DEPTH_PASS and not name.startswith(NEAREST)
+def _interpolated(name: str, image: NDArray[np.float32], warp: Warp, interpolation: str) -> NDArray[np.float32]:
+    """(H, W, C), not below zero where nothing around it is, and with an alpha of 1 at most: the cubic kernel, which
+    keeps the sharpness, overshoots."""
+    looked_up = lookup(image, warp.x, warp.y, interpolation=interpolation)
+    if interpolation != "cubic":
+        return looked_up
+    below = image.min(axis=-1) < 0.0
+    if below.any():
+        reached = dilate(below, CUBIC_REACH)[..., None].astype(np.float32)
+        may_be = lookup(reached, warp.x, warp.y, interpolation="nearest") > 0.0
+        looked_up = np.where(may_be, looked_up, np.maximum(looked_up, 0.0))
+    else:
+        np.maximum(looked_up, 0.0, out=looked_up)
+    if name == COLOUR_PASS:
+        np.minimum(looked_up[..., 3], max(1.0, float(image[..., 3].max())), out=looked_up[..., 3])
+    return looked_up
+
+
+def _target_position(
+    position: NDArray[np.float32], depth: NDArray[np.float32], warp: Warp, target: Camera
+) -> NDArray[np.float32]:
+    """(H, W, 3): the points in the world that the target's pixel centres see at this depth (H, W).
+
+    Where there is none, what Blender has there: the source's own (H, W, 3).
+    """
+    rows, columns = np.mgrid[0.5 : depth.shape[0], 0.5 : depth.shape[1]]
+    origin, direction = target.ray_from_px(columns, rows)
+    known = np.isfinite(depth)
+    along = np.where(known, depth, 1.0).astype(np.float64)
+    local = np.stack([o + along * d for o, d in zip(origin, direction, strict=True)], axis=-1)
+    world = local @ target.world_from_camera[:3, :3].T + target.world_from_camera[:3, 3]
+    elsewhere = lookup(position, warp.x, warp.y, interpolation="nearest")
+    return np.where(known[..., None], world, elsewhere).astype(np.float32)
 
 
 def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
@@ -74,7 +93,8 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     seen = np.where(warp.covered, source.depth_from_nearness(looked_up), np.nan)
     transform = target_from_source(source, target)
     if not np.allclose(transform[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12):
-        seen = target_px_from_source_px(source, target, warp.x, warp.y, seen)[2]
+        # An orthographic camera's sky has a place; its depth is none for all that.
+        seen = np.where(np.isposinf(seen), seen, target_px_from_source_px(source, target, warp.x, warp.y, seen)[2])
     return np.where(warp.covered, seen, np.inf).astype(np.float32)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effects import Effect
-from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
+from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 
 CRYPTOMATTE = "CryptoMaterial"
 """How the names of Blender's passes of materials begin."""
@@ -64,7 +64,7 @@ def material_pass(passes: Passes) -> NDArray[np.float32] | None:
 
 def _ranks(passes: Passes) -> list[tuple[NDArray[np.uint32], NDArray[np.bool_]]]:
     """Hashes (H, W) of each rank, and where what they stand for covers enough of the pixel to count as seen."""
-    levels = [image for name, image in passes.items() if name.startswith(CRYPTOMATTE) and image.shape[2] == 4]
+    levels = [image for name, image in passes.items() if cryptomatte_of(name) == CRYPTOMATTE]
     return [
         (np.ascontiguousarray(image[..., rank]).view(np.uint32), image[..., rank + 1] >= LEAST_COVERAGE)
         for image in levels

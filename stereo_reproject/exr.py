@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInputError
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of, pass_letters
 
 CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
 """The letters of Blender's channels, each set in the order in which it stands in an array."""
 
 VIEWS = ("left", "right")
+
+MAIN_LAYER = "mainLayer"
+"""Attribute of an eye's file: the view layer whose channels have no layer before their names."""
+
+CRYPTOMATTE_KEY = "cryptomatte/"
+"""How the names of the attributes begin that say which hash is whose (Psyop, "Cryptomatte specification" 1.2)."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 def _openexr() -> Any:
@@ -84,60 +93,110 @@ def write_table(path: Path, values: NDArray[np.float32]) -> None:
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
-def write_eye(path: Path, passes: Passes, *, view: str) -> None:
-    """One eye, every pass: colour as R, G, B, A and the others as Pass.C, 32 bit float, scene-linear."""
-    _write(path, _channels(passes), {"compression": _openexr().ZIP_COMPRESSION, "view": view})
+def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str, metadata: Mapping[str, str] = NOTHING) -> None:
+    """One eye in one part, every view layer and pass, 32 bit float, scene-linear; the first layer is the main one.
+
+    Its colour is R, G, B, A and its other passes are Pass.C; those of the other layers are Layer.Pass.C. metadata are
+    the texts of Blender's renders, of which those that say what the cryptomattes hold are kept.
+    """
+    main = next(iter(layers))
+    channels: dict[str, NDArray] = {}
+    for layer, passes in layers.items():
+        for name, image in passes.items():
+            prefix = _joined("" if layer == main else layer, "" if (layer, name) == (main, COLOUR_PASS) else name)
+            channels.update(_channels(name, image, prefix))
+    texts = _cryptomattes(metadata, layers, {layer: "" if layer == main else layer for layer in layers})
+    header = {"compression": _openexr().ZIP_COMPRESSION, "view": view, MAIN_LAYER: main, **texts}
+    _write(path, channels, header)
 
 
-def read_eye(path: Path) -> Passes:
-    """The passes of a file that `write_eye` wrote. Raises BadInputError when it is not whole."""
+def read_eye(path: Path) -> dict[str, Passes]:
+    """The passes of a file that `write_eye` wrote, by view layer, the main one first. Raises BadInputError when it is
+    not whole."""
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
         raise BadInputError(f"{path.name} is not whole: {error}") from error
-    found: dict[str, dict[str, NDArray]] = {}
-    for name, channel in part.channels.items():
-        pass_name, _, letter = name.rpartition(".")
-        found.setdefault(pass_name or COLOUR_PASS, {})[letter] = channel.pixels
-    return {name: _stack(channels) for name, channels in found.items()}
+    main = part.header.get(MAIN_LAYER, "")
+    found: dict[str, dict[str, dict[str, NDArray]]] = {main: {}}
+    for channel_name, channel in part.channels.items():
+        prefix, _, letter = channel_name.rpartition(".")
+        # A layer's name may have dots, a pass's may not.
+        layer, _, name = prefix.rpartition(".")
+        found.setdefault(layer or main, {}).setdefault(name or COLOUR_PASS, {})[letter] = channel.pixels
+    return {layer: {name: _stack(letters) for name, letters in passes.items()} for layer, passes in found.items()}
 
 
-def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
-    """Both eyes in one multi-view EXR: the first is the default view, whose R, G, B and A carry no view name.
+def main_layer(layers: Mapping[str, Passes]) -> Passes:
+    """The passes of the first of an eye's layers."""
+    return next(iter(layers.values()))
 
-    Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name, in the
-    default view too where the channel belongs to a layer.
+
+def write_stereo(
+    path: Path, eyes: Mapping[str, Mapping[str, Passes]], *, metadata: Mapping[str, str] = NOTHING
+) -> None:
+    """All views, by view name, with all their layers, in one file: a part for each layer, pass and view.
+
+    Parts and channels are named as Blender 5.2 does it, Layer.Pass-view and Layer.Pass.C, with one exception: the
+    first layer's colour is R, G, B, A, which is what a program shows that knows no layers. It is the first part, and
+    Blender puts the part's name before such channels. metadata is as for `write_eye`.
     """
-    views = list(eyes)
-    channels = {}
-    for view in views:
-        channels.update(_channels(eyes[view], view, default=view == views[0]))
-    _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views})
+    openexr = _openexr()
+    first = next(iter(eyes.values()))
+    layers = list(dict.fromkeys(layer for view in eyes.values() for layer in view))
+    texts = _cryptomattes(metadata, first, {layer: layer for layer in layers})
+    parts = []
+    for layer in layers:
+        names = dict.fromkeys(name for view in eyes.values() for name in view.get(layer, {}))
+        # Else a program that knows no layers would find something else first.
+        for name in sorted(names, key=lambda name: name != COLOUR_PASS):
+            full = _joined(layer, name)
+            prefix = "" if (layer, name) == (layers[0], COLOUR_PASS) else full
+            for view, passes in ((view, of_view[layer]) for view, of_view in eyes.items() if layer in of_view):
+                if name in passes:
+                    header = {"compression": openexr.ZIP_COMPRESSION, "name": f"{full}-{view}", "view": view}
+                    # Readers look for them in the first part.
+                    header |= {} if parts else texts
+                    header["type"] = openexr.scanlineimage
+                    parts.append(openexr.Part(header, _channels(name, passes[name], prefix)))
+    _write_file(path, lambda: openexr.File(parts))
 
 
-def _channels(passes: Passes, view: str = "", *, default: bool = False) -> dict[str, NDArray]:
-    result = {}
-    for name, image in passes.items():
-        for k, letter in enumerate(pass_letters(name, image.shape[2])):
-            parts = [] if name == COLOUR_PASS else [name]
-            parts += [view] if view and not (default and name == COLOUR_PASS) else []
-            result[".".join([*parts, letter])] = np.ascontiguousarray(image[..., k], np.float32)
+def _joined(*names: str) -> str:
+    return ".".join(name for name in names if name)
+
+
+def _channels(name: str, image: NDArray, prefix: str) -> dict[str, NDArray]:
+    letters = pass_letters(name, image.shape[2])
+    return {_joined(prefix, c): np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate(letters)}
+
+
+def _cryptomattes(
+    metadata: Mapping[str, str], layers: Mapping[str, Passes], prefixes: Mapping[str, str]
+) -> dict[str, str]:
+    """The texts about those cryptomattes that the layers have; named after the layers' `prefixes` instead."""
+    known = {
+        f"{layer}.{matte}": _joined(prefixes[layer], matte)
+        for layer, passes in layers.items()
+        for matte in filter(None, map(cryptomatte_of, passes))
+    }
+    result: dict[str, str] = {}
+    for key, value in metadata.items():
+        group = key.removesuffix("/name")
+        if key.startswith(CRYPTOMATTE_KEY) and group != key and value in known:
+            result |= {k: text for k, text in metadata.items() if k.startswith(f"{group}/")}
+            result[key] = known[value]
     return result
-
-
-def pass_letters(name: str, channels: int) -> str:
-    """A letter for each channel of a pass, as Blender names them."""
-    if channels == 1:
-        return "Z" if name == DEPTH_PASS else "V"
-    vector = name.startswith(("Normal", "Position", "Vector", "Denoising Normal"))
-    order = "XYZW" if vector else "UVA" if name == "UV" else "rgba" if name.startswith("Crypto") else "RGBA"
-    return order[:channels]
 
 
 def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any]) -> None:
     openexr = _openexr()
+    _write_file(path, lambda: openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)))
+
+
+def _write_file(path: Path, make: Callable[[], Any]) -> None:
     try:
-        with openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)) as file:
+        with make() as file:
             file.write(str(path))
         # A full disk may take the last of it away without a word.
         _read_parts(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,23 +12,78 @@ Passes = dict[str, NDArray[np.float32]]
 
 COLOUR_PASS = "Combined"
 DEPTH_PASS = "Depth"
+POSITION_PASS = "Position"
+VECTOR_PASS = "Vector"
 
-MASKED_PASS = "Masked"
-"""(H, W, 1) of a source: 1 where its pixels must not be warped, 0 elsewhere. Few sources have it."""
+MASKED_PASS = ".Masked"
+"""Names of ours begin with a dot, which no pass of Blender's has: an AOV is called what its maker likes.
 
-EFFECTS_PASS = "Effects"
+(H, W, 1) of a source: 1 where its pixels must not be warped, 0 elsewhere. Few sources have it."""
+
+EFFECTS_PASS = ".Effects"
 """(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""
 
-MATERIAL_PASS = "Shown Material"
+MATERIAL_PASS = ".Shown Material"
 """(H, W, 1) number of the materials that each pixel shows. Ours alone, as the flags are."""
 
-NOISY_PASS = "Noisy"
+NOISY_PASS = ".Noisy"
 """(H, W, 4) colour as it was traced, where the picture is denoised. Ours alone, as are what the denoiser looks at:"""
 
-ALBEDO_PASS = "Guiding Albedo"
-NORMAL_PASS = "Guiding Normal"
+ALBEDO_PASS = ".Guiding Albedo"
+NORMAL_PASS = ".Guiding Normal"
 
 OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)
+
+_CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
+
+_VECTORS = frozenset({POSITION_PASS, VECTOR_PASS, "Normal", "Denoising Normal"})
+_DISTANCES = frozenset({DEPTH_PASS, "Mist", "Denoising Depth", "Volume Majorant"})
+
+_UNMIXED = frozenset(
+    {
+        "Normal",
+        "UV",
+        "Denoising Normal",
+        "Denoising Depth",
+        # The same passes, by their names in 4.5 and in 5.2.
+        "IndexOB",
+        "IndexMA",
+        "Object Index",
+        "Material Index",
+        "Debug Sample Count",
+        "Render Time",
+        EFFECTS_PASS,
+        MATERIAL_PASS,
+        NOISY_PASS,
+        ALBEDO_PASS,
+        NORMAL_PASS,
+    }
+)
+"""Passes of which a mean of two neighbours is neither of them; a denoiser wants noise that is not smeared. Whole names: an
+AOV may be called "Normal map"."""
+
+_CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
+"""Passes that are another eye's only after a conversion."""
+
+
+def cryptomatte_of(name: str) -> str | None:
+    """What cryptomatte a pass is a level of, by Blender's name ("CryptoObject"), or None."""
+    found = _CRYPTOMATTE.fullmatch(name)
+    return found[1] if found else None
+
+
+def filtered(name: str) -> bool:
+    """Whether a mean of two of the pass's values is a value of the pass."""
+    return name not in _UNMIXED and name not in _CONVERTED and cryptomatte_of(name) is None
+
+
+def pass_letters(name: str, channels: int) -> str:
+    """A letter for each channel of a pass, as Blender names them."""
+    if channels == 1:
+        return "Z" if name in _DISTANCES else "X"
+    if name in _VECTORS:
+        return "XYZW"[:channels]
+    return ("UVA" if name == "UV" else "rgba" if cryptomatte_of(name) else "RGBA")[:channels]
 
 
 def without_ours(passes: Passes) -> Passes:

@@ -20,6 +20,7 @@ from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid
 from .holes import Reason
+from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
 from .price import Price, next_better, price_of
 from .reprojection import reproject
@@ -39,6 +40,10 @@ class Renderer(Protocol):
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
     """Of the scene's noise; the places of the probes follow from it."""
+    motion: Mapping[str, Moving] | None
+    """Each eye's in the frames around this one; None where no pass asks for it."""
+    metadata: Mapping[str, str]
+    """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole."""
@@ -64,7 +69,7 @@ class StereoFrame:
 
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
-    cost; price is what the next better accuracy would have.
+    cost; price is what the next better accuracy would have. metadata is the renderer's.
     """
 
     eyes: dict[str, Passes]
@@ -79,6 +84,7 @@ class StereoFrame:
     accounts: dict[Effect, Account]
     price: Price
     invalid_pixels: dict[str, int]
+    metadata: dict[str, str]
 
 
 class Stopwatch:
@@ -123,6 +129,7 @@ def render_stereo_frame(
     source, invalid = contain(rendered)
 
     watch.lap("warp")
+    motion = renderer.motion
     reprojection = reproject(
         source,
         source_camera,
@@ -133,6 +140,7 @@ def render_stereo_frame(
         interpolation=settings.interpolation,
         lens=renderer.lens,
         volumes=renderer.volumes,
+        motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
     )
 
     blockers = renderer.fill_blockers(_deepest(source))
@@ -174,6 +182,7 @@ def render_stereo_frame(
         accounts=spent,
         price=price,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
+        metadata=dict(renderer.metadata),
     )
 
 

@@ -19,6 +19,7 @@ from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
 from .lookup import touches
 from .masks import dilate
+from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, MASKED_PASS, Passes
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
@@ -60,12 +61,14 @@ def reproject(
     interpolation: str = "linear",
     lens: Lens = PINHOLE,
     volumes: Sequence[NDArray] = (),
+    motion: tuple[Moving, Moving] | None = None,
 ) -> Reprojection:
     """Warp the source into the target and flag what is known beforehand to need tracing.
 
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
     whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
-    boxes in the world that hold the scene's volumes, infinite for one that is everywhere.
+    boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion is as for
+    `warp_passes`.
     """
     depth = source[DEPTH_PASS][..., 0]
     grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
@@ -74,7 +77,7 @@ def reproject(
     warp = forward_warp(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
     )
-    warped = warp_passes(source, warp, source_camera, target_camera, interpolation=interpolation)
+    warped = warp_passes(source, warp, source_camera, target_camera, interpolation=interpolation, motion=motion)
 
     marking = Marking(source, source_camera, target_camera, disparity, steps, invalid, interpolation, lens, volumes)
     return Reprojection(warped, marking.reasons(warped, warp, accuracy), grid, warp, marking)

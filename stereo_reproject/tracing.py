@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .composite import composite, filtered
+from .composite import composite
 from .denoised_probes import look
 from .denoising import Denoising
 from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
-from .passes import COLOUR_PASS, Passes
+from .passes import COLOUR_PASS, Passes, filtered
 from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
 from .refinement import (
     Estimate,

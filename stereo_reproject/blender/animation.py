@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 
 from ..errors import BadInputError, StereoReprojectError
-from ..exr import VIEWS, read_eye, write_eye
+from ..exr import VIEWS, main_layer, read_eye, write_eye
 from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
@@ -19,7 +19,7 @@ from ..work_folder import flush, work_folder
 from .delivery import EyesAt, deliver_frames
 from .frame import render_pair
 from .output_paths import check_file_outputs, output_files
-from .scene import scene_frames, scene_warnings
+from .scene import rendered_layer, scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
@@ -103,7 +103,8 @@ def _render_frame(
     on_stage("write")
     writer.write(frame, pair.eyes)
     for view in VIEWS:
-        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view)
+        layers = {rendered_layer(scene).name: pair.eyes[view]}
+        write_eye(work / "out" / f"{view}.exr", layers, view=view, metadata=pair.metadata)
     return {"frame": frame, **{key: report[key] for key in ("seconds", "fractions", "fill", "estimate")}}
 
 
@@ -131,7 +132,7 @@ class _Movie:
     def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
         for view in VIEWS:
             wanted = eyes[view] if self._scene.render.use_compositing else {COLOUR_PASS: eyes[view][COLOUR_PASS]}
-            write_eye(self._eye(frame, view), wanted, view=view)
+            write_eye(self._eye(frame, view), {rendered_layer(self._scene).name: wanted}, view=view)
 
     def finish(self) -> list[Path]:
         return _write(self._scene, self._eyes_at, self._frames)
@@ -139,7 +140,7 @@ class _Movie:
     def _eyes_at(self, frame: int) -> dict[str, Passes]:
         # Blender asks several times in a row.
         if self._read is None or self._read[0] != frame:
-            self._read = frame, {view: read_eye(self._eye(frame, view)) for view in VIEWS}
+            self._read = frame, {view: main_layer(read_eye(self._eye(frame, view))) for view in VIEWS}
         return self._read[1]
 
     def _eye(self, frame: int, view: str) -> Path:

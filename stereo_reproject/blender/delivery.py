@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInputError, StereoReprojectError
-from ..exr import VIEWS, pass_letters
-from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
+from ..exr import VIEWS
+from ..passes import COLOUR_PASS, DEPTH_PASS, Passes, pass_letters
 from .compositor import compositor_blocker, file_outputs_muted
 from .output_paths import output_name
 from .pictures import check_png

@@ -28,7 +28,7 @@ from .delivery import deliver_side_by_side
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, evaluated, scene_warnings, working_scene
+from .scene import CYCLES, evaluated, rendered_layer, scene_warnings, working_scene
 
 
 def render_files(
@@ -142,18 +142,20 @@ def _write_pictures(
     number: int,
     files: Sequence[str],
 ) -> None:
-    eyes = {view: frame.eyes[view] for view in VIEWS}
-    pictures = {view: colour(passes) for view, passes in eyes.items()}
+    layer = rendered_layer(scene).name
+    eyes = {view: {layer: frame.eyes[view]} for view in VIEWS}
+    pictures = {view: colour(frame.eyes[view]) for view in VIEWS}
+    texts = frame.metadata
     target = pictures[settings.target]
     estimates = estimate_map(frame.refinement, frame.traced)
     writers: dict[str, Callable[[Path], None]] = {
-        "left.exr": lambda path: write_eye(path, eyes["left"], view="left"),
-        "right.exr": lambda path: write_eye(path, eyes["right"], view="right"),
-        "stereo.exr": lambda path: write_stereo(path, eyes),
+        "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=texts),
+        "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=texts),
+        "stereo.exr": lambda path: write_stereo(path, eyes, metadata=texts),
         "stereo.png": lambda path: deliver_side_by_side(scene, pictures, path, frame=number),
         "holes.png": lambda path: write_holes(path, target, frame.reasons),
         "estimate.png": lambda path: write_estimate(path, target, estimates),
-        "estimate.exr": lambda path: write_eye(path, _estimate_passes(estimates), view=settings.target),
+        "estimate.exr": lambda path: write_eye(path, {"": _estimate_passes(estimates)}, view=settings.target),
         "grid.png": lambda path: write_grid(path, pictures[settings.source], frame.grid),
     }
     for name, write in writers.items():

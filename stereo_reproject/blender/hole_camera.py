@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from ..camera import Camera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
-from ..passes import DEPTH_PASS, Passes
+from ..motion import motion_from_directions
+from ..passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
+from .motion import vector_pass_asked_for
 from .render import Rendered, render_views
+from .rig import FrameRegion, frame_region
 from .scene import CYCLES, evaluated, rendered_layer
 from .visible import aperture_radius
 
@@ -44,6 +47,8 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
         "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
         and scene.cycles.rolling_shutter_type != "NONE",
         "the lens is animated and motion blur is on": scene.render.use_motion_blur and is_animated(scene.camera.data),
+        "the lens is animated and the Vector pass is on": vector_pass_asked_for(scene)
+        and is_animated(scene.camera.data),
         "adaptive subdivision follows the camera": _uses_adaptive_subdivision(scene),
         "camera culling follows the camera": scene.render.use_simplify
         and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
@@ -105,12 +110,24 @@ def trace_packed(
         write_table(path, _table(rows, columns, width, height))
         rendered = render_views(scene, (view,), folder, seed=seed)
     flat = {name: image.reshape(-1, image.shape[2])[: rows.size] for name, image in rendered.views[view].items()}
+    return rendered, _as_plain_camera_has_them(flat, target, places, frame_region(scene.render))
+
+
+def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.intp], region: FrameRegion) -> Passes:
+    """The passes (N, C) of a custom camera; those in which Cycles treats it differently are converted."""
+    assert isinstance(target, PerspectiveCamera)
+    x, y = places[:, 1] + 0.5, places[:, 0] + 0.5
+    converted = dict(flat)
     if DEPTH_PASS in flat:
-        # Cycles gives a custom camera's depth as the distance from it.
-        _, through = target.ray_from_px(columns + 0.5, rows + 0.5)
+        # The distance from it.
+        _, through = target.ray_from_px(x, y)
         along = np.sqrt(through[0] ** 2 + through[1] ** 2 + 1.0)
-        flat[DEPTH_PASS] = (flat[DEPTH_PASS] / along[:, None]).astype(np.float32)
-    return rendered, flat
+        converted[DEPTH_PASS] = (flat[DEPTH_PASS] / along[:, None]).astype(np.float32)
+    if VECTOR_PASS in flat:
+        sky = np.isposinf(flat[DEPTH_PASS][:, 0])
+        corner = (-region.left, region.full_height - region.top)
+        converted[VECTOR_PASS] = motion_from_directions(flat[VECTOR_PASS], target, x, y, sky=sky, corner=corner)
+    return converted
 
 
 def _table(rows: NDArray, columns: NDArray, width: int, height: int) -> NDArray[np.float32]:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ..effects import Effect
 from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
-from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes
+from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
+from .motion import eyes_in_motion, vector_pass_asked_for
 from .render import Rendered, render_views
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, rendered_layer
@@ -39,6 +40,8 @@ class BlenderRenderer:
         self.plan = plan_effects(scene, user_scene=user_scene)
         self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
+        self.motion = eyes_in_motion(scene, self.cameras) if vector_pass_asked_for(scene) else None
+        self.metadata: dict[str, str] = {}
         self._traces = 0
 
     @property
@@ -50,9 +53,11 @@ class BlenderRenderer:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
         if not self.view_dependent or self.scene.render.engine != CYCLES:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+            self.metadata.update(rendered.attributes)
             return rendered.views[view], _cost(rendered)
         switch_on_cryptomatte(self.scene)
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        self.metadata.update(rendered.attributes)
         passes = rendered.views[view]
         layer = rendered_layer(self.scene).name
         ours = {
@@ -60,7 +65,7 @@ class BlenderRenderer:
             MATERIAL_PASS: material_pass(passes),
         }
         if not cryptomatte_asked_for(self.scene):
-            passes = {name: image for name, image in passes.items() if not name.startswith(CRYPTOMATTE)}
+            passes = {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
         known = {name: image for name, image in ours.items() if image is not None}
         return {**passes, **known}, _cost(rendered)
 

@@ -7,7 +7,7 @@ from stereo_reproject.camera import target_px_from_source_px
 from stereo_reproject.composite import composite, contain, warp_passes
 from stereo_reproject.warp import Warp
 
-from .analytic import pixel_centres, stereo_rig
+from .analytic import pixel_centres, px_from_world, stereo_rig
 
 SHAPE = (7, 9)
 
@@ -88,26 +88,81 @@ def test_colours_are_interpolated_and_what_must_not_be_mixed_is_not():
         "Depth": np.full((*shape, 1), 2.0, np.float32),
         "Diffuse Color": np.zeros((*shape, 3), np.float32),
     }
-    unmixed = ["Normal", "Position", "UV", "IndexOB", "IndexMA", "Object Index", "Material Index", "CryptoObject00"]
-    unmixed += ["CryptoMaterial01", "Denoising Normal", "Denoising Depth"]
-    source |= {name: np.zeros((*shape, 1), np.float32) for name in unmixed}
+    unmixed = ["Normal", "UV", "IndexOB", "IndexMA", "Object Index", "Material Index", "CryptoObject00"]
+    unmixed += ["CryptoMaterial01", "CryptoAsset02", "Denoising Normal", "Denoising Depth", "Debug Sample Count"]
+    mixed = ["Combined", "Diffuse Color", "Mist", "Combined_Sun", "AO", "Shadow Catcher"]
+    mixed += ["Normal map", "UV mask", "Depth of it", "Position of it", "Vector 2", "Cryptic", "IndexOB 2"]
+    source |= {name: np.zeros((*shape, 1), np.float32) for name in (*unmixed, *mixed[2:])}
     for name in source:
         if name != "Depth":
             source[name][0, 1] = 8.0
     rig = stereo_rig((3, 1))
     warp = warp_by_hand([[0.5, 0.75, 1.25]], np.full(shape, 0.5), np.full(shape, 0.5))
     warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
-    for name in ("Combined", "Diffuse Color"):
+    for name in mixed:
         np.testing.assert_allclose(warped[name][0, :, 0], [0.0, 2.0, 6.0])
     for name in unmixed:
         np.testing.assert_array_equal(warped[name][0, :, 0], [0.0, 0.0, 8.0], err_msg=name)
 
 
-def test_the_source_s_own_motion_vectors_are_not_carried_over():
-    source = passes(1, (2, 2)) | {"Vector": np.ones((2, 2, 4), np.float32)}
-    warp = warp_by_hand([[0.5, 1.5]] * 2, [[0.5] * 2, [1.5] * 2], np.ones((2, 2)))
-    rig = stereo_rig((2, 2))
-    assert "Vector" not in warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
+def identity_warp(camera):
+    x, y = pixel_centres(camera)
+    return warp_by_hand(x, y, np.ones(x.shape))
+
+
+def spike(low):
+    """One bright column in a dim picture: a cubic spline swings below its surroundings on both sides."""
+    image = np.full((9, 9, 4), low, np.float32)
+    image[:, 4] = 10.0
+    image[..., 3] = 1.0
+    image[:, 4:, 3] = 0.0
+    return image
+
+
+def test_interpolation_does_not_make_negative_light_or_an_alpha_above_one():
+    rig = stereo_rig((9, 9))
+    x, y = pixel_centres(rig["left"])
+    source = {"Combined": spike(0.0), "Depth": np.full((9, 9, 1), 2.0, np.float32), "Mist": spike(0.0)[..., :1]}
+    warp = warp_by_hand(x + 0.4, y, np.ones(x.shape))
+    cubic = warp_passes(source, warp, rig["left"], rig["right"], interpolation="cubic")
+    for name in ("Combined", "Mist"):
+        assert cubic[name].min() == 0.0
+        assert cubic[name].max() > warp_passes(source, warp, *rig.values(), interpolation="linear")[name].max()
+    assert cubic["Combined"][..., 3].max() == 1.0
+
+
+def test_what_is_negative_in_the_source_stays_so():
+    rig = stereo_rig((9, 9))
+    x, y = pixel_centres(rig["left"])
+    image = spike(0.0)
+    image[2, 1, :3] = -3.0
+    source = {"Combined": image, "Depth": np.full((9, 9, 1), 2.0, np.float32)}
+    warp = warp_by_hand(x + 0.1, y, np.ones(x.shape))
+    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="cubic")["Combined"][..., :3]
+    assert warped[2, 1].max() < -2.0
+    assert warped[5:].min() == 0.0, "away from it nothing is"
+
+
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_position_is_the_point_that_the_target_s_own_pixel_shows(mode, orthographic):
+    """Not the nearest sample's, which is that of a place up to half a pixel beside it."""
+    rig = stereo_rig((9, 7), mode=mode, ipd=1.0, orthographic=orthographic)
+    target = rig["right"]
+    x, y = pixel_centres(target)
+    depth = np.full((*x.shape, 1), 5.0, np.float32)
+    depth[2, 3] = np.inf
+    source = passes(1, x.shape) | {"Depth": depth, "Position": np.zeros((*x.shape, 3), np.float32)}
+    warp = identity_warp(rig["left"])
+    warped = warp_passes(source, warp, rig["left"], target, interpolation="linear")
+    known = np.isfinite(warped["Depth"][..., 0])
+    assert known.sum() >= x.size - 4
+    assert not known.all()
+    seen_x, seen_y, seen_depth = px_from_world(target, warped["Position"][known])
+    np.testing.assert_allclose(seen_x, x[known], atol=1e-4)
+    np.testing.assert_allclose(seen_y, y[known], atol=1e-4)
+    np.testing.assert_allclose(seen_depth, warped["Depth"][known, 0], rtol=1e-5)
+    assert np.all(warped["Position"][2, 3] == 0.0), "the sky has the position that Blender gives it"
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

@@ -10,11 +10,12 @@ import OpenEXR
 import pytest
 
 from stereo_reproject.errors import BadInputError, StereoReprojectError
-from stereo_reproject.exr import read_render, write_eye, write_stereo, write_table
+from stereo_reproject.exr import read_eye, read_render, write_eye, write_stereo, write_table
 
 SHAPE = (6, 10)
 CHANNELS = {"Combined": "RGBA", "Depth": "Z", "Normal": "XYZ", "Diffuse Color": "RGB", "Vector": "XYZW", "Mist": "Z"}
 READ_ONLY = {"UV": "UVA", "CryptoObject00": "rgba"}
+VIEWS = ("left", "right")
 FULL_DISK = Path("/dev/full")
 
 
@@ -43,43 +44,107 @@ def check_channel(pixels, name, expected):
 # What is delivered
 
 
-def test_an_eye_comes_back_with_every_pass_bit_by_bit(tmp_path):
-    eye = passes()
-    write_eye(tmp_path / "left.exr", eye, view="left")
+def test_an_eye_is_one_part_with_its_colour_on_top_and_every_pass_bit_by_bit(tmp_path):
+    eye, fog = passes(), passes(1)
+    write_eye(tmp_path / "left.exr", {"View Layer": eye, "Fog.Near": fog}, view="left")
     pixels, header = channels_of(tmp_path / "left.exr")
     assert header["view"] == "left"
     for k, letter in enumerate("RGBA"):
         check_channel(pixels, letter, eye["Combined"][..., k])
+        check_channel(pixels, f"Fog.Near.Combined.{letter}", fog["Combined"][..., k])
     check_channel(pixels, "Depth.Z", eye["Depth"][..., 0])
     for name in ("Normal", "Vector", "Diffuse Color"):
         for k, letter in enumerate(CHANNELS[name]):
             check_channel(pixels, f"{name}.{letter}", eye[name][..., k])
-    assert len(pixels) == sum(image.shape[2] for image in eye.values())
+            check_channel(pixels, f"Fog.Near.{name}.{letter}", fog[name][..., k])
+    assert len(pixels) == 2 * sum(image.shape[2] for image in eye.values())
 
 
-def test_a_stereo_file_is_multi_view_as_openexr_has_it(tmp_path):
-    """The default view comes first, its colours without its name; a layer's view is the last part but one."""
-    eyes = {"left": passes(1), "right": passes(2)}
+@pytest.mark.parametrize("names", [("View Layer",), ("Z", "A"), ("Depth", "left"), ("Fog.Near", "Fog"), ("",)])
+def test_an_eye_s_layers_come_back(tmp_path, names):
+    layers = {name: passes(seed) for seed, name in enumerate(names)}
+    write_eye(tmp_path / "left.exr", layers, view="left")
+    read = read_eye(tmp_path / "left.exr")
+    assert next(iter(read)) == names[0]
+    assert set(read) == set(layers)
+    for layer, expected in layers.items():
+        assert set(read[layer]) == set(expected)
+        for name, image in expected.items():
+            np.testing.assert_array_equal(read[layer][name], image, err_msg=f"{layer}.{name}")
+
+
+def parts_of(path):
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return [
+            (dict(part.header), {name: np.array(channel.pixels) for name, channel in part.channels.items()})
+            for part in file.parts
+        ]
+
+
+def test_a_stereo_file_has_a_part_for_each_layer_pass_and_view(tmp_path):
+    """Named as Blender does it, so that it reads them; the first are plain R, G, B and A, for those that know none."""
+    layers = ("View Layer", "Fog.Near")
+    eyes = {view: {layer: passes(k + 2 * m) for m, layer in enumerate(layers)} for k, view in enumerate(VIEWS)}
     write_stereo(tmp_path / "stereo.exr", eyes)
-    pixels, header = channels_of(tmp_path / "stereo.exr")
-    assert list(header["multiView"]) == ["left", "right"]
-    for k, letter in enumerate("RGBA"):
-        check_channel(pixels, letter, eyes["left"]["Combined"][..., k])
-        check_channel(pixels, f"right.{letter}", eyes["right"]["Combined"][..., k])
-    check_channel(pixels, "Depth.left.Z", eyes["left"]["Depth"][..., 0])
-    check_channel(pixels, "Depth.right.Z", eyes["right"]["Depth"][..., 0])
-    for k, letter in enumerate("XYZ"):
-        check_channel(pixels, f"Normal.left.{letter}", eyes["left"]["Normal"][..., k])
-        check_channel(pixels, f"Normal.right.{letter}", eyes["right"]["Normal"][..., k])
-    assert len(pixels) == 2 * sum(image.shape[2] for image in eyes["left"].values())
+    parts = parts_of(tmp_path / "stereo.exr")
+    assert [(set(channels), header["view"]) for header, channels in parts[:2]] == [(set("RGBA"), v) for v in VIEWS]
+    found = {header["name"]: (header["view"], channels) for header, channels in parts}
+    assert len(found) == len(parts) == len(CHANNELS) * len(layers) * len(VIEWS)
+    for layer in layers:
+        for name, letters in CHANNELS.items():
+            for view in VIEWS:
+                told, channels = found[f"{layer}.{name}-{view}"]
+                plain = (layer, name) == ("View Layer", "Combined")
+                assert told == view
+                assert set(channels) == {letter if plain else f"{layer}.{name}.{letter}" for letter in letters}
+                for k, letter in enumerate(letters):
+                    expected = eyes[view][layer][name][..., k]
+                    check_channel(channels, letter if plain else f"{layer}.{name}.{letter}", expected)
 
 
 def test_a_pass_that_only_one_eye_has_is_only_that_eye_s(tmp_path):
-    eyes = {"left": passes(1), "right": passes(2)}
-    del eyes["right"]["Vector"]
+    eyes = {view: {"Layer": passes(k)} for k, view in enumerate(VIEWS)}
+    del eyes["right"]["Layer"]["Vector"]
     write_stereo(tmp_path / "stereo.exr", eyes)
-    pixels, _ = channels_of(tmp_path / "stereo.exr")
-    assert {name for name in pixels if name.startswith("Vector")} == {f"Vector.left.{letter}" for letter in "XYZW"}
+    names = {header["name"] for header, _ in parts_of(tmp_path / "stereo.exr")}
+    assert {name for name in names if "Vector" in name} == {"Layer.Vector-left"}
+
+
+def matte(key, layer, kind, manifest='{"ball":"0a1b2c3d"}'):
+    texts = {"name": f"{layer}.{kind}", "hash": "MurmurHash3_32", "conversion": "uint32_to_float32"}
+    return {f"cryptomatte/{key}/{what}": text for what, text in {**texts, "manifest": manifest}.items()}
+
+
+MATTES = {
+    **matte("1111111", "View Layer", "CryptoObject"),
+    **matte("2222222", "View Layer", "CryptoMaterial"),
+    **matte("3333333", "Fog.Near", "CryptoObject"),
+    "cycles.View Layer.samples": "4",
+}
+
+
+def with_mattes():
+    levels = {f"CryptoObject0{k}": np.full((*SHAPE, 4), k, np.float32) for k in range(2)}
+    return {"View Layer": passes() | levels, "Fog.Near": passes() | levels}
+
+
+def test_what_cryptomattes_hold_is_told_where_they_are(tmp_path):
+    """In the first part, where readers look; of those alone that the file has."""
+    write_stereo(tmp_path / "stereo.exr", {view: with_mattes() for view in VIEWS}, metadata=MATTES)
+    headers = [header for header, _ in parts_of(tmp_path / "stereo.exr")]
+    told = {key: value for key, value in headers[0].items() if key.startswith("cryptomatte/")}
+    assert told == {key: value for key, value in MATTES.items() if key[12] in "13"}
+    assert not any(key.startswith("cryptomatte/") for header in headers[1:] for key in header)
+
+
+def test_in_an_eye_s_file_a_cryptomatte_is_called_as_its_channels_are(tmp_path):
+    write_eye(tmp_path / "left.exr", with_mattes(), view="left", metadata=MATTES)
+    pixels, header = channels_of(tmp_path / "left.exr")
+    assert header["cryptomatte/1111111/name"] == "CryptoObject"
+    assert header["cryptomatte/3333333/name"] == "Fog.Near.CryptoObject"
+    assert header["cryptomatte/1111111/manifest"] == MATTES["cryptomatte/1111111/manifest"]
+    assert "cryptomatte/2222222/name" not in header
+    assert {"CryptoObject00.r", "Fog.Near.CryptoObject01.a"} <= set(pixels)
 
 
 def test_a_table_holds_its_numbers(tmp_path):
@@ -95,7 +160,7 @@ def test_a_table_holds_its_numbers(tmp_path):
 def test_a_picture_cut_out_of_a_larger_one_is_written_as_it_is(tmp_path):
     """Views of arrays are not laid out as a file wants them."""
     values = np.random.default_rng(0).normal(size=(40, 30, 4)).astype(np.float32)[5:35:3, ::-2]
-    write_eye(tmp_path / "eye.exr", {"Combined": values}, view="left")
+    write_eye(tmp_path / "eye.exr", {"Layer": {"Combined": values}}, view="left")
     pixels, _ = channels_of(tmp_path / "eye.exr")
     check_channel(pixels, "G", values[..., 1])
 
@@ -186,7 +251,7 @@ def test_channels_come_in_the_order_that_their_letters_have(tmp_path, name):
         file.write(str(tmp_path / "render.exr"))
     read, _ = read_render(tmp_path / "render.exr", layer="L", view="left")
     np.testing.assert_array_equal(read[name], image)
-    write_eye(tmp_path / "eye.exr", read, view="left")
+    write_eye(tmp_path / "eye.exr", {"L": read}, view="left")
     written = OpenEXR.File(str(tmp_path / "eye.exr"), separate_channels=True).channels()
     for k, letter in enumerate(letters):
         np.testing.assert_array_equal(written[f"{name}.{letter}"].pixels, image[..., k])
@@ -215,8 +280,8 @@ def test_what_cannot_be_read_is_an_error_in_one_line(tmp_path, content, capfd):
 
 
 WRITERS = {
-    "eye": lambda path, eye: write_eye(path, eye, view="left"),
-    "stereo": lambda path, eye: write_stereo(path, {"left": eye, "right": eye}),
+    "eye": lambda path, eye: write_eye(path, {"Layer": eye}, view="left"),
+    "stereo": lambda path, eye: write_stereo(path, {"left": {"Layer": eye}, "right": {"Layer": eye}}),
     "table": lambda path, eye: write_table(path, eye["Combined"]),
 }
 

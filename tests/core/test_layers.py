@@ -30,6 +30,8 @@ NUMERIC = {
     "fill",
     "accuracy",
     "metrics",
+    "motion",
+    "ranges",
     "effects",
     "effects_pass",
     "frustum",

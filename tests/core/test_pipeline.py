@@ -4,6 +4,7 @@ comes out can be held against what a render of the target would have shown."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -105,6 +106,8 @@ class Caster:
     seed: int = 0
     lens: Lens = PINHOLE
     volumes: tuple = ()
+    motion = None
+    metadata: ClassVar[dict] = {}
 
     @property
     def plan(self):
@@ -579,8 +582,8 @@ def test_what_looks_different_from_each_eye_is_found_and_traced(method):
     assert noise_ratio(frame.eyes["right"]["Combined"], reference, again) < 1.2
 
 
-def test_passes_that_do_not_carry_over_do_not_stop_the_probes():
-    """Vector is rendered with the others, and traced with them, but the target has none."""
+def test_motion_vectors_are_carried_over_with_the_probes_there():
+    """In a rig that stands still the vectors of what stands still are the same for both eyes."""
 
     class WithVector(Caster):
         def picture(self, view, seed):
@@ -590,8 +593,10 @@ def test_passes_that_do_not_carry_over_do_not_stop_the_probes():
     renderer = WithVector(ROOM, caster().cameras, noise=0.1, view_dependent=("mirror",))
     frame = render_stereo_frame(renderer, settings())
     assert frame.refinement.estimate is not None
-    assert "Vector" in frame.eyes["left"]
-    assert "Vector" not in frame.eyes["right"]
+    for view in ("left", "right"):
+        assert np.isfinite(frame.eyes[view]["Vector"]).all()
+    assert (frame.eyes["right"]["Vector"][frame.traced] == 1.0).all()
+    np.testing.assert_allclose(np.median(frame.eyes["right"]["Vector"]), 1.0, atol=1e-3)
 
 
 def test_edges_of_hair_are_traced_though_both_sides_look_alike():

@@ -39,6 +39,7 @@ FILES = [
     "stereo.png",
 ]
 SIZE = (96, 54)
+DEMO_LAYER = "ViewLayer"
 DEMO_OPTIONS = ["--interocular", "0.2", "--convergence", "6.9", "--size", "96x54", "--samples", "4"]
 
 # What is measured may make another choice each time: auto fills as it finds cheapest.
@@ -212,25 +213,25 @@ def test_target_is_near_blenders_own_right_eye(demo, plain_demo):
         assert eye[letter].mean() == pytest.approx(plain[..., index].mean(), rel=0.05)
 
 
-def view_of_channel(name, views):
-    """As OpenEXR has it (ImfMultiView, viewFromChannelName): a name without a layer belongs to the first view; else
-    the last part but one names the view."""
-    *layers, _ = name.split(".")
-    return views[0] if not layers else layers[-1] if layers[-1] in views else None
-
-
 def test_stereo_exr_holds_both_eyes(demo):
+    """A part for each pass and view; the first of each view has plain R, G, B and A."""
     with OpenEXR.File(str(demo.folder / "stereo.exr"), separate_channels=True) as file:
-        views = list(file.header()["multiView"])
-        channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-    assert views == ["left", "right"]
-    for view in views:
-        own = {name: values for name, values in channels.items() if view_of_channel(name, views) == view}
-        bare = {".".join(part for part in name.split(".") if part != view): values for name, values in own.items()}
+        parts = [
+            (part.header["view"], {name: np.array(channel.pixels) for name, channel in part.channels.items()})
+            for part in file.parts
+        ]
+    assert [(view, set(channels)) for view, channels in parts[:2]] == [("left", set("RGBA")), ("right", set("RGBA"))]
+    for view in ("left", "right"):
+        held = {
+            name.removeprefix(f"{DEMO_LAYER}."): values
+            for of, channels in parts
+            if of == view
+            for name, values in channels.items()
+        }
         eye = demo.eye(view)
-        assert set(bare) == set(eye)
+        assert set(held) == set(eye)
         for name, values in eye.items():
-            np.testing.assert_array_equal(bare[name], values)
+            np.testing.assert_array_equal(held[name], values)
 
 
 def test_stereo_png_shows_both_eyes_through_the_view_transform(demo, tmp_path):

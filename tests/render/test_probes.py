@@ -101,7 +101,7 @@ def told_by_files(scene, folder, **settings):
     render_files(scene, StereoSettings(fill="packed", **settings), folder)
     out = folder / "out"
     with OpenEXR.File(str(out / "estimate.exr"), separate_channels=True) as file:
-        channels = {name.removesuffix(".V"): np.array(channel.pixels) for name, channel in file.channels().items()}
+        channels = {name.removesuffix(".X"): np.array(channel.pixels) for name, channel in file.channels().items()}
     traced = np.zeros(SIZE[::-1], bool)
     dimmed = read_png(out / "holes.png")[: SIZE[1]]
     for colour in COLOURS.values():

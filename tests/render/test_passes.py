@@ -1,0 +1,183 @@
+"""Every pass that Blender's own multiview has for an eye, ours has too, and means the same by it."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.renderer import BlenderRenderer
+from stereo_reproject.blender.scene import working_scene
+from stereo_reproject.passes import cryptomatte_of, filtered
+from stereo_reproject.pipeline import render_stereo_frame
+from stereo_reproject.settings import SceneOverrides, StereoSettings
+from tests.blender.toolbox import keyframes, render_plain, rms
+from tests.render.every_pass import AOVS, LAYER, LIGHT_GROUP, every_pass
+
+SAMPLES = 16
+
+TIMES = {"Render Time"}
+"""Passes that are another in every render."""
+
+TOLERANCES = {
+    "Depth": 2e-3,
+    "Position": 2e-3,
+    # Of the nearest sample, which lies up to half a pixel away: on the ball that many radians, on the box that much UV.
+    "Normal": 0.06,
+    "UV": 0.04,
+    # Pixels, of some seven.
+    "Vector": 0.06,
+    # Of the whole range: it is a distance from the eye.
+    "Mist": 5e-3,
+}
+"""Greatest difference from multiview's own pass, but for FEW pixels. What may not be mixed has to be the same, and
+what light makes may differ by as much as 95 % of the pixels do between two seeds."""
+
+FEW = 0.04
+"""Share of the pixels, more than differ as much between two seeds: those whose nearest sample is another's, and those
+of a coverage so small that no edge of the colour is there."""
+
+AT_THE_SKY = 0.06
+"""The same of traced vectors, besides FEW: under the packed camera, the mean over a pixel that an edge shares with the
+sky is taken of directions, and Cycles counts the sky's otherwise."""
+
+SILENT = 1e-6
+"""A pass in which there is nothing, or nothing but rounding."""
+
+
+def camera_moves(scene):
+    keyframes(scene.camera, "location", {0: (-0.2, 0.0, 0.1), 1: (0.0, 0.0, 0.0), 2: (0.3, 0.1, -0.1)})
+    keyframes(scene.camera, "rotation_euler", {0: (0.0, 0.05, 0.0), 1: (0.0, 0.0, 0.0), 2: (0.02, -0.03, 0.0)})
+    scene.frame_set(1)
+
+
+def camera_zooms(scene):
+    keyframes(scene.camera.data, "lens", {0: 30.0, 1: 35.0, 2: 42.0})
+    scene.frame_set(1)
+
+
+def camera_turns_in(scene):
+    camera_moves(scene)
+    scene.camera.data.stereo.convergence_mode = "TOE"
+
+
+def camera_stands_still(scene):
+    pass
+
+
+VARIANTS = {
+    "packed": ("packed", camera_stands_still),
+    "packed, moving": ("packed", camera_moves),
+    "card, moving": ("card", camera_moves),
+    "card, zooming": ("card", camera_zooms),
+    "packed, toe-in": ("packed", camera_turns_in),
+}
+
+
+class Pair:
+    """Ours, and plain multiview's with two seeds."""
+
+    def __init__(self, folder, fill, change):
+        scene = every_pass(folder, samples=SAMPLES)
+        change(scene)
+        with working_scene(scene, SceneOverrides()) as working:
+            renderer = BlenderRenderer(working, folder, user_scene=scene)
+            self.frame = render_stereo_frame(renderer, StereoSettings(fill=fill))
+        self.after = (scene.frame_current, scene.camera.location.copy())
+        self.plain = render_plain(scene, folder, seed=scene.cycles.seed)
+        self.again = render_plain(scene, folder, seed=77)
+        self.traced = self.frame.traced
+
+    def differences(self, name):
+        """(H, W) of the target eye: ours from multiview, and multiview's from another with another seed."""
+        ours, a, b = (one["right"][name] for one in (self.frame.eyes, self.plain, self.again))
+        return distance(ours, a), distance(b, a)
+
+
+def distance(one, other):
+    """(H, W): the greatest difference of any channel; infinite depths are the same."""
+    same = one == other
+    return np.where(same, 0.0, np.abs(np.where(same, 0.0, one) - np.where(same, 0.0, other))).max(axis=-1)
+
+
+@pytest.fixture(scope="module", params=VARIANTS)
+def pair(request, tmp_path_factory):
+    fill, change = VARIANTS[request.param]
+    return Pair(tmp_path_factory.mktemp("pair"), fill, change)
+
+
+def test_both_eyes_have_all_passes_and_no_other(pair):
+    for view in ("left", "right"):
+        ours, plain = pair.frame.eyes[view], pair.plain[view]
+        assert set(ours) == set(plain)
+        for name, image in plain.items():
+            assert ours[name].shape == image.shape, name
+            assert ours[name].dtype == np.float32
+    assert {*AOVS, f"Combined_{LIGHT_GROUP.replace('.', '_')}", "CryptoAsset02", "Vector"} <= set(ours)
+    assert 0.05 < pair.traced.mean() < 0.6
+
+
+def test_the_source_eye_is_multiview_s_own_to_the_bit(pair):
+    for name, image in pair.plain["left"].items():
+        if name not in TIMES:
+            np.testing.assert_array_equal(pair.frame.eyes["left"][name], image, err_msg=name)
+
+
+def test_what_is_where_is_right_in_the_target(pair):
+    for name, tolerance in TOLERANCES.items():
+        ours, seeds = pair.differences(name)
+        for where in (pair.traced, ~pair.traced):
+            few = FEW + AT_THE_SKY * (name == "Vector" and where is pair.traced)
+            assert np.mean(ours[where] <= tolerance) > np.mean(seeds[where] <= tolerance) - few, name
+        # It is not as it was in the other eye, or the test would say nothing.
+        if name not in ("Normal", "Mist"):
+            unconverted = distance(pair.frame.eyes["left"][name], pair.plain["right"][name])
+            assert np.mean(unconverted <= tolerance) < np.mean(ours <= tolerance) - 0.1, name
+
+
+def test_what_must_not_be_mixed_is_not(pair):
+    names = [name for name in pair.plain["right"] if not filtered(name) and name not in {*TOLERANCES, *TIMES}]
+    assert len(names) >= 11
+    for name in names:
+        ours, seeds = (difference == 0.0 for difference in pair.differences(name))
+        assert ours.mean() > seeds.mean() - FEW, name
+        if cryptomatte_of(name) is None:
+            values = np.unique(pair.plain["right"][name])
+            assert set(np.unique(pair.frame.eyes["right"][name])) <= set(values), name
+
+
+def test_what_light_makes_differs_no_more_than_between_two_seeds(pair):
+    names = [name for name in pair.plain["right"] if filtered(name) and name not in TOLERANCES]
+    assert len(names) >= 20
+    alive = 0
+    for name in names:
+        ours, seeds = pair.differences(name)
+        usual = max(float(np.quantile(seeds, 0.95)), SILENT)
+        assert np.mean(ours <= usual) > np.mean(seeds <= usual) - FEW, name
+        assert not rms(ours) or rms(seeds), name
+        alive += rms(seeds) > SILENT
+    assert alive >= 15, "most of them show something"
+
+
+def test_what_cryptomattes_hold_is_passed_on(pair):
+    told = {key.partition("/")[2]: text for key, text in pair.frame.metadata.items() if key.startswith("cryptomatte/")}
+    assert {text for key, text in told.items() if key.endswith("name")} == {
+        f"{LAYER}.{kind}" for kind in ("CryptoObject", "CryptoMaterial", "CryptoAsset")
+    }
+    assert any('"ball":' in text for key, text in told.items() if key.endswith("manifest"))
+
+
+def test_the_scene_is_in_its_own_frame_again(pair):
+    frame, place = pair.after
+    assert frame == 1
+    assert tuple(place) == (0.0, 0.0, 0.0)
+
+
+def test_vectors_of_an_animated_lens_are_not_traced_packed(tmp_path):
+    """A custom camera's vectors know nothing of a lens."""
+    scene = every_pass(tmp_path)
+    camera_zooms(scene)
+    for wanted in (True, False):
+        scene.view_layers[0].use_pass_vector = wanted
+        with working_scene(scene, SceneOverrides()) as working:
+            renderer = BlenderRenderer(working, tmp_path, user_scene=scene)
+            blocker = renderer.fill_blockers()["packed"]
+            assert (blocker or "").startswith("the lens is animated") == wanted
+            assert (renderer.motion is not None) == wanted
