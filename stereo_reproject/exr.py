@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
 """The letters of Blender's channels, each set in the order in which it stands in an array."""
 
 VIEWS = ("left", "right")
+
+LAYERS_ATTRIBUTE = "stereoReprojectLayers"
+"""Of an eye's file: the names of its view layers, the first of which its channels do not carry."""
 
 
 def _openexr() -> Any:
@@ -84,25 +88,32 @@ def write_table(path: Path, values: NDArray[np.float32]) -> None:
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
-def write_eye(path: Path, passes: Passes, *, view: str) -> None:
-    """One eye, every pass: colour as R, G, B, A and the others as Pass.C, 32 bit float, scene-linear."""
-    _write(path, _channels(passes), {"compression": _openexr().ZIP_COMPRESSION, "view": view})
+def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str) -> None:
+    """One eye, every pass: colour as R, G, B, A and the others as Pass.C, 32 bit float, scene-linear.
+
+    layers are the passes by view layer; the channels of all but the first begin with the layer's name.
+    """
+    layers = _by_layer(layers)
+    header = {"compression": _openexr().ZIP_COMPRESSION, "view": view, LAYERS_ATTRIBUTE: json.dumps(list(layers))}
+    _write(path, _layer_channels(layers), header)
 
 
-def read_eye(path: Path) -> Passes:
-    """The passes of a file that `write_eye` wrote. Raises BadInputError when it is not whole."""
+def read_eye(path: Path) -> dict[str, Passes]:
+    """The passes, by view layer, of a file that `write_eye` wrote. Raises BadInputError when it is not whole."""
     try:
         (part,) = _read_parts(path)
-    except (OSError, RuntimeError, ValueError) as error:
+        first, *others = json.loads(part.header[LAYERS_ATTRIBUTE])
+    except (OSError, RuntimeError, ValueError, KeyError) as error:
         raise BadInputError(f"{path.name} is not whole: {error}") from error
-    found: dict[str, dict[str, NDArray]] = {}
+    found: dict[str, dict[str, dict[str, NDArray]]] = {first: {}, **{name: {} for name in others}}
     for name, channel in part.channels.items():
-        pass_name, _, letter = name.rpartition(".")
-        found.setdefault(pass_name or COLOUR_PASS, {})[letter] = channel.pixels
-    return {name: _stack(channels) for name, channels in found.items()}
+        layer = next((one for one in others if name.startswith(f"{one}.")), first)
+        pass_name, _, letter = (name if layer == first else name[len(layer) + 1 :]).rpartition(".")
+        found[layer].setdefault(pass_name or COLOUR_PASS, {})[letter] = channel.pixels
+    return {layer: {name: _stack(channels) for name, channels in passes.items()} for layer, passes in found.items()}
 
 
-def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
+def write_stereo(path: Path, eyes: Mapping[str, Mapping[str, Passes]]) -> None:
     """Both eyes in one multi-view EXR: the first is the default view, whose R, G, B and A carry no view name.
 
     Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name, in the
@@ -111,14 +122,29 @@ def write_stereo(path: Path, eyes: Mapping[str, Passes]) -> None:
     views = list(eyes)
     channels = {}
     for view in views:
-        channels.update(_channels(eyes[view], view, default=view == views[0]))
+        channels.update(_layer_channels(_by_layer(eyes[view]), view, default=view == views[0]))
     _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views})
+
+
+def _by_layer(layers: Mapping[str, Any]) -> Mapping[str, Passes]:
+    """Passes by view layer; those of a single one may come as they are."""
+    return layers if all(isinstance(passes, Mapping) for passes in layers.values()) else {"": dict(layers)}
+
+
+def _layer_channels(layers: Mapping[str, Passes], view: str = "", *, default: bool = False) -> dict[str, NDArray]:
+    main = next(iter(layers))
+    result = _channels(layers[main], view, default=default)
+    for layer, passes in layers.items():
+        if layer != main:
+            named = {f"{layer}.{name}": image for name, image in passes.items()}
+            result.update(_channels(named, view, default=default))
+    return result
 
 
 def _channels(passes: Passes, view: str = "", *, default: bool = False) -> dict[str, NDArray]:
     result = {}
     for name, image in passes.items():
-        for k, letter in enumerate(pass_letters(name, image.shape[2])):
+        for k, letter in enumerate(pass_letters(name.rpartition(".")[2], image.shape[2])):
             parts = [] if name == COLOUR_PASS else [name]
             parts += [view] if view and not (default and name == COLOUR_PASS) else []
             result[".".join([*parts, letter])] = np.ascontiguousarray(image[..., k], np.float32)

@@ -16,13 +16,17 @@ from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
 from ..work_folder import flush, work_folder
-from .delivery import EyesAt, deliver_frames
+from .compositor import is_composited
+from .delivery import Eyes, EyesAt, deliver_frames
 from .frame import render_pair
 from .output_paths import check_file_outputs, output_files
 from .scene import scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
+
+OF_A_FRAME = ("seconds", "fractions", "fill", "estimate", "layers")
+"""What of a pair's report an animation's has for each frame."""
 
 
 def frames_to_render(scene: bpy.types.Scene, frames: range) -> dict[int, list[Path]]:
@@ -84,7 +88,7 @@ def render_animation_files(
         "frames": rows,
         "there_already": [frame for frame in frames if frame not in wanted],
         "files": [str(path) for path in writer.finish()],
-        "warnings": scene_warnings(scene, compositor=True),
+        "warnings": scene_warnings(scene),
     }
     write_json(work / "out" / "report.json", report)
     return report
@@ -104,7 +108,7 @@ def _render_frame(
     writer.write(frame, pair.eyes)
     for view in VIEWS:
         write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view)
-    return {"frame": frame, **{key: report[key] for key in ("seconds", "fractions", "fill", "estimate")}}
+    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}
 
 
 class _Stills:
@@ -114,7 +118,7 @@ class _Stills:
         self._scene = scene
         self._files: list[Path] = []
 
-    def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
+    def write(self, frame: int, eyes: Eyes) -> None:
         self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1))
 
     def finish(self) -> list[Path]:
@@ -126,17 +130,17 @@ class _Movie:
 
     def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
         self._scene, self._frames, self._folder = scene, frames, work / "tmp"
-        self._read: tuple[int, dict[str, Passes]] | None = None
+        self._read: tuple[int, Eyes] | None = None
 
-    def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
+    def write(self, frame: int, eyes: Eyes) -> None:
         for view in VIEWS:
-            wanted = eyes[view] if self._scene.render.use_compositing else {COLOUR_PASS: eyes[view][COLOUR_PASS]}
-            write_eye(self._eye(frame, view), wanted, view=view)
+            layers = eyes[view] if is_composited(self._scene) else _picture_alone(eyes[view])
+            write_eye(self._eye(frame, view), layers, view=view)
 
     def finish(self) -> list[Path]:
         return _write(self._scene, self._eyes_at, self._frames)
 
-    def _eyes_at(self, frame: int) -> dict[str, Passes]:
+    def _eyes_at(self, frame: int) -> Eyes:
         # Blender asks several times in a row.
         if self._read is None or self._read[0] != frame:
             self._read = frame, {view: read_eye(self._eye(frame, view)) for view in VIEWS}
@@ -144,6 +148,12 @@ class _Movie:
 
     def _eye(self, frame: int, view: str) -> Path:
         return self._folder / f"{view}.{frame}.exr"
+
+
+def _picture_alone(layers: Mapping[str, Passes]) -> dict[str, Passes]:
+    """All that a movie shows where no compositor runs."""
+    main = next(iter(layers))
+    return {main: {COLOUR_PASS: layers[main][COLOUR_PASS]}}
 
 
 def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range) -> list[Path]:

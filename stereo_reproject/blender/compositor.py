@@ -11,7 +11,9 @@ PASSIVE = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeVi
 """Nodes that hand the render through."""
 
 FILE_OUTPUT = "CompositorNodeOutputFile"
-RENDER_LAYERS = "CompositorNodeRLayers"
+OF_A_SCENE = ("CompositorNodeRLayers", "CompositorNodeCryptomatteV2")
+"""Nodes that show what a scene has rendered."""
+
 OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
 
 
@@ -28,22 +30,33 @@ def has_compositor(scene: bpy.types.Scene) -> bool:
 
 
 def compositor_blocker(scene: bpy.types.Scene) -> str | None:
-    """Why the pair cannot go through the scene's compositor, or None."""
-    tree = compositor_tree(scene)
-    if tree is None or not scene.render.use_compositing:
+    """Why the pair cannot go through the scene's compositor, or None.
+
+    A node that shows a view layer that is switched off shows nothing, as after any render.
+    """
+    if compositor_tree(scene) is None or not scene.render.use_compositing:
         return None
-    rendered = next((layer.name for layer in scene.view_layers if layer.use), None)
-    for node in compositor_nodes(scene):
-        if node.bl_idname != RENDER_LAYERS or node.mute:
-            continue
-        if node.scene not in (None, scene):
+    nodes = [node for node in compositor_nodes(scene) if not node.mute]
+    for node in nodes:
+        of_another = node.bl_idname in OF_A_SCENE and node.scene not in (None, scene)
+        if of_another and getattr(node, "source", "RENDER") == "RENDER":
             return f"its node {node.name!r} shows the scene {node.scene.name!r}"
-        if node.layer != rendered:
-            return f"its node {node.name!r} shows the view layer {node.layer!r}, and only {rendered!r} is rendered"
-    outputs = [node for node in tree.nodes if node.bl_idname in OUTPUTS]
-    if not any(socket.is_linked for node in outputs for socket in node.inputs):
+    if not gives_a_picture(scene) and not any(node.bl_idname == FILE_OUTPUT for node in nodes):
         return "nothing is linked to its output"
     return None
+
+
+def is_composited(scene: bpy.types.Scene) -> bool:
+    """Whether the pair goes through the scene's compositor."""
+    there = scene.render.use_compositing and compositor_tree(scene) is not None
+    return there and compositor_blocker(scene) is None
+
+
+def gives_a_picture(scene: bpy.types.Scene) -> bool:
+    """Whether anything is linked to the output of the scene's compositor."""
+    tree = compositor_tree(scene)
+    outputs = [] if tree is None else [node for node in tree.nodes if node.bl_idname in OUTPUTS]
+    return any(socket.is_linked for node in outputs for socket in node.inputs)
 
 
 def compositor_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
