@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,13 @@ CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
 
 VIEWS = ("left", "right")
 
-LAYERS_ATTRIBUTE = "stereoReprojectLayers"
-"""Of an eye's file: the names of its view layers, the first of which its channels do not carry."""
+MAIN_LAYER = "mainLayer"
+"""Attribute of an eye's file: the view layer whose channels have no layer before their names."""
+
+CRYPTOMATTE_KEY = "cryptomatte/"
+"""How the names of the attributes begin that say which hash is whose."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 def _openexr() -> Any:
@@ -88,13 +93,15 @@ def write_table(path: Path, values: NDArray[np.float32]) -> None:
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
-def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str) -> None:
+def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str, metadata: Mapping[str, str] = NOTHING) -> None:
     """One eye, every pass: colour as R, G, B, A and the others as Pass.C, 32 bit float, scene-linear.
 
-    layers are the passes by view layer; the channels of all but the first begin with the layer's name.
+    layers are the passes by view layer; the channels of all but the first begin with the layer's name. metadata are
+    texts of Blender's renders, of which those about cryptomattes are kept.
     """
     layers = _by_layer(layers)
-    header = {"compression": _openexr().ZIP_COMPRESSION, "view": view, LAYERS_ATTRIBUTE: json.dumps(list(layers))}
+    texts = {key: text for key, text in metadata.items() if key.startswith(CRYPTOMATTE_KEY)}
+    header = {"compression": _openexr().ZIP_COMPRESSION, "view": view, MAIN_LAYER: next(iter(layers)), **texts}
     _write(path, _layer_channels(layers), header)
 
 
@@ -102,18 +109,30 @@ def read_eye(path: Path) -> dict[str, Passes]:
     """The passes, by view layer, of a file that `write_eye` wrote. Raises BadInputError when it is not whole."""
     try:
         (part,) = _read_parts(path)
-        first, *others = json.loads(part.header[LAYERS_ATTRIBUTE])
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise BadInputError(f"{path.name} is not whole: {error}") from error
-    found: dict[str, dict[str, dict[str, NDArray]]] = {first: {}, **{name: {} for name in others}}
-    for name, channel in part.channels.items():
-        layer = next((one for one in others if name.startswith(f"{one}.")), first)
-        pass_name, _, letter = (name if layer == first else name[len(layer) + 1 :]).rpartition(".")
-        found[layer].setdefault(pass_name or COLOUR_PASS, {})[letter] = channel.pixels
+    main = part.header.get(MAIN_LAYER, "")
+    found: dict[str, dict[str, dict[str, NDArray]]] = {main: {}}
+    for channel_name, channel in part.channels.items():
+        prefix, _, letter = channel_name.rpartition(".")
+        # A layer's name may have dots, a pass's may not.
+        layer, _, name = prefix.rpartition(".")
+        found.setdefault(layer or main, {}).setdefault(name or COLOUR_PASS, {})[letter] = channel.pixels
     return {layer: {name: _stack(channels) for name, channels in passes.items()} for layer, passes in found.items()}
 
 
-def write_stereo(path: Path, eyes: Mapping[str, Mapping[str, Passes]]) -> None:
+def read_metadata(path: Path) -> dict[str, str]:
+    """The texts about cryptomattes of a file that `write_eye` wrote, as Blender has them: each names a view layer."""
+    header = _openexr().File(str(path), header_only=True).header()
+    main = header.get(MAIN_LAYER, "")
+    texts = {key: text for key, text in header.items() if key.startswith(CRYPTOMATTE_KEY) and isinstance(text, str)}
+    bare = {key for key, text in texts.items() if key.endswith("/name") and "." not in text}
+    return {key: f"{main}.{text}" if key in bare else text for key, text in texts.items()}
+
+
+def write_stereo(
+    path: Path, eyes: Mapping[str, Mapping[str, Passes]], *, metadata: Mapping[str, str] = NOTHING
+) -> None:
     """Both eyes in one multi-view EXR: the first is the default view, whose R, G, B and A carry no view name.
 
     Naming after OpenEXR, "Storing multi-view images": the view is the last part but one of a channel's name, in the
@@ -123,7 +142,8 @@ def write_stereo(path: Path, eyes: Mapping[str, Mapping[str, Passes]]) -> None:
     channels = {}
     for view in views:
         channels.update(_layer_channels(_by_layer(eyes[view]), view, default=view == views[0]))
-    _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views})
+    texts = {key: text for key, text in metadata.items() if key.startswith(CRYPTOMATTE_KEY)}
+    _write(path, channels, {"compression": _openexr().ZIP_COMPRESSION, "multiView": views, **texts})
 
 
 def _by_layer(layers: Mapping[str, Any]) -> Mapping[str, Passes]:

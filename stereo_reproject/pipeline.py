@@ -39,6 +39,8 @@ class Renderer(Protocol):
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
     """Of the scene's noise; the places of the probes follow from it."""
+    metadata: Mapping[str, str]
+    """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole."""
@@ -64,7 +66,7 @@ class StereoFrame:
 
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
-    cost; price is what the next better accuracy would have.
+    cost; price is what the next better accuracy would have. metadata is the renderer's.
     """
 
     eyes: dict[str, Passes]
@@ -79,6 +81,7 @@ class StereoFrame:
     accounts: dict[Effect, Account]
     price: Price
     invalid_pixels: dict[str, int]
+    metadata: dict[str, str]
 
 
 class Stopwatch:
@@ -174,6 +177,7 @@ def render_stereo_frame(
         accounts=spent,
         price=price,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
+        metadata=dict(renderer.metadata),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .exr import CRYPTOMATTE_KEY
 from .passes import Passes
 from .pipeline import StereoFrame
 
@@ -36,6 +37,11 @@ class StereoPair:
         return {view: {layer: frame.eyes[view] for layer, frame in self.frames.items()} for view in views}
 
     @property
+    def metadata(self) -> dict[str, str]:
+        """The texts that say what the eyes' cryptomattes hold, as Blender has them."""
+        return {key: text for frame in self.frames.values() for key, text in _cryptomattes(frame).items()}
+
+    @property
     def seconds(self) -> dict[str, float]:
         """By stage and in total, over all layers."""
         total: dict[str, float] = {}
@@ -46,7 +52,7 @@ class StereoPair:
 
     @property
     def predicted_speedup(self) -> float:
-        """Over multiview, which renders each layer's source as we do, and then the other eye, with all synced already."""
+        """Over multiview, which renders the source of each layer as we do, and then the other eye, synced already."""
         costs = [frame.source_cost for frame in self.frames.values()]
         return sum(cost.seconds + cost.per_frame for cost in costs) / self.seconds["total"]
 
@@ -68,3 +74,14 @@ class StereoPair:
             }
             for name, frame in self.frames.items()
         ]
+
+
+def _cryptomattes(frame: StereoFrame) -> dict[str, str]:
+    """The texts about those cryptomattes that the user gets: not about one that only we have asked for."""
+    passes = next(iter(frame.eyes.values()))
+    found: dict[str, str] = {}
+    for key, name in frame.metadata.items():
+        group = key.removesuffix("/name")
+        if key.startswith(CRYPTOMATTE_KEY) and group != key and f"{name.rpartition('.')[2]}00" in passes:
+            found.update({k: text for k, text in frame.metadata.items() if k.startswith(f"{group}/")})
+    return found

@@ -15,6 +15,7 @@ from ..exr import VIEWS, read_eye, write_eye
 from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
+from ..stereo_pair import StereoPair
 from ..work_folder import flush, work_folder
 from .compositor import is_composited
 from .delivery import Eyes, EyesAt, deliver_frames
@@ -105,9 +106,9 @@ def _render_frame(
     of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
     pair, report = render_pair(scene, of_this, work, on_stage=on_stage)
     on_stage("write")
-    writer.write(frame, pair.eyes)
+    writer.write(frame, pair)
     for view in VIEWS:
-        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view)
+        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
     return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}
 
 
@@ -118,8 +119,9 @@ class _Stills:
         self._scene = scene
         self._files: list[Path] = []
 
-    def write(self, frame: int, eyes: Eyes) -> None:
-        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1))
+    def write(self, frame: int, pair: StereoPair) -> None:
+        eyes = pair.eyes
+        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1), pair.metadata)
 
     def finish(self) -> list[Path]:
         return self._files
@@ -131,14 +133,17 @@ class _Movie:
     def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
         self._scene, self._frames, self._folder = scene, frames, work / "tmp"
         self._read: tuple[int, Eyes] | None = None
+        self._metadata: dict[str, str] = {}
 
-    def write(self, frame: int, eyes: Eyes) -> None:
-        for view in VIEWS:
-            layers = eyes[view] if is_composited(self._scene) else _picture_alone(eyes[view])
+    def write(self, frame: int, pair: StereoPair) -> None:
+        # Blender has one set of them for all that it writes in one call: of what changes, the last is told.
+        self._metadata.update(pair.metadata)
+        for view, eye in pair.eyes.items():
+            layers = eye if is_composited(self._scene) else _picture_alone(eye)
             write_eye(self._eye(frame, view), layers, view=view)
 
     def finish(self) -> list[Path]:
-        return _write(self._scene, self._eyes_at, self._frames)
+        return _write(self._scene, self._eyes_at, self._frames, self._metadata)
 
     def _eyes_at(self, frame: int) -> Eyes:
         # Blender asks several times in a row.
@@ -156,11 +161,11 @@ def _picture_alone(layers: Mapping[str, Passes]) -> dict[str, Passes]:
     return {main: {COLOUR_PASS: layers[main][COLOUR_PASS]}}
 
 
-def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range) -> list[Path]:
+def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range, metadata: Mapping[str, str]) -> list[Path]:
     """Have Blender write the frames beside where they belong, and put them there."""
     folder = output_files(scene, frames[0], span=frames)[0].parent
     with work_folder(folder, ()) as beside:
-        deliver_frames(scene, eyes_at, beside / "out", frames=frames)
+        deliver_frames(scene, eyes_at, beside / "out", frames=frames, metadata=metadata)
         return _put_in_place(beside / "out", folder)
 
 

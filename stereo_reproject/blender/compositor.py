@@ -7,12 +7,20 @@ from contextlib import contextmanager
 
 import bpy
 
+from ..passes import COLOUR_PASS
+
 PASSIVE = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
 """Nodes that hand the render through."""
 
 FILE_OUTPUT = "CompositorNodeOutputFile"
-OF_A_SCENE = ("CompositorNodeRLayers", "CompositorNodeCryptomatteV2")
+RENDER_LAYERS = "CompositorNodeRLayers"
+OF_A_SCENE = (RENDER_LAYERS, "CompositorNodeCryptomatteV2")
 """Nodes that show what a scene has rendered."""
+
+PASS_OF_SOCKET = {"Image": COLOUR_PASS}
+"""Sockets of a Render Layers node that are not called as their passes are."""
+
+CHANNELS = {"VALUE": 1, "VECTOR": 3, "RGBA": 4}
 
 OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
 
@@ -38,8 +46,7 @@ def compositor_blocker(scene: bpy.types.Scene) -> str | None:
         return None
     nodes = [node for node in compositor_nodes(scene) if not node.mute]
     for node in nodes:
-        of_another = node.bl_idname in OF_A_SCENE and node.scene not in (None, scene)
-        if of_another and getattr(node, "source", "RENDER") == "RENDER":
+        if _shows_a_render(node) and node.scene not in (None, scene):
             return f"its node {node.name!r} shows the scene {node.scene.name!r}"
     if not gives_a_picture(scene) and not any(node.bl_idname == FILE_OUTPUT for node in nodes):
         return "nothing is linked to its output"
@@ -57,6 +64,28 @@ def gives_a_picture(scene: bpy.types.Scene) -> bool:
     tree = compositor_tree(scene)
     outputs = [] if tree is None else [node for node in tree.nodes if node.bl_idname in OUTPUTS]
     return any(socket.is_linked for node in outputs for socket in node.inputs)
+
+
+def shows_a_render(scene: bpy.types.Scene) -> bool:
+    """Whether any node of the scene's compositor shows what a scene has rendered."""
+    return any(_shows_a_render(node) for node in compositor_nodes(scene) if not node.mute)
+
+
+def _shows_a_render(node: bpy.types.Node) -> bool:
+    return node.bl_idname in OF_A_SCENE and getattr(node, "source", "RENDER") == "RENDER"
+
+
+def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, int]]:
+    """By view layer, the passes of which the scene's compositor makes use, and how many channels each has."""
+    wired: dict[str, dict[str, int]] = {}
+    for node in compositor_nodes(scene):
+        if node.bl_idname == RENDER_LAYERS:
+            sockets = [socket for socket in node.outputs if socket.is_linked and socket.name != "Alpha"]
+            channels = {
+                PASS_OF_SOCKET.get(socket.name, socket.name): CHANNELS.get(socket.type, 1) for socket in sockets
+            }
+            wired.setdefault(node.layer, {}).update(channels)
+    return wired
 
 
 def compositor_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import bpy
@@ -19,16 +20,14 @@ from numpy.typing import NDArray
 from ..errors import StereoReprojectError
 from ..exr import VIEWS, pass_letters
 from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
-from .compositor import file_outputs_muted, is_composited
+from .compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
+from .image_settings import side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path
-from .scene import changed, kept, return_to_own_frame
+from .scene import changed, return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
-
-FORMAT = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec", "color_management", "views_format")
-"""What a file's format changes in image settings, in the order in which Blender takes it."""
 
 NO_SURFACE = 1e10
 """The depth that Blender gives to what has no surface."""
@@ -36,6 +35,8 @@ NO_SURFACE = 1e10
 
 Eyes = Mapping[str, Mapping[str, Passes]]
 """Passes by view name and then by view layer, the same layers for both views; the first is the main one."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 EyesAt = Callable[[int], Eyes]
 """The eyes of a frame."""
@@ -46,6 +47,9 @@ class _Delivery:
     """Where the eyes come from, and those views and layers that Blender has taken."""
 
     eyes_at: EyesAt
+    wired: Mapping[str, Mapping[str, int]]
+    """By view layer, the passes that the compositor makes use of, and how many channels each has."""
+    metadata: Mapping[str, str]
     taken: set[tuple[str, str]] = field(default_factory=set)
 
 
@@ -60,8 +64,14 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
     bl_label = "Stereo Reproject Delivery"
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What is delivered: without this, the compositor's Render Layers nodes have no sockets."""
-        for name, channels in _channels(_under_way[-1].eyes_at(scene.frame_current), renderlayer.name).items():
+        """What is delivered: without this, the compositor's Render Layers nodes have no sockets.
+
+        What is wired and not delivered has to be there too, and stays empty: a socket that vanishes takes its link away
+        while the compositor runs.
+        """
+        delivery, layer = _under_way[-1], renderlayer.name
+        delivered = _channels(delivery.eyes_at(scene.frame_current), layer)
+        for name, channels in {**delivery.wired.get(layer, {}), **delivered}.items():
             letters = pass_letters(name, channels)
             kind = "VALUE" if channels == 1 else "VECTOR" if "X" in letters else "COLOR"
             self.register_pass(scene, renderlayer, name, channels, letters, kind)
@@ -80,6 +90,9 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
                     taken.rect.foreach_set(np.ascontiguousarray(_as_blender_has_it(name, image)[::-1]).ravel())
             self.end_result(result)
             delivery.taken.add((view, layer))
+        for key, text in delivery.metadata.items():
+            # The result of `begin_result` keeps no texts.
+            self.get_result().stamp_data_add_field(key, text)
 
 
 def _channels(eyes: Eyes, layer: str) -> dict[str, int]:
@@ -122,27 +135,40 @@ def deliver_side_by_side(
     name = copy.name
     try:
         copy.frame_set(frame)
-        with _as_delivered(copy, eyes, compositing=False), _side_by_side(copy, path):
-            _hand_over(copy, lambda _: eyes, f"write {path.name}", write_still=True)
+        with _as_delivered(copy, eyes, compositing=False), side_by_side_png(copy, path):
+            _hand_over(copy, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
         return_to_own_frame(scene, frame)
     check_png(path)
 
 
-def deliver_composited(scene: bpy.types.Scene, eyes: Eyes, path: Path, *, frame: int | None = None) -> None:
+def deliver_composited(
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    path: Path,
+    *,
+    frame: int | None = None,
+    metadata: Mapping[str, str] = NOTHING,
+) -> None:
     """Write both eyes as one PNG as they are after the scene's compositor, through its view transform at `frame`.
 
     Its File Output nodes write their files. The nodes show the scene itself and no copy of it, so it is the scene that
-    the engine is set on for a moment, and its Render Result shows the pair. It is afterwards as it was.
+    the engine is set on for a moment, and its Render Result shows the pair. It is afterwards as it was. metadata are
+    the texts that say what cryptomattes hold, as Blender writes them into an EXR's header.
     """
-    with _at_frame(scene, frame), _as_delivered(scene, eyes), _side_by_side(scene, path):
-        _hand_over(scene, lambda _: eyes, f"write {path.name}", write_still=True)
+    with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
+        _hand_over(scene, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
     check_png(path)
 
 
 def deliver_to_result(
-    scene: bpy.types.Scene, eyes: Eyes, *, frame: int | None = None, to_look_at: bool = False
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    *,
+    frame: int | None = None,
+    to_look_at: bool = False,
+    metadata: Mapping[str, str] = NOTHING,
 ) -> None:
     """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
 
@@ -151,10 +177,12 @@ def deliver_to_result(
     """
     muted = file_outputs_muted(scene) if to_look_at else nullcontext()
     with _at_frame(scene, frame), _as_delivered(scene, eyes), muted:
-        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender")
+        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", metadata)
 
 
-def deliver_frames(scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range) -> None:
+def deliver_frames(
+    scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range, metadata: Mapping[str, str] = NOTHING
+) -> None:
     """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
     layout and naming, movies too.
 
@@ -170,7 +198,7 @@ def deliver_frames(scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, fra
         changed(scene, **span),
         changed(scene.render, **files),
     ):
-        _hand_over(scene, eyes_at, f"write frame {frames[0]}", animation=True)
+        _hand_over(scene, eyes_at, f"write frame {frames[0]}", metadata, animation=True)
 
 
 @contextmanager
@@ -201,19 +229,22 @@ def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = Tru
         yield
 
 
-def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, **how: bool) -> None:
+def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Mapping[str, str], **how: bool) -> None:
     """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
     said where that fails."""
     eyes = eyes_at(scene.frame_current)
     height, width = next(iter(eyes["left"].values()))[COLOUR_PASS].shape[:2]
-    delivery = _Delivery(eyes_at)
+    composited = scene.render.use_compositing
+    delivery = _Delivery(eyes_at, wired_passes(scene) if composited else {}, metadata)
     place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
     try:
         with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
             call_render(scene, **how)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
-    if delivery.taken != {(view, layer) for view in VIEWS for layer in eyes[view]}:
+    # For a compositor that shows no render Blender makes none.
+    asked = not composited or shows_a_render(scene)
+    if asked and delivery.taken != {(view, layer) for view in VIEWS for layer in eyes[view]}:
         raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
 
 
@@ -227,27 +258,3 @@ def _as_it_is() -> dict[str, Any]:
         "use_multiview": True,
         "views_format": "STEREO_3D",
     }
-
-
-@contextmanager
-def _side_by_side(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
-    """The scene's output set to a PNG of 8 bits with both views beside each other."""
-    render = scene.render
-    settings = render.image_settings
-    files = {"filepath": output_path(path), "use_overwrite": True, "use_placeholder": False, "use_stamp": False}
-    if hasattr(render, "save_output"):
-        files["save_output"] = True
-    layout = {
-        "display_mode": "SIDEBYSIDE",
-        "use_sidebyside_crosseyed": False,
-        "use_squeezed_frame": False,
-    }
-    with kept(settings, FORMAT), changed(render, **files), changed(settings.stereo_3d_format, **layout):
-        if hasattr(settings, "media_type"):
-            settings.media_type = "IMAGE"
-        settings.file_format = "PNG"
-        settings.color_mode = "RGBA" if render.film_transparent else "RGB"
-        settings.color_depth = "8"
-        settings.color_management = "FOLLOW_SCENE"
-        settings.views_format = "STEREO_3D"
-        yield

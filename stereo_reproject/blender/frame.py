@@ -170,11 +170,11 @@ def _write_pictures(
     target = pictures[settings.target]
     estimates = estimate_map(frame.refinement, frame.traced)
     writers: dict[str, Callable[[Path], None]] = {
-        "left.exr": lambda path: write_eye(path, eyes["left"], view="left"),
-        "right.exr": lambda path: write_eye(path, eyes["right"], view="right"),
-        "stereo.exr": lambda path: write_stereo(path, eyes),
+        "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=pair.metadata),
+        "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=pair.metadata),
+        "stereo.exr": lambda path: write_stereo(path, eyes, metadata=pair.metadata),
         STEREO_PICTURE: lambda path: (
-            deliver_composited(scene, eyes, path, frame=number)
+            deliver_composited(scene, eyes, path, frame=number, metadata=pair.metadata)
             if is_composited(scene)
             else deliver_side_by_side(scene, pictures, path, frame=number)
         ),

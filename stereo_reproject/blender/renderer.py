@@ -39,6 +39,7 @@ class BlenderRenderer:
         self.plan = plan_effects(scene, user_scene=user_scene)
         self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
+        self.metadata: dict[str, str] = {}
         self._traces = 0
 
     @property
@@ -50,9 +51,11 @@ class BlenderRenderer:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
         if not self.view_dependent or self.scene.render.engine != CYCLES:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+            self.metadata.update(rendered.attributes)
             return rendered.views[view], _cost(rendered)
         switch_on_cryptomatte(self.scene)
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        self.metadata.update(rendered.attributes)
         passes = rendered.views[view]
         layer = rendered_layer(self.scene).name
         ours = {

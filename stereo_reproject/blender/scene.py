@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -98,6 +98,12 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
     if scene.render.use_freestyle:
         warnings.append("Freestyle lines are not drawn")
     return warnings
+
+
+def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
+    """A line when there are several view layers, for what has a look at the first of them only."""
+    layers = layers_to_render(scene)
+    return [f"{what} of the first of {len(layers)} view layers, {layers[0]!r}"] if len(layers) > 1 else []
 
 
 def _missing_images() -> list[str]:
@@ -214,18 +220,6 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
         with ExitStack() as restored:
             for name, value in kept.items():
                 restored.callback(setattr, owner, name, value)
-
-
-@contextmanager
-def kept(owner: bpy.types.bpy_struct, names: Sequence[str]) -> Iterator[None]:
-    """Those of these properties that there are, afterwards again as they were; set in this order, where one decides
-    what the next may be."""
-    values = {name: getattr(owner, name) for name in names if hasattr(owner, name)}
-    try:
-        yield
-    finally:
-        for name, value in values.items():
-            setattr(owner, name, value)
 
 
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
