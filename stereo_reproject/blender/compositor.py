@@ -20,7 +20,8 @@ OF_A_SCENE = (RENDER_LAYERS, "CompositorNodeCryptomatteV2")
 PASS_OF_SOCKET = {"Image": COLOUR_PASS}
 """Sockets of a Render Layers node that are not called as their passes are."""
 
-CHANNELS = {"VALUE": 1, "VECTOR": 3, "RGBA": 4}
+TYPES = {"VALUE": "VALUE", "VECTOR": "VECTOR", "RGBA": "COLOR"}
+"""Of passes, by the sockets' types."""
 
 OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
 
@@ -75,16 +76,16 @@ def _shows_a_render(node: bpy.types.Node) -> bool:
     return node.bl_idname in OF_A_SCENE and getattr(node, "source", "RENDER") == "RENDER"
 
 
-def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, int]]:
-    """By view layer, the passes of which the scene's compositor makes use, and how many channels each has."""
-    wired: dict[str, dict[str, int]] = {}
+def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
+    """By view layer, the passes of which the scene's compositor makes use, and of what type each is, as Blender's
+    render engines have it."""
+    wired: dict[str, dict[str, str]] = {}
     for node in compositor_nodes(scene):
         if node.bl_idname == RENDER_LAYERS:
-            sockets = [socket for socket in node.outputs if socket.is_linked and socket.name != "Alpha"]
-            channels = {
-                PASS_OF_SOCKET.get(socket.name, socket.name): CHANNELS.get(socket.type, 1) for socket in sockets
-            }
-            wired.setdefault(node.layer, {}).update(channels)
+            passes = wired.setdefault(node.layer, {})
+            for socket in node.outputs:
+                if socket.is_linked and socket.name != "Alpha":
+                    passes[PASS_OF_SOCKET.get(socket.name, socket.name)] = TYPES.get(socket.type, "VALUE")
     return wired
 
 

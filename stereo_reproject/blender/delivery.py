@@ -29,6 +29,9 @@ from .scene import changed, return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
+CHANNELS = {"VALUE": 1, "VECTOR": 3, "COLOR": 4}
+"""Of a pass that is not delivered, by its type."""
+
 NO_SURFACE = 1e10
 """The depth that Blender gives to what has no surface."""
 
@@ -47,8 +50,8 @@ class _Delivery:
     """Where the eyes come from, and those views and layers that Blender has taken."""
 
     eyes_at: EyesAt
-    wired: Mapping[str, Mapping[str, int]]
-    """By view layer, the passes that the compositor makes use of, and how many channels each has."""
+    wired: Mapping[str, Mapping[str, str]]
+    """By view layer, the passes that the compositor makes use of, and of what type each is."""
     metadata: Mapping[str, str]
     taken: set[tuple[str, str]] = field(default_factory=set)
 
@@ -70,11 +73,13 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
         while the compositor runs.
         """
         delivery, layer = _under_way[-1], renderlayer.name
-        delivered = _channels(delivery.eyes_at(scene.frame_current), layer)
-        for name, channels in {**delivery.wired.get(layer, {}), **delivered}.items():
+        wired = delivery.wired.get(layer, {})
+        empty = {name: CHANNELS[kind] for name, kind in wired.items()}
+        for name, channels in {**empty, **_channels(delivery.eyes_at(scene.frame_current), layer)}.items():
             letters = pass_letters(name, channels)
-            kind = "VALUE" if channels == 1 else "VECTOR" if "X" in letters else "COLOR"
-            self.register_pass(scene, renderlayer, name, channels, letters, kind)
+            kind = "VALUE" if channels == 1 else "VECTOR" if letters[0] in "XU" else "COLOR"
+            # With another type than it had, a socket loses its link for good.
+            self.register_pass(scene, renderlayer, name, channels, letters, wired.get(name, kind))
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]

@@ -11,7 +11,7 @@ import pytest
 
 from stereo_reproject.blender.delivery import deliver_composited, deliver_frames, deliver_to_result
 from stereo_reproject.blender.pictures import read_png
-from stereo_reproject.exr import _read_parts
+from stereo_reproject.exr import CRYPTOMATTE_KEY, _read_parts
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
     add_camera,
@@ -55,7 +55,8 @@ def set_png(scene, views="STEREO_3D"):
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "8"
+    settings.file_format, settings.color_depth = "PNG", "8"
+    settings.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
     settings.views_format = views
     settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
 
@@ -241,9 +242,11 @@ def without_compositor(scene):
 
 
 def plain_eyes(scene, folder):
-    """What plain multiview has rendered, and the texts about its cryptomattes."""
+    """What plain multiview has rendered, and the texts that say what its cryptomattes hold."""
+    texts = {}
     with without_compositor(scene):
-        return render_plain_layers(scene, folder)
+        eyes = render_plain_layers(scene, folder, texts=texts)
+    return eyes, {key: text for key, text in texts.items() if key.startswith(CRYPTOMATTE_KEY)}
 
 
 def plain_files(scene, path, *, animation=False):
@@ -253,20 +256,22 @@ def plain_files(scene, path, *, animation=False):
     bpy.ops.render.render(write_still=not animation, animation=animation)
 
 
-def pictures_of(path):
-    """What a file holds, by channel: for an EXR linear numbers, else display values."""
-    if path.suffix == ".exr":
-        parts = _read_parts(path)
-        return {name: channel.pixels for part in parts for name, channel in part.channels.items()}
-    return {"": read_png(path)}
+def held_by(path):
+    """The pictures of a file by channel, for an EXR linear numbers, else display values; and what it says of hashes."""
+    if path.suffix != ".exr":
+        return {"": read_png(path)}, {}
+    parts = _read_parts(path)
+    texts = {key: text for part in parts for key, text in part.header.items() if key.startswith(CRYPTOMATTE_KEY)}
+    return {name: channel.pixels for part in parts for name, channel in part.channels.items()}, texts
 
 
 def assert_same_files(ours, plain):
     names = sorted(path.name for path in plain.iterdir()) if plain.exists() else []
     assert (sorted(path.name for path in ours.iterdir()) if ours.exists() else []) == names
     for name in names:
-        found, expected = pictures_of(ours / name), pictures_of(plain / name)
+        (found, texts), (expected, own_texts) = held_by(ours / name), held_by(plain / name)
         assert set(found) == set(expected)
+        assert texts == own_texts
         for channel, values in expected.items():
             limits = {"rtol": SINGLE_PRECISION, "atol": SINGLE_PRECISION if name.endswith("exr") else ROUNDING}
             np.testing.assert_allclose(found[channel], values, **limits, err_msg=f"{name} {channel}")
@@ -275,12 +280,12 @@ def assert_same_files(ours, plain):
 @pytest.mark.parametrize("add_tree", TREES)
 def test_the_picture_and_all_files_are_those_of_multiview(scene, tmp_path, add_tree):
     writers = add_tree(scene, tmp_path / "plain")
-    eyes = plain_eyes(scene, tmp_path)
+    eyes, metadata = plain_eyes(scene, tmp_path)
     plain_files(scene, tmp_path / "plain.png")
     for writer in writers:
         folder_of(writer, tmp_path / "ours")
     before = everything()
-    deliver_composited(scene, eyes, tmp_path / "ours.png")
+    deliver_composited(scene, eyes, tmp_path / "ours.png", metadata=metadata)
     assert everything() == before
     expected = read_png(tmp_path / "plain.png")
     np.testing.assert_allclose(read_png(tmp_path / "ours.png"), expected, atol=ROUNDING)
@@ -294,11 +299,11 @@ def test_the_picture_and_all_files_are_those_of_multiview(scene, tmp_path, add_t
 @pytest.mark.parametrize("add_tree", [depth_matte_and_light, two_layers])
 def test_an_animations_frame_is_that_of_multiview(scene, tmp_path, add_tree):
     (writer,) = add_tree(scene, tmp_path / "plain")
-    eyes = plain_eyes(scene, tmp_path)
+    eyes, metadata = plain_eyes(scene, tmp_path)
     scene.frame_end = 1
     plain_files(scene, tmp_path / "shot_", animation=True)
     folder_of(writer, tmp_path / "ours")
-    deliver_frames(scene, lambda _: eyes, tmp_path / "frames", frames=range(1, 2))
+    deliver_frames(scene, lambda _: eyes, tmp_path / "frames", frames=range(1, 2), metadata=metadata)
     ours, expected = (read_png(folder / "shot_0001.png") for folder in (tmp_path / "frames", tmp_path))
     np.testing.assert_allclose(ours, expected, atol=ROUNDING)
     assert_same_files(tmp_path / "ours", tmp_path / "plain")
@@ -306,13 +311,13 @@ def test_an_animations_frame_is_that_of_multiview(scene, tmp_path, add_tree):
 
 def test_what_is_only_looked_at_writes_no_files(scene, tmp_path):
     (writer,) = two_layers(scene, tmp_path / "plain")
-    eyes = plain_eyes(scene, tmp_path)
+    eyes, metadata = plain_eyes(scene, tmp_path)
     plain_files(scene, tmp_path / "plain.png")
     folder_of(writer, tmp_path / "ours")
     before = everything()
     deliver_to_result(scene, eyes, to_look_at=True)
     assert not (tmp_path / "ours").exists()
-    deliver_to_result(scene, eyes)
+    deliver_to_result(scene, eyes, metadata=metadata)
     assert_same_files(tmp_path / "ours", tmp_path / "plain")
     assert everything() == before
 
@@ -330,8 +335,7 @@ FORMATS = [
 @pytest.mark.parametrize(("media", "file_format", "more"), FORMATS, ids=[name for _, name, _ in FORMATS])
 def test_the_output_settings_are_as_they_were(scene, tmp_path, media, file_format, more):
     graded(scene, tmp_path)
-    with without_compositor(scene):
-        eyes = render_plain_layers(scene, tmp_path)
+    eyes, _ = plain_eyes(scene, tmp_path)
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = media
@@ -353,7 +357,7 @@ def test_a_compositor_without_render_layers(scene, tmp_path):
     colour = tree.nodes.new("CompositorNodeRGB")
     colour.outputs[0].default_value = (0.5, 0.25, 0.0, 1.0)
     tree.links.new(colour.outputs[0], result)
-    eyes = plain_eyes(scene, tmp_path)
+    eyes, _ = plain_eyes(scene, tmp_path)
     plain_files(scene, tmp_path / "plain.png")
     deliver_composited(scene, eyes, tmp_path / "ours.png")
     np.testing.assert_allclose(read_png(tmp_path / "ours.png"), read_png(tmp_path / "plain.png"), atol=ROUNDING)

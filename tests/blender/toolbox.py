@@ -268,9 +268,14 @@ def render_plain(
 
 
 def render_plain_layers(
-    scene: bpy.types.Scene, folder: Path, *, seed: int | None = None, views: tuple[str, ...] = EYES
+    scene: bpy.types.Scene,
+    folder: Path,
+    *,
+    seed: int | None = None,
+    views: tuple[str, ...] = EYES,
+    texts: dict[str, str] | None = None,
 ) -> dict[str, dict[str, Passes]]:
-    """The same of all view layers, by view and then by layer."""
+    """The same of all view layers, by view and then by layer; texts takes those in the header of Blender's file."""
     render = scene.render
     render.use_multiview, render.views_format = True, "STEREO_3D"
     for view in render.views:
@@ -286,7 +291,11 @@ def render_plain_layers(
     render.filepath = str(path)
     bpy.ops.render.render(scene=scene.name, write_still=True)
     used = [layer.name for layer in scene.view_layers if layer.use]
-    result = {view: {layer: read_render(path, layer=layer, view=view)[0] for layer in used} for view in views}
+    result: dict[str, dict[str, Passes]] = {view: {} for view in views}
+    for view in views:
+        for layer in used:
+            result[view][layer], found = read_render(path, layer=layer, view=view)
+            (texts if texts is not None else {}).update(found)
     path.unlink()
     for passes in (passes for layers in result.values() for passes in layers.values()):
         if DEPTH_PASS in passes:
