@@ -28,13 +28,10 @@ def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
     if hasattr(render, "save_output"):
         files["save_output"] = True
     with _format_kept(settings), changed(render, **files), changed(settings.stereo_3d_format, **LAYOUT):
-        _set_media(settings, "IMAGE")
-        settings.file_format = "PNG"
-        settings.color_mode = "RGBA" if render.film_transparent else "RGB"
-        settings.color_depth = "8"
-        settings.views_format = "STEREO_3D"
-        if settings.color_management != "FOLLOW_SCENE":
-            settings.color_management = "FOLLOW_SCENE"
+        mode = "RGBA" if render.film_transparent else "RGB"
+        png = {"media_type": "IMAGE", "file_format": "PNG", "color_mode": mode, "color_depth": "8"}
+        _set_changed(settings, {name: png[name] for name in FORMAT if name in png and hasattr(settings, name)})
+        _set_changed(settings, {"views_format": "STEREO_3D", "color_management": "FOLLOW_SCENE"})
         yield
 
 
@@ -46,19 +43,13 @@ def _format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
     try:
         yield
     finally:
-        # The one format in which views may be stored in any way.
-        _set_media(settings, "IMAGE")
-        settings.file_format = "OPEN_EXR"
+        if views == "MULTIVIEW":
+            # PNG does not take that.
+            settings.file_format = "OPEN_EXR"
         settings.views_format = views
-        for name, value in values.items():
-            setattr(settings, name, value)
+        _set_changed(settings, values)
         if override is not None:
             _restore_override(settings, override)
-
-
-def _set_media(settings: bpy.types.ImageFormatSettings, media: str) -> None:
-    if hasattr(settings, "media_type"):
-        settings.media_type = media
 
 
 def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
@@ -109,6 +100,7 @@ def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[l
 
 
 def _set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
+    """Set what differs: a format that is set anew may set more than itself."""
     for name, value in values.items():
         now = getattr(owner, name)
         if (tuple(now) if isinstance(value, tuple) else now) != value:
