@@ -54,7 +54,7 @@ def render_files(
     out = work / "out"
     out.mkdir(exist_ok=True)
     files = pair_files(compare=settings.compare) if files is None else files
-    if STEREO_PICTURE in files:
+    if STEREO_PICTURE in files and is_composited(scene):
         check_file_outputs(scene)
     pair, report = render_pair(scene, settings, work, on_stage=on_stage)
     on_stage("write")

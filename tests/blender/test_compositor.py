@@ -9,8 +9,10 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.blender.compositor import compositor_blocker, compositor_tree, is_composited
 from stereo_reproject.blender.delivery import deliver_composited, deliver_frames, deliver_to_result
 from stereo_reproject.blender.pictures import read_png
+from stereo_reproject.blender.scene import scene_warnings
 from stereo_reproject.exr import CRYPTOMATTE_KEY, _read_parts
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
@@ -349,6 +351,53 @@ def test_the_output_settings_are_as_they_were(scene, tmp_path, media, file_forma
     before = everything()
     deliver_composited(scene, eyes, tmp_path / "ours.png")
     assert everything() == before
+
+
+def curve_of(settings):
+    return [
+        (tuple(point.location), point.handle_type)
+        for curve in settings.view_settings.curve_mapping.curves
+        for point in curve.points
+    ]
+
+
+@pytest.mark.parametrize("used", [True, False])
+def test_curves_of_the_output_are_as_they_were(scene, tmp_path, used):
+    graded(scene, tmp_path)
+    eyes, _ = plain_eyes(scene, tmp_path)
+    settings = scene.render.image_settings
+    settings.color_management = "OVERRIDE"
+    settings.view_settings.use_curve_mapping = True
+    mapping = settings.view_settings.curve_mapping
+    for k, curve in enumerate(mapping.curves):
+        curve.points.new(0.2 + 0.1 * k, 0.6).handle_type = "VECTOR"
+    mapping.curves[0].points.new(0.8, 0.1)
+    mapping.update()
+    settings.view_settings.use_curve_mapping = used
+    before, points = everything(), curve_of(settings)
+    deliver_composited(scene, eyes, tmp_path / "ours.png")
+    assert everything() == before
+    assert curve_of(settings) == points
+
+
+def test_a_picture_after_the_compositor_has_the_scenes_colours(scene, tmp_path):
+    graded(scene, tmp_path)
+    eyes, _ = plain_eyes(scene, tmp_path)
+    deliver_composited(scene, eyes, tmp_path / "before.png")
+    scene.render.image_settings.color_management = "OVERRIDE"
+    scene.render.image_settings.view_settings.exposure = 4.0
+    deliver_composited(scene, eyes, tmp_path / "after.png")
+    np.testing.assert_array_equal(read_png(tmp_path / "after.png"), read_png(tmp_path / "before.png"))
+
+
+def test_a_node_that_shows_another_scene_leaves_the_compositor_out(scene, tmp_path):
+    two_layers(scene, tmp_path / "plain")
+    assert is_composited(scene)
+    other = bpy.data.scenes.new("Other")
+    compositor_tree(scene).nodes["Render Layers"].scene = other
+    assert "shows the scene 'Other'" in compositor_blocker(scene)
+    assert not is_composited(scene)
+    assert any("left out" in warning and "'Other'" in warning for warning in scene_warnings(scene))
 
 
 def test_a_compositor_without_render_layers(scene, tmp_path):

@@ -8,7 +8,7 @@ from stereo_reproject.blender.animation import render_animation_files
 from stereo_reproject.blender.delivery import deliver_composited
 from stereo_reproject.blender.frame import render_files, render_pair
 from stereo_reproject.blender.pictures import read_png
-from stereo_reproject.exr import read_eye, read_metadata
+from stereo_reproject.exr import _read_parts, read_eye, read_metadata
 from stereo_reproject.passes import COLOUR_PASS
 from stereo_reproject.report import format_report_table
 from stereo_reproject.settings import StereoSettings
@@ -68,6 +68,14 @@ def scene(tmp_path):
 
 
 LAYERS = ["Beauty", "Clay v1.0", "Lit"]
+
+
+def exr_channels(path):
+    return {
+        (part.header.get("view"), name): channel.pixels
+        for part in _read_parts(path)
+        for name, channel in part.channels.items()
+    }
 
 
 def add_tree(scene, folder):
@@ -138,6 +146,51 @@ def test_the_files_have_all_layers_and_the_picture_the_compositor(scene, tmp_pat
         report["compare"]["multiview_seconds"] / report["seconds"]["total"]
     )
     assert all(f"  {name}" in format_report_table(report) for name in LAYERS)
+
+
+def graded(scene):
+    view = scene.view_settings
+    view.view_transform, view.look, view.exposure, view.gamma = "Filmic", "High Contrast", 0.7, 1.2
+    view.use_curve_mapping = True
+    view.curve_mapping.curves[3].points.new(0.3, 0.7)
+    view.curve_mapping.update()
+
+
+def overridden(scene):
+    scene.render.image_settings.color_management = "OVERRIDE"
+    scene.render.image_settings.view_settings.exposure = 4.0
+
+
+def composited(scene):
+    tree, layers, result = add_compositor(scene)
+    exposure = tree.nodes.new("CompositorNodeExposure")
+    exposure.inputs["Exposure"].default_value = -2.0
+    tree.links.new(layers.outputs["Image"], exposure.inputs["Image"])
+    tree.links.new(exposure.outputs["Image"], result)
+
+
+LINEAR = ("left.exr", "right.exr", "stereo.exr")
+
+
+def files_of(scene, folder):
+    folder.mkdir()
+    render_files(scene, StereoSettings(fill="packed", accuracy="draft"), folder, files=(*LINEAR, "stereo.png"))
+    linear = {name: exr_channels(folder / "out" / name) for name in LINEAR}
+    return linear, read_png(folder / "out" / "stereo.png")
+
+
+@pytest.mark.parametrize(("change", "shows"), [(graded, True), (composited, True), (overridden, False)])
+def test_linear_files_know_nothing_of_display(scene, tmp_path, change, shows):
+    for layer in scene.view_layers:
+        layer.use = layer.name == "Beauty"
+    linear, picture = files_of(scene, tmp_path / "before")
+    change(scene)
+    again, other = files_of(scene, tmp_path / "after")
+    for name, channels in linear.items():
+        assert set(again[name]) == set(channels)
+        for channel, values in channels.items():
+            np.testing.assert_array_equal(again[name][channel], values, err_msg=f"{name} {channel}")
+    assert (np.abs(other - picture).mean() > 0.02) == shows
 
 
 def test_multiview_is_compared_with_all_its_layers(scene, tmp_path):
