@@ -12,7 +12,7 @@ import bpy
 
 from ..errors import BadInputError
 from ..settings import SceneOverrides
-from .compositor import compositor_blocker, has_compositor
+from .compositor import compositor_blocker, gives_a_picture, has_compositor
 from .rig import MODES, check_camera, frame_region
 
 CYCLES = "CYCLES"
@@ -91,6 +91,8 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
         blocker = compositor_blocker(scene)
         if blocker is not None:
             warnings.append(f"the scene's compositor is left out: {blocker}")
+        elif not gives_a_picture(scene):
+            warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
     warnings += _unbaked(scene)
     warnings += _missing_images()
     if bpy.app.autoexec_fail:

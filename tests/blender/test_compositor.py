@@ -353,6 +353,14 @@ def test_the_output_settings_are_as_they_were(scene, tmp_path, media, file_forma
     assert everything() == before
 
 
+def test_a_compositor_that_only_writes_files_is_told(scene, tmp_path):
+    (writer,) = files_alone(scene, tmp_path)
+    assert any("nothing is linked to the compositor's output" in warning for warning in scene_warnings(scene))
+    assert is_composited(scene)
+    writer.mute = True
+    assert not is_composited(scene)
+
+
 def curve_of(settings):
     return [
         (tuple(point.location), point.handle_type)
