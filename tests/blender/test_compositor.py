@@ -353,6 +353,23 @@ def test_the_output_settings_are_as_they_were(scene, tmp_path, media, file_forma
     assert everything() == before
 
 
+def test_the_compositor_stands_at_the_frame_that_is_delivered(scene, tmp_path):
+    graded(scene, tmp_path)
+    exposure = compositor_tree(scene).nodes["Exposure"].inputs["Exposure"]
+    for frame, value in ((1, -3.0), (5, 1.0)):
+        exposure.default_value = value
+        exposure.keyframe_insert("default_value", frame=frame)
+    scene.frame_set(1)
+    eyes, _ = plain_eyes(scene, tmp_path)
+    before = everything()
+    pictures = []
+    for frame in (1, 5):
+        deliver_composited(scene, eyes, tmp_path / f"{frame}.png", frame=frame)
+        assert everything() == before
+        pictures.append(read_png(tmp_path / f"{frame}.png"))
+    assert pictures[1].mean() > 2.0 * pictures[0].mean()
+
+
 def test_a_compositor_that_only_writes_files_is_told(scene, tmp_path):
     (writer,) = files_alone(scene, tmp_path)
     assert any("nothing is linked to the compositor's output" in warning for warning in scene_warnings(scene))
