@@ -99,7 +99,7 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
     if estimate["low"] is not None:
         _row(column, "95 % interval", f"{estimate['low']:.2f} to {estimate['high']:.2f}")
     if estimate["promise"] is not None:
-        kept = "kept" if estimate["kept"] else "NOT kept"
+        kept = {True: "kept", False: "NOT kept", None: "too close to tell"}[estimate["kept"]]
         _row(column, f"Promise: at most {estimate['promise']:g}", kept)
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import bpy
 
 from ..stereo_reproject.blender.rig import check_camera
-from ..stereo_reproject.blender.scene import camera_at, check_engine
+from ..stereo_reproject.blender.scene import camera_at, check_engine, check_layers
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import clock
 from .run import Run
@@ -143,8 +143,7 @@ class JobOperator:
             if scene.stereo_reproject.source_engine == "scene":
                 check_engine(scene)
             check_camera(camera_at(scene, scene.frame_current))
-            if not any(layer.use for layer in scene.view_layers):
-                raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+            check_layers(scene)
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
             self.report({"ERROR"}, sentence(error))

@@ -10,8 +10,8 @@ import bpy
 from ..stereo_reproject.blender.animation import ANIMATION_FILES, folders_of, frames_to_render
 from ..stereo_reproject.blender.delivery import deliver_to_result
 from ..stereo_reproject.blender.rig import frame_region
-from ..stereo_reproject.blender.scene import SMALLEST, scene_frames
-from ..stereo_reproject.exr import VIEWS, main_layer, read_eye
+from ..stereo_reproject.blender.scene import SMALLEST, layers_to_render, scene_frames
+from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings
 from ..stereo_reproject.work_folder import DIFFERENCE
@@ -60,7 +60,8 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
 
     def start(self, scene: bpy.types.Scene) -> Run:
         wanted = frames_to_render(scene, scene_frames(scene))
-        progress = Progress(time.monotonic(), USUAL["animate"], frames=len(wanted))
+        pairs = len(wanted) * len(layers_to_render(scene))
+        progress = Progress(time.monotonic(), USUAL["animate"], frames=pairs)
         settings = settings_of(scene, preview=False)
         return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=folders_of(wanted))
 
@@ -119,12 +120,16 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
     """Expects what the same pair took before, or was predicted to take, or else the usual."""
     result, now, usual = result_of(scene), time.monotonic(), USUAL["render"]
+    layers = len(layers_to_render(scene))
     if result.run is not None and result.report is not None and result.run.settings == settings:
-        return Progress(now, seconds_of(result.report, usual), in_seconds=True)
+        each = {stage: seconds / max(layers, 1) for stage, seconds in seconds_of(result.report, usual).items()}
+        return Progress(now, each, in_seconds=True, frames=layers)
     checked = result.inspection
     if checked is not None and result.inspected == settings and checked["predicted"]["total_seconds"] is not None:
-        return Progress(now, {**dict.fromkeys(usual, 0.0), **_predicted_stages(checked["predicted"])}, in_seconds=True)
-    return Progress(now, {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual)
+        each = {**dict.fromkeys(usual, 0.0), **_predicted_stages(checked["predicted"])}
+        return Progress(now, each, in_seconds=True, frames=layers)
+    stages = {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual
+    return Progress(now, stages, frames=layers)
 
 
 def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
@@ -139,8 +144,9 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 def _deliver(scene: bpy.types.Scene, run: Run, *, frame: int | None, to_look_at: bool) -> None:
     """Put the eyes of a run into the scene's Render Result, and show that."""
-    eyes = {view: main_layer(read_eye(run.folder / f"{view}.exr")) for view in VIEWS}
-    deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at)
+    eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
+    metadata = read_metadata(run.folder / f"{VIEWS[0]}.exr")
+    deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at, metadata=metadata)
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()
     if bpy.context.window is not None and not bpy.app.background:

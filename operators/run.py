@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.devices import devices_in_use
-from ..stereo_reproject.blender.scene import scene_key
+from ..stereo_reproject.blender.scene import layers_to_render, scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
@@ -73,7 +73,13 @@ class Run:
             self._blend = self._save_copy()
             output = self.folder if files else None
             chosen = scene.stereo_reproject
-            session = Session(scene_key(scene), devices_in_use(), bpy.data.filepath, chosen.use_scripts)
+            session = Session(
+                scene_key(scene),
+                devices_in_use(),
+                bpy.data.filepath,
+                chosen.use_scripts,
+                tuple(layers_to_render(scene)),
+            )
             job = Job(self._blend, output, settings, command, files=tuple(files), session=session)
             self._thread = threading.Thread(target=self._work, args=(job, worker_command()), daemon=True)
             self._thread.start()

@@ -10,6 +10,11 @@ STEP = 1.0 / 255.0
 """Of an 8-bit picture."""
 
 
+DENOISED_SPACING = 0.75
+DENOISED_LIMIT = 0.9
+LEAST_LIMIT = 1.1
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """How wide a silhouette is traced, and how alike its two sides may be to be left alone.
@@ -67,3 +72,9 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
     promised = [accuracy for accuracy in SETTINGS.values() if accuracy.promise is not None]
     looser = [accuracy for accuracy in promised if (accuracy.promise or 0.0) >= settings.tolerance]
     return replace(looser[-1] if looser else promised[0], promise=settings.tolerance)
+
+
+def for_denoised(accuracy: Accuracy) -> Accuracy:
+    """The same for a picture that is denoised: an error shows beside less noise, and more probes are needed for it."""
+    spacing = max(round(DENOISED_SPACING * accuracy.probe_spacing), 2)
+    return replace(accuracy, probe_spacing=spacing, tile_limit=max(DENOISED_LIMIT * accuracy.tile_limit, LEAST_LIMIT))

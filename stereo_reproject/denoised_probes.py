@@ -50,7 +50,7 @@ def look(
     shown: NDArray[np.integer] | None,
     denoising: Denoising,
 ) -> Look:
-    """passes are the target's, with the traced pixels among them; warped (H, W) the pixels that are not traced.
+    """passes are the target's, with the traced pixels among them; warped (H, W) the pixels whose colour is not traced.
 
     traces are the scene-linear colours (N, 4) of each probe's two, before (N, C) what the warp had there. risk (H, W)
     is what may be wrong, shown (H, W) a number for what each pixel shows, if that is known.
@@ -72,6 +72,7 @@ def look(
 
 def _source_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
     """(N,): how far the source's pixels are from their denoised ones around each probe, in the mean of squares."""
+    warped = warped & ~probes.mask
     squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
     near = probes.rows, probes.columns
     return box_sum(squares, NOISE_REACH)[near] / np.maximum(box_sum(warped, NOISE_REACH)[near], 1.0)

@@ -58,6 +58,14 @@ def denoise_source(source: Passes, denoise: Denoise) -> tuple[Passes, Denoising]
     return clean, Denoising(denoise, noise_left(clean, denoise))
 
 
+def denoise_target(target: Passes, kept: NDArray[np.bool_], denoising: Denoising) -> Passes:
+    """The target eye, of which the pixels that are kept (H, W) were warped from the denoised source."""
+    colour = target[COLOUR_PASS]
+    if kept.all():
+        return target
+    return {**target, COLOUR_PASS: np.where(kept[..., None], colour, denoising.of(target))}
+
+
 def noise_left(source: Passes, denoise: Denoise) -> float:
     """Share of the variance of a traced pixel that is left in the denoised source, after `metrics.tone`.
 

@@ -71,7 +71,7 @@ HANDLING: dict[Effect, str] = {
     Effect.CAMERA_DEPENDENT: f"warped as the source eye sees it; {PROBED}",
     Effect.CATCHER: f"warped with its surface, as transparent as it is for the source eye; {PROBED}",
     Effect.CAUSTICS: "nothing: on matte surfaces they look the same to both eyes; other surfaces are probed themselves",
-    Effect.VIEW_LAYERS: "not done yet: only the first view layer in use is rendered",
+    Effect.VIEW_LAYERS: "each is a pair of its own; the scene's compositor, if any, puts them together for both eyes",
     Effect.DENOISING: "not done yet: both eyes are left as rendered, denoise them afterwards",
 }
 """What is done with each effect that a scene calls for, when Cycles renders it."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .accounting import Account
 from .accuracy import Accuracy
 from .effects import Effect, EffectsPlan
-from .refinement import tile_estimates, worst_tiles
+from .refinement import Estimate, tile_estimates, worst_tiles
 from .tracing import Refinement
 
 
@@ -46,7 +46,7 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
     probed = None if refinement.whole else measured
     worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
-    kept = accuracy.promise is None or estimate.noise_ratio <= accuracy.promise
+    kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.likely is None)
     return {
         "noise_ratio": estimate.noise_ratio,
         "low": estimate.low,
@@ -55,11 +55,20 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any
         "promise": accuracy.promise,
         "worst_tiles": worst,
         "worst_tiles_promise": promised,
-        "kept": kept and (promised is None or worst <= promised),
+        "kept": False if promised is not None and worst > promised else kept,
         "probes": 0 if probed is None else int((~probed.refined).sum()),
         "tile_size": None if measured is None else measured.probes.spacing,
         "from": "rendered whole" if probed is None else "probes",
     }
+
+
+def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | None:
+    """Whether the promise is kept; where the probes are not sure of the figure, only if its whole interval says so."""
+    if promise is None:
+        return True
+    if sure:
+        return estimate.noise_ratio <= promise
+    return True if estimate.high <= promise else False if estimate.low > promise else None
 
 
 def _no_estimate(accuracy: Accuracy) -> dict[str, Any]:

@@ -127,9 +127,13 @@ def read_eye(path: Path) -> dict[str, Passes]:
     return {layer: {name: _stack(letters) for name, letters in passes.items()} for layer, passes in found.items()}
 
 
-def main_layer(layers: Mapping[str, Passes]) -> Passes:
-    """The passes of the first of an eye's layers."""
-    return next(iter(layers.values()))
+def read_metadata(path: Path) -> dict[str, str]:
+    """The texts about cryptomattes of a file that `write_eye` wrote, as Blender has them: each names a view layer."""
+    header = _openexr().File(str(path), header_only=True).header()
+    main = header.get(MAIN_LAYER, "")
+    texts = {key: text for key, text in header.items() if key.startswith(CRYPTOMATTE_KEY) and isinstance(text, str)}
+    bare = {key for key, text in texts.items() if key.endswith("/name") and "." not in text}
+    return {key: f"{main}.{text}" if key in bare else text for key, text in texts.items()}
 
 
 def write_stereo(

@@ -25,10 +25,13 @@ CLEARLY_LOWER = 0.9
 
 @dataclass(frozen=True)
 class SourceCost:
-    """Measured on the source render: the whole call, and what Cycles spent in it on syncing the scene, in seconds."""
+    """Measured on the source render: the whole call, and what Cycles spent in it on syncing the scene, in seconds.
+
+    denoise_seconds are what denoising it took afterwards."""
 
     seconds: float
     sync_seconds: float
+    denoise_seconds: float = 0.0
 
     @property
     def per_frame(self) -> float:

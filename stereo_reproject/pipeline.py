@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .accounting import Account, accounts
-from .accuracy import Accuracy, accuracy_of
+from .accuracy import Accuracy, accuracy_of, for_denoised
 from .camera import Camera, see_the_same
 from .composite import contain
+from .denoising import Denoise, denoise_source, denoise_target
 from .effects import Effect, EffectsPlan
 from .effects_pass import UNKNOWN, effects_of
 from .fill import FillChoice, SourceCost, check_fill
@@ -45,8 +46,11 @@ class Renderer(Protocol):
     metadata: Mapping[str, str]
     """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
 
+    denoise: Denoise | None
+    """What the scene denoises with; None where it does not. All passes then have those that `denoising` is about."""
+
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """The source eye, whole."""
+        """The source eye, whole, and not denoised."""
         ...
 
     def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
@@ -96,6 +100,11 @@ class Stopwatch:
         self._stage = ""
         self._start = time.perf_counter()
 
+    @property
+    def seconds_so_far(self) -> float:
+        """Of the stage that runs."""
+        return time.perf_counter() - self._start
+
     def lap(self, stage: str = "") -> None:
         now = time.perf_counter()
         if self._stage:
@@ -114,8 +123,8 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, warp, pilot, fill, refine, composite, and account,
-    which comes after the pair is finished and is not in the total. accuracy takes the place of the one that the
+    on_stage is told the name of each stage as it begins: source, denoise, warp, pilot, fill, refine, composite, denoise
+    again, and account, which comes after the pair is finished and is not in the total. accuracy takes the place of the one that the
     settings name. Raises BadInputError when the settings cannot be met for this scene, StereoReprojectError when a
     render fails.
     """
@@ -127,6 +136,12 @@ def render_stereo_frame(
     watch.lap("source")
     rendered, cost = renderer.render_source(settings.source)
     source, invalid = contain(rendered)
+
+    denoising = None
+    if renderer.denoise is not None:
+        watch.lap("denoise")
+        source, denoising = denoise_source(source, renderer.denoise)
+        cost = replace(cost, denoise_seconds=watch.seconds_so_far)
 
     watch.lap("warp")
     motion = renderer.motion
@@ -147,7 +162,16 @@ def render_stereo_frame(
     check_fill(settings.fill, blockers)
     means = Means(settings.fill, cost, blockers)
     watched = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
-    target = TargetEye(renderer, settings.target, means, reprojection, accuracy, watched=watched, seed=renderer.seed)
+    target = TargetEye(
+        renderer,
+        settings.target,
+        means,
+        reprojection,
+        accuracy if denoising is None else for_denoised(accuracy),
+        watched=watched,
+        seed=renderer.seed,
+        denoising=denoising,
+    )
     if target.wants_pilot:
         watch.lap("pilot")
         target.send_pilot()
@@ -160,6 +184,9 @@ def render_stereo_frame(
 
     watch.lap("composite")
     finished, lost = contain(target.passes)
+    if denoising is not None:
+        watch.lap("denoise")
+        finished = denoise_target(finished, target.kept, denoising)
     watch.lap("account")
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)

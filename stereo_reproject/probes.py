@@ -308,7 +308,7 @@ def with_refined(
 
 
 def _likely_after(measured: Measured, refined: NDArray[np.bool_], excess: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,): what tiles are likely to have, now that some are known: those around what had more are likely to have more."""
+    """(N,): what tiles are likely to have, now that some are known: more around those that had more."""
     assert measured.likely is not None
     had, foretold = (
         measured.probes.around(np.where(refined, a, 0.0)) for a in (np.maximum(excess, 0.0), measured.likely)

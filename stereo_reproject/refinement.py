@@ -40,9 +40,6 @@ DENOISED_SURE = -1.0
 """The same of a denoised picture, of which single traces tell little: the frame is refined for what is certain, and
 its tiles one by one for what is likely."""
 
-DENOISED_LIMIT = 0.9
-"""What of the limit of a tile's noise ratio is allowed in a denoised picture, in which nothing hides an error."""
-
 ROUGHLY = 0.5
 """Standard error, as a share of it, of what denoised probes say of a tile."""
 
@@ -272,8 +269,6 @@ def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_
     Or of which those around it alone are sure of that: a material may be wrong in one small place.
     """
     noise = local_noise(measured)
-    if measured.likely is not None:
-        worst = max(DENOISED_LIMIT * worst, 1.1)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
     if measured.likely is not None:
         return _believed(measured)[0] > allowed

@@ -115,6 +115,15 @@ _EFFECT: dict[str, _Rule] = {
 }
 
 
+_LAYER: dict[str, _Rule] = {
+    "name": _TEXT,
+    "rerendered": _FRACTION,
+    "fill": _TEXT,
+    "noise_ratio": _MEASURE,
+    "seconds": _AMOUNT,
+}
+
+
 def _look_up(report: Mapping[str, Any], key: str) -> Any:
     value: Any = report
     for name in key.split("."):
@@ -160,6 +169,9 @@ def _check_parts(report: Mapping[str, Any]) -> None:
     for row in report.get("effects", ()):
         for name, rule in _EFFECT.items():
             _check(f"effects.{name}", row.get(name), rule)
+    for row in report.get("layers", ()):
+        for name, rule in _LAYER.items():
+            _check(f"layers.{name}", row.get(name), rule)
 
 
 def _strict(value: Any) -> Any:
@@ -233,17 +245,19 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
     interval = f" ({low} to {high})" if estimate["low"] is not None else ""
     told = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
-    lines = [told + _promised(estimate["noise_ratio"], estimate["promise"])]
+    unsure = estimate["kept"] is None
+    lines = [told + _promised(estimate["noise_ratio"], estimate["promise"], unsure=unsure)]
     worst, limit = estimate["worst_tiles"], estimate["worst_tiles_promise"]
     if worst is not None and (worst > 1.0 or limit is not None):
         lines.append(f"              worst tiles {_number(worst, '.2f')}, see estimate.png" + _promised(worst, limit))
     return lines
 
 
-def _promised(value: float, promise: float | None) -> str:
+def _promised(value: float, promise: float | None, *, unsure: bool = False) -> str:
     if promise is None:
         return ""
-    return f"; at most {promise:g} promised: {'kept' if value <= promise else 'not kept'}"
+    verdict = "too close to tell" if unsure else "kept" if value <= promise else "not kept"
+    return f"; at most {promise:g} promised: {verdict}"
 
 
 def _effects_lines(report: Mapping[str, Any]) -> list[str]:
@@ -252,6 +266,18 @@ def _effects_lines(report: Mapping[str, Any]) -> list[str]:
         return []
     lines = ["effects       traced because of them"]
     return lines + [f"  {row['effect']:<20}{100 * row['fraction']:6.2f} %{row['seconds']:8.2f} s" for row in called_for]
+
+
+def _layers_lines(report: Mapping[str, Any]) -> list[str]:
+    rows = report.get("layers") or ()
+    if not rows:
+        return []
+    lines = [f"view layers   all times are of the {len(rows)} together, all else of the first"]
+    for row in rows:
+        ratio = "" if row["noise_ratio"] is None else f"   noise ratio {_number(row['noise_ratio'], '.3f')}"
+        figures = f"{100 * row['rerendered']:6.2f} %{row['seconds']:8.2f} s"
+        lines.append(f"  {row['name']:<20}{figures}   {row['fill']}{ratio}")
+    return lines
 
 
 def _price_lines(report: Mapping[str, Any]) -> list[str]:
@@ -288,6 +314,7 @@ def format_report_table(report: Mapping[str, Any]) -> str:
     lines = [
         f"{report['scene']}, frame {report['frame']}, {size}, {samples} samples, {report['accuracy']}",
         *_seconds_lines(report),
+        *_layers_lines(report),
         *_traced_lines(report),
         f"fill          {report['fill']['method']}: {report['fill']['reason']}",
         *_effects_lines(report),

@@ -56,12 +56,14 @@ class Session:
     scene is as `blender.scene.scene_key` has it, None the one that was active; devices are as `blender.devices` has
     them, None those of the worker's own preferences. original is the path of the file that the .blend is a copy of,
     empty for one that was never saved: what is written belongs beside it. scripts of the .blend run only when told to.
+    layers are the names of the view layers that its window renders.
     """
 
     scene: tuple[str, str | None] | None = None
     devices: Mapping[str, Any] | None = None
     original: str | None = None
     scripts: bool = False
+    layers: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)

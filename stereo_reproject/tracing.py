@@ -118,6 +118,13 @@ class TargetEye:
         self._pilot: Measured | None = None
         self._seed = seed
         self._denoising = denoising
+        self._wanted = np.zeros_like(holes)
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """(H, W): the pixels whose colour is the warped one in a denoised picture. Probes that nothing around them was
+        traced with are among them: alone, they would stand out."""
+        return ~self._wanted
 
     @property
     def wants_pilot(self) -> bool:
@@ -177,6 +184,7 @@ class TargetEye:
                 self._trace("full", ~self.traced)
                 return Refinement(self.traced & ~before, tuple(fills), as_rendered(measured), measured, whole=True)
             self._trace(fills[-1].method, pixels)
+            self._wanted |= measured.probes.pixels_of(chosen)
             traced = self.passes[COLOUR_PASS]
             noise = local_noise(measured)
             measured = with_refined(measured, chosen, pixels, noise, warped=warped, traced=traced, by_own=by_own)
@@ -191,6 +199,7 @@ class TargetEye:
         if pixels.any():
             self.passes = composite(self.passes, self._tracer.trace(method, self._view, pixels), pixels)
             self.traced = self.traced | pixels
+            self._wanted |= pixels | (method == "full")
 
     def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> Measured:
         """Trace the holes (H, W) once and probes among the rest twice, in one render; what the probes say of the rest.
@@ -213,6 +222,7 @@ class TargetEye:
         both = {name: (passes[name][twins], traced[name][count:]) for name in passes if name in traced}
         self.passes = composite(passes, {name: _mean(*two) for name, two in both.items() if filtered(name)}, twins)
         self.traced, self.probed = self.traced | wanted, self.probed | twins
+        self._wanted |= holes
         return self._measure(probes, warped, before, once, again)
 
     def _measure(
@@ -226,10 +236,12 @@ class TargetEye:
         shown = materials_of(self.passes)
         if self._denoising is None:
             return measure(probes, warped, self._contrast, before, once, again, shown=shown)
+        colour = self.passes[COLOUR_PASS].copy()
+        colour[probes.mask] = before
         seen = look(
             probes,
-            self.passes,
-            warped & ~probes.mask,
+            {**self.passes, COLOUR_PASS: colour},
+            warped,
             (once, again),
             before,
             risk=self._contrast.signal,

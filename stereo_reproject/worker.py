@@ -154,6 +154,9 @@ def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     scene = open_blend(Path(job["blend"]), session["scene"], scripts=session["scripts"])
     if session["devices"] is not None:
         use_devices(session["devices"])
+    if session["layers"] is not None:
+        for layer in scene.view_layers:
+            layer.use = layer.name in session["layers"]
     if session["original"]:
         write_beside(scene, Path(session["original"]))
     return scene, time.perf_counter() - start

@@ -11,18 +11,23 @@ from typing import Any
 import bpy
 
 from ..errors import BadInputError, StereoReprojectError
-from ..exr import VIEWS, main_layer, read_eye, write_eye
+from ..exr import VIEWS, read_eye, write_eye
 from ..passes import COLOUR_PASS, Passes
 from ..report import write_json
 from ..settings import StereoSettings
+from ..stereo_pair import StereoPair
 from ..work_folder import flush, work_folder
-from .delivery import EyesAt, deliver_frames
+from .compositor import is_composited
+from .delivery import Eyes, EyesAt, deliver_frames
 from .frame import render_pair
 from .output_paths import check_file_outputs, output_files
-from .scene import rendered_layer, scene_frames, scene_warnings
+from .scene import scene_frames, scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
+
+OF_A_FRAME = ("seconds", "fractions", "fill", "estimate", "layers")
+"""What of a pair's report an animation's has for each frame."""
 
 
 def frames_to_render(scene: bpy.types.Scene, frames: range) -> dict[int, list[Path]]:
@@ -84,7 +89,7 @@ def render_animation_files(
         "frames": rows,
         "there_already": [frame for frame in frames if frame not in wanted],
         "files": [str(path) for path in writer.finish()],
-        "warnings": scene_warnings(scene, compositor=True),
+        "warnings": scene_warnings(scene),
     }
     write_json(work / "out" / "report.json", report)
     return report
@@ -101,11 +106,10 @@ def _render_frame(
     of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
     pair, report = render_pair(scene, of_this, work, on_stage=on_stage)
     on_stage("write")
-    writer.write(frame, pair.eyes)
+    writer.write(frame, pair)
     for view in VIEWS:
-        layers = {rendered_layer(scene).name: pair.eyes[view]}
-        write_eye(work / "out" / f"{view}.exr", layers, view=view, metadata=pair.metadata)
-    return {"frame": frame, **{key: report[key] for key in ("seconds", "fractions", "fill", "estimate")}}
+        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
+    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}
 
 
 class _Stills:
@@ -115,8 +119,9 @@ class _Stills:
         self._scene = scene
         self._files: list[Path] = []
 
-    def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
-        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1))
+    def write(self, frame: int, pair: StereoPair) -> None:
+        eyes = pair.eyes
+        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1), pair.metadata)
 
     def finish(self) -> list[Path]:
         return self._files
@@ -127,31 +132,40 @@ class _Movie:
 
     def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
         self._scene, self._frames, self._folder = scene, frames, work / "tmp"
-        self._read: tuple[int, dict[str, Passes]] | None = None
+        self._read: tuple[int, Eyes] | None = None
+        self._metadata: dict[str, str] = {}
 
-    def write(self, frame: int, eyes: Mapping[str, Passes]) -> None:
-        for view in VIEWS:
-            wanted = eyes[view] if self._scene.render.use_compositing else {COLOUR_PASS: eyes[view][COLOUR_PASS]}
-            write_eye(self._eye(frame, view), {rendered_layer(self._scene).name: wanted}, view=view)
+    def write(self, frame: int, pair: StereoPair) -> None:
+        # Blender has one set of them for all that it writes in one call: of what changes, the last is told.
+        self._metadata.update(pair.metadata)
+        for view, eye in pair.eyes.items():
+            layers = eye if is_composited(self._scene) else _picture_alone(eye)
+            write_eye(self._eye(frame, view), layers, view=view)
 
     def finish(self) -> list[Path]:
-        return _write(self._scene, self._eyes_at, self._frames)
+        return _write(self._scene, self._eyes_at, self._frames, self._metadata)
 
-    def _eyes_at(self, frame: int) -> dict[str, Passes]:
+    def _eyes_at(self, frame: int) -> Eyes:
         # Blender asks several times in a row.
         if self._read is None or self._read[0] != frame:
-            self._read = frame, {view: main_layer(read_eye(self._eye(frame, view))) for view in VIEWS}
+            self._read = frame, {view: read_eye(self._eye(frame, view)) for view in VIEWS}
         return self._read[1]
 
     def _eye(self, frame: int, view: str) -> Path:
         return self._folder / f"{view}.{frame}.exr"
 
 
-def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range) -> list[Path]:
+def _picture_alone(layers: Mapping[str, Passes]) -> dict[str, Passes]:
+    """All that a movie shows where no compositor runs."""
+    main = next(iter(layers))
+    return {main: {COLOUR_PASS: layers[main][COLOUR_PASS]}}
+
+
+def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range, metadata: Mapping[str, str]) -> list[Path]:
     """Have Blender write the frames beside where they belong, and put them there."""
     folder = output_files(scene, frames[0], span=frames)[0].parent
     with work_folder(folder, ()) as beside:
-        deliver_frames(scene, eyes_at, beside / "out", frames=frames)
+        deliver_frames(scene, eyes_at, beside / "out", frames=frames, metadata=metadata)
         return _put_in_place(beside / "out", folder)
 
 

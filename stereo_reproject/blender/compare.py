@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 
 from ..composite import contain
 from ..metrics import noise_ratio, rmse, worst_tiles
-from ..pipeline import StereoFrame, colour
+from ..pipeline import colour
 from ..settings import StereoSettings
+from ..stereo_pair import StereoPair
 from .delivery import deliver_side_by_side
 from .pictures import read_png
 from .render import render_views
 from .renderer import shifted_seed
-from .scene import working_scene
+from .scene import rendered_layer, working_scene
 
 PEER_SEED = 3_000_017
 """Added to the scene's seed for the peer: noise that ours has must not be measured as agreement."""
@@ -46,27 +48,43 @@ class Peer:
         }
 
 
-def render_peer(scene: bpy.types.Scene, settings: StereoSettings, folder: Path) -> Peer:
-    """Render the peer, in a scene copy of its own, so that it finds nothing synced by ours."""
+def render_peer(
+    scene: bpy.types.Scene, settings: StereoSettings, folder: Path, *, layers: Sequence[str] | None = None
+) -> Peer:
+    """Render the peer, in a scene copy of its own, so that it finds nothing synced by ours.
+
+    It has all these view layers, or the first alone; the first is what it is judged by.
+    """
     target = settings.target
     with working_scene(scene, settings.scene) as peer:
         seed = peer.cycles.seed
+        main = rendered_layer(peer).name
+        _use_layers(peer, layers or [main])
         both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
+        _use_layers(peer, [main])
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
     reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
     return Peer(both.seconds, reference, repeated)
 
 
+def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
+    for layer in scene.view_layers:
+        layer.use = layer.name in names
+
+
 def compare_with_multiview(
-    scene: bpy.types.Scene, settings: StereoSettings, frame: StereoFrame, folder: Path
+    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
 ) -> tuple[dict[str, float | None], NDArray[np.float32]]:
-    """The `compare` part of the report, and multiview's target eye (H, W, 4)."""
-    peer = render_peer(scene, settings, folder)
-    ours = colour(frame.eyes[settings.target])
+    """The `compare` part of the report, and multiview's target eye (H, W, 4).
+
+    Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
+    """
+    peer = render_peer(scene, settings, folder, layers=list(pair.frames))
+    ours = colour(pair.main_frame.eyes[settings.target])
     flip, noise_flip = _flips(scene, settings, ours, peer, folder)
     fields = {
         "multiview_seconds": peer.seconds,
-        "speedup": peer.seconds / frame.seconds["total"],
+        "speedup": peer.seconds / pair.seconds["total"],
         "noise_rmse": peer.noise_rmse,
         **peer.judge(ours),
         "flip": flip,

@@ -10,16 +10,18 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BadInputError, StereoReprojectError
+from ..errors import StereoReprojectError
 from ..exr import VIEWS
 from ..passes import COLOUR_PASS, DEPTH_PASS, Passes, pass_letters
-from .compositor import compositor_blocker, file_outputs_muted
+from .compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
+from .image_settings import side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path
@@ -27,20 +29,31 @@ from .scene import changed, return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
+CHANNELS = {"VALUE": 1, "VECTOR": 3, "COLOR": 4}
+"""Of a pass that is not delivered, by its type."""
+
 NO_SURFACE = 1e10
 """The depth that Blender gives to what has no surface."""
 
 
-EyesAt = Callable[[int], Mapping[str, Passes]]
-"""The eyes of a frame, by view name."""
+Eyes = Mapping[str, Mapping[str, Passes]]
+"""Passes by view name and then by view layer, the same layers for both views; the first is the main one."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+EyesAt = Callable[[int], Eyes]
+"""The eyes of a frame."""
 
 
 @dataclass
 class _Delivery:
-    """Where the eyes come from, and those that Blender has taken."""
+    """Where the eyes come from, and those views and layers that Blender has taken."""
 
     eyes_at: EyesAt
-    taken: set[str] = field(default_factory=set)
+    wired: Mapping[str, Mapping[str, str]]
+    """By view layer, the passes that the compositor makes use of, and of what type each is."""
+    metadata: Mapping[str, str]
+    taken: set[tuple[str, str]] = field(default_factory=set)
 
 
 # Not an attribute of the engine: with one that is annotated as a class of ours, Blender 4.5 does not come to its end.
@@ -54,19 +67,26 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
     bl_label = "Stereo Reproject Delivery"
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What is delivered: without this, the compositor's Render Layers nodes have no sockets."""
-        passes = next(iter(_under_way[-1].eyes_at(scene.frame_current).values()))
-        for name, image in passes.items():
-            channels = image.shape[2]
+        """What is delivered: without this, the compositor's Render Layers nodes have no sockets.
+
+        What is wired and not delivered has to be there too, and stays empty: a socket that vanishes takes its link away
+        while the compositor runs.
+        """
+        delivery, layer = _under_way[-1], renderlayer.name
+        wired = delivery.wired.get(layer, {})
+        empty = {name: CHANNELS[kind] for name, kind in wired.items()}
+        for name, channels in {**empty, **_channels(delivery.eyes_at(scene.frame_current), layer)}.items():
             letters = pass_letters(name, channels)
-            kind = "VALUE" if channels == 1 else "VECTOR" if "X" in letters else "COLOR"
-            self.register_pass(scene, renderlayer, name, channels, letters, kind)
+            kind = "VALUE" if channels == 1 else "VECTOR" if letters[0] in "XU" else "COLOR"
+            # With another type than it had, a socket loses its link for good.
+            self.register_pass(scene, renderlayer, name, channels, letters, wired.get(name, kind))
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         layer = depsgraph.view_layer.name
         delivery = _under_way[-1]
-        for view, passes in delivery.eyes_at(depsgraph.scene.frame_current).items():
+        for view, layers in delivery.eyes_at(depsgraph.scene.frame_current).items():
+            passes = layers[layer]
             height, width = passes[COLOUR_PASS].shape[:2]
             result = self.begin_result(0, 0, width, height, layer=layer, view=view)
             for name, image in passes.items():
@@ -74,7 +94,16 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
                 if taken is not None:
                     taken.rect.foreach_set(np.ascontiguousarray(_as_blender_has_it(name, image)[::-1]).ravel())
             self.end_result(result)
-            delivery.taken.add(view)
+            delivery.taken.add((view, layer))
+        for key, text in delivery.metadata.items():
+            # The result of `begin_result` keeps no texts.
+            self.get_result().stamp_data_add_field(key, text)
+
+
+def _channels(eyes: Eyes, layer: str) -> dict[str, int]:
+    """The passes of a view layer that either eye has, and how many channels each has."""
+    layers = [of_view[layer] for of_view in eyes.values() if layer in of_view]
+    return {name: image.shape[2] for passes in layers for name, image in passes.items()}
 
 
 def _as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -97,28 +126,54 @@ def _registered(delivery: _Delivery) -> Iterator[None]:
 
 
 def deliver_side_by_side(
-    scene: bpy.types.Scene, eyes: Mapping[str, NDArray[np.float32]], path: Path, *, frame: int | None = None
+    scene: bpy.types.Scene, pictures: Mapping[str, NDArray[np.float32]], path: Path, *, frame: int | None = None
 ) -> None:
-    """Write both eyes, (H, W, 4) scene-linear, as one PNG through the scene's view transform at `frame`.
+    """Write both pictures, (H, W, 4) scene-linear, as one PNG through the scene's view transform at `frame`.
 
     `scene` is the user's; a copy of it is what the engine is set on, so that the scene's own engine keeps its data.
+    The compositor is left out, and what image settings say of colour as well.
     """
     frame = scene.frame_current if frame is None else frame
+    layer = next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
+    eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
     copy = scene.copy()
     name = copy.name
     try:
-        _set_up(copy, path)
         copy.frame_set(frame)
-        passes = {view: {COLOUR_PASS: picture} for view, picture in eyes.items()}
-        _hand_over(copy, lambda _: passes, f"write {path.name}", write_still=True)
+        with _as_delivered(copy, eyes, compositing=False), side_by_side_png(copy, path):
+            _hand_over(copy, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
         return_to_own_frame(scene, frame)
     check_png(path)
 
 
+def deliver_composited(
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    path: Path,
+    *,
+    frame: int | None = None,
+    metadata: Mapping[str, str] = NOTHING,
+) -> None:
+    """Write both eyes as one PNG as they are after the scene's compositor, through its view transform at `frame`.
+
+    Its File Output nodes write their files. The nodes show the scene itself and no copy of it, so it is the scene that
+    the engine is set on for a moment, and its Render Result shows the pair. It is afterwards as it was. metadata are
+    the texts that say what cryptomattes hold, as Blender writes them into an EXR's header.
+    """
+    with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
+        _hand_over(scene, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
+    check_png(path)
+
+
 def deliver_to_result(
-    scene: bpy.types.Scene, eyes: Mapping[str, Passes], *, frame: int | None = None, to_look_at: bool = False
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    *,
+    frame: int | None = None,
+    to_look_at: bool = False,
+    metadata: Mapping[str, str] = NOTHING,
 ) -> None:
     """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
 
@@ -126,11 +181,13 @@ def deliver_to_result(
     is afterwards as it was. Raises StereoReprojectError.
     """
     muted = file_outputs_muted(scene) if to_look_at else nullcontext()
-    with _at_frame(scene, frame), _as_delivered(scene), muted:
-        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender")
+    with _at_frame(scene, frame), _as_delivered(scene, eyes), muted:
+        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", metadata)
 
 
-def deliver_frames(scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range) -> None:
+def deliver_frames(
+    scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range, metadata: Mapping[str, str] = NOTHING
+) -> None:
     """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
     layout and naming, movies too.
 
@@ -140,8 +197,13 @@ def deliver_frames(scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, fra
     files = {"filepath": f"{output_path(folder)}/{output_name(scene)}", "use_overwrite": True, "use_placeholder": False}
     if hasattr(scene.render, "save_output"):
         files["save_output"] = True
-    with _at_frame(scene, frames[0]), _as_delivered(scene), changed(scene, **span), changed(scene.render, **files):
-        _hand_over(scene, eyes_at, f"write frame {frames[0]}", animation=True)
+    with (
+        _at_frame(scene, frames[0]),
+        _as_delivered(scene, eyes_at(frames[0])),
+        changed(scene, **span),
+        changed(scene.render, **files),
+    ):
+        _hand_over(scene, eyes_at, f"write frame {frames[0]}", metadata, animation=True)
 
 
 @contextmanager
@@ -158,35 +220,36 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
 
 
 @contextmanager
-def _as_delivered(scene: bpy.types.Scene) -> Iterator[None]:
+def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = True) -> Iterator[None]:
     """The scene set so that nothing but the eyes goes into its result."""
-    layers = [layer for layer in scene.view_layers if layer.use]
-    if not layers:
-        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
-    compositing = scene.render.use_compositing and compositor_blocker(scene) is None
+    delivered = next(iter(eyes.values()))
+    compositing = compositing and is_composited(scene)
     with ExitStack() as changes:
         changes.enter_context(changed(scene.render, use_compositing=compositing, **_as_it_is()))
-        # The eyes have Grease Pencil already, as far as they can.
-        changes.enter_context(changed(layers[0], use_grease_pencil=False))
-        for layer in layers[1:]:
-            changes.enter_context(changed(layer, use=False))
+        for layer in scene.view_layers:
+            # The eyes have Grease Pencil already, as far as they can.
+            changes.enter_context(changed(layer, use=layer.name in delivered, use_grease_pencil=False))
         for view in scene.render.views:
             changes.enter_context(changed(view, use=view.name in VIEWS))
         yield
 
 
-def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, **how: bool) -> None:
+def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Mapping[str, str], **how: bool) -> None:
     """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
     said where that fails."""
-    height, width = eyes_at(scene.frame_current)["left"][COLOUR_PASS].shape[:2]
-    delivery = _Delivery(eyes_at)
+    eyes = eyes_at(scene.frame_current)
+    height, width = next(iter(eyes["left"].values()))[COLOUR_PASS].shape[:2]
+    composited = scene.render.use_compositing
+    delivery = _Delivery(eyes_at, wired_passes(scene) if composited else {}, metadata)
     place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
     try:
         with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
             call_render(scene, **how)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
-    if delivery.taken != set(VIEWS):
+    # For a compositor that shows no render Blender makes none.
+    asked = not composited or shows_a_render(scene)
+    if asked and delivery.taken != {(view, layer) for view in VIEWS for layer in eyes[view]}:
         raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
 
 
@@ -200,29 +263,3 @@ def _as_it_is() -> dict[str, Any]:
         "use_multiview": True,
         "views_format": "STEREO_3D",
     }
-
-
-def _set_up(scene: bpy.types.Scene, path: Path) -> None:
-    render = scene.render
-    for name, value in _as_it_is().items():
-        setattr(render, name, value)
-    render.use_compositing = render.use_stamp = False
-    for view in render.views:
-        view.use = view.name in ("left", "right")
-    used = next(layer.name for layer in scene.view_layers if layer.use)
-    for layer in scene.view_layers:
-        layer.use = layer.name == used
-        # The eyes have it already, as far as they can.
-        layer.use_grease_pencil = False
-    render.filepath = output_path(path)
-    settings = render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "IMAGE"
-    settings.file_format = "PNG"
-    settings.color_mode = "RGBA" if render.film_transparent else "RGB"
-    settings.color_depth = "8"
-    settings.color_management = "FOLLOW_SCENE"
-    settings.views_format = "STEREO_3D"
-    stereo = settings.stereo_3d_format
-    stereo.display_mode = "SIDEBYSIDE"
-    stereo.use_sidebyside_crosseyed = stereo.use_squeezed_frame = False

@@ -10,7 +10,7 @@ import bpy
 from ..effects import HANDLING, NOT_CALLED_FOR, RENDERED_WHOLE, Effect, EffectsPlan, Finding
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
-from .scene import CYCLES, evaluated, rendered_layer
+from .scene import CYCLES, evaluated, layers_to_render, rendered_layer
 from .visible import STRANDS, Seen, aperture_radius, visible_objects
 
 DEFAULT_SURFACE = "default_surface"
@@ -157,7 +157,7 @@ def _caustics(scene: bpy.types.Scene, sharp: dict[Effect, list[str]]) -> list[st
 
 
 def _more_layers(scene: bpy.types.Scene) -> list[str]:
-    return [f"view layer {layer.name!r}" for layer in scene.view_layers if layer.use][1:]
+    return [f"view layer {layer!r}" for layer in layers_to_render(scene)[1:]]
 
 
 def _denoising(scene: bpy.types.Scene) -> list[str]:

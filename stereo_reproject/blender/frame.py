@@ -22,13 +22,18 @@ from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
+from ..stereo_pair import StereoPair
 from ..work_folder import DIFFERENCE, pair_files
 from .compare import compare_with_multiview
-from .delivery import deliver_side_by_side
+from .compositor import is_composited
+from .delivery import deliver_composited, deliver_side_by_side
+from .output_paths import check_file_outputs
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, evaluated, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, check_layers, evaluated, scene_warnings, working_scene
+
+STEREO_PICTURE = "stereo.png"
 
 
 def render_files(
@@ -43,22 +48,25 @@ def render_files(
     """Render the pair of one frame and write its files into work/out; the report, and the files' names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; all,
-    without them. on_stage is told each stage's name as it begins. Raises BadInputError and StereoReprojectError.
+    without them. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
+    on_stage is told each stage's name as it begins. Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
     files = pair_files(compare=settings.compare) if files is None else files
-    frame, report = render_pair(scene, settings, work, on_stage=on_stage)
+    if STEREO_PICTURE in files and is_composited(scene):
+        check_file_outputs(scene)
+    pair, report = render_pair(scene, settings, work, on_stage=on_stage)
     on_stage("write")
     start = time.perf_counter()
-    _write_pictures(scene, settings, frame, out, report["frame"], files)
+    _write_pictures(scene, settings, pair, out, report["frame"], files)
     report["seconds"].update(load=load_seconds, write=time.perf_counter() - start)
     if settings.compare:
         on_stage("compare")
-        report["compare"], reference = compare_with_multiview(scene, settings, frame, work)
+        report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
-            write_difference(out / DIFFERENCE, colour(frame.eyes[settings.target]), reference)
-    report["warnings"] = scene_warnings(scene, compositor="stereo.png" not in files) + _invalid_warnings(frame)
+            write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
+    report["warnings"] = scene_warnings(scene) + _invalid_warnings(pair)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)
@@ -66,15 +74,33 @@ def render_files(
 
 def render_pair(
     scene: bpy.types.Scene, settings: StereoSettings, work: Path, *, on_stage: Callable[[str], None] = lambda _: None
+) -> tuple[StereoPair, dict[str, Any]]:
+    """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
+    `render_files`.
+
+    Each layer is rendered from a working scene of its own, so that it is freed before the next one's is synced. What
+    the report tells of one layer is of the main one, but seconds are of all.
+    """
+    frames: dict[str, StereoFrame] = {}
+    reports: list[dict[str, Any]] = []
+    for layer in check_layers(scene):
+        frames[layer], report = _render_layer(scene, settings, work, layer, on_stage)
+        reports.append(report)
+    pair = StereoPair(frames)
+    times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
+    layers = {"layers": pair.layer_rows()} if len(frames) > 1 else {}
+    return pair, {**reports[0], **times, "memory": {"peak_mb": _peak_mb()}, **layers}
+
+
+def _render_layer(
+    scene: bpy.types.Scene, settings: StereoSettings, work: Path, layer: str, on_stage: Callable[[str], None]
 ) -> tuple[StereoFrame, dict[str, Any]]:
-    """The pair of one frame, and its report as far as it goes without files; as for `render_files`."""
-    with working_scene(scene, settings.scene) as working:
+    with working_scene(scene, settings.scene, layer=layer) as working:
         facts = frame_facts(scene, working, settings)
         renderer = BlenderRenderer(working, work, user_scene=scene)
         frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
         parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
-    measurements = _measurements(frame, renderer.plan, settings)
-    return frame, {**facts, **measurements, "memory": {"peak_mb": _peak_mb()}, "parallax": parallax}
+    return frame, {**facts, **_measurements(frame, renderer.plan, settings), "parallax": parallax}
 
 
 def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
@@ -112,7 +138,6 @@ def parallax_fields(renderer: BlenderRenderer, source: Passes, frame_width: int)
 
 
 def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSettings) -> dict[str, Any]:
-    source, price = frame.source_cost, frame.price
     return {
         "fill": {
             "method": frame.fill.method,
@@ -128,34 +153,34 @@ def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSetting
         "fractions": traced_fractions(frame),
         "effects": effects_fields(plan, frame.accounts),
         "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
-        "price": asdict(price),
-        "seconds": dict(frame.seconds),
-        "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
+        "price": asdict(frame.price),
     }
 
 
 def _write_pictures(
     scene: bpy.types.Scene,
     settings: StereoSettings,
-    frame: StereoFrame,
+    pair: StereoPair,
     out: Path,
     number: int,
     files: Sequence[str],
 ) -> None:
-    layer = rendered_layer(scene).name
-    eyes = {view: {layer: frame.eyes[view]} for view in VIEWS}
-    pictures = {view: colour(frame.eyes[view]) for view in VIEWS}
-    texts = frame.metadata
+    frame, eyes = pair.main_frame, {view: pair.eyes[view] for view in VIEWS}
+    pictures = {view: colour(layers[pair.main]) for view, layers in eyes.items()}
     target = pictures[settings.target]
     estimates = estimate_map(frame.refinement, frame.traced)
     writers: dict[str, Callable[[Path], None]] = {
-        "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=texts),
-        "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=texts),
-        "stereo.exr": lambda path: write_stereo(path, eyes, metadata=texts),
-        "stereo.png": lambda path: deliver_side_by_side(scene, pictures, path, frame=number),
+        "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=pair.metadata),
+        "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=pair.metadata),
+        "stereo.exr": lambda path: write_stereo(path, eyes, metadata=pair.metadata),
+        STEREO_PICTURE: lambda path: (
+            deliver_composited(scene, eyes, path, frame=number, metadata=pair.metadata)
+            if is_composited(scene)
+            else deliver_side_by_side(scene, pictures, path, frame=number)
+        ),
         "holes.png": lambda path: write_holes(path, target, frame.reasons),
         "estimate.png": lambda path: write_estimate(path, target, estimates),
-        "estimate.exr": lambda path: write_eye(path, {"": _estimate_passes(estimates)}, view=settings.target),
+        "estimate.exr": lambda path: write_eye(path, {pair.main: _estimate_passes(estimates)}, view=settings.target),
         "grid.png": lambda path: write_grid(path, pictures[settings.source], frame.grid),
     }
     for name, write in writers.items():
@@ -168,8 +193,8 @@ def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
     return {name: estimates[..., k : k + 1] for k, name in enumerate(names)}
 
 
-def _invalid_warnings(frame: StereoFrame) -> list[str]:
-    invalid = frame.invalid_pixels.items()
+def _invalid_warnings(pair: StereoPair) -> list[str]:
+    invalid = pair.invalid_pixels.items()
     return [f"{count} pixels of the {view} eye were no numbers and are black" for view, count in invalid if count]
 
 

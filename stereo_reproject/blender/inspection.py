@@ -35,7 +35,7 @@ from ..settings import StereoSettings
 from .frame import frame_facts, parallax_fields
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, first_layer_alone, make_small, rendered_layer, scene_warnings, working_scene
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -84,7 +84,7 @@ def inspect_scene(
         "passes": passes,
         "predicted": predicted,
         "parallax": parallax,
-        "warnings": scene_warnings(scene),
+        "warnings": scene_warnings(scene) + first_layer_alone(scene, "what is found and predicted is that"),
     }
 
 

@@ -33,7 +33,7 @@ from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_l
 from .compare import Peer, render_peer
 from .frame import frame_facts
 from .renderer import BlenderRenderer
-from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, first_layer_alone, make_small, rendered_layer, scene_warnings, working_scene
 
 OnStage = Callable[[str, str], None]
 
@@ -67,7 +67,8 @@ def render_prices(
     facts["warm_up_seconds"] = warm_up
     measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
-    prices["warnings"] = scene_warnings(scene) + [f"{name} is left out: {why}" for name, why in outcome.left_out]
+    left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
+    prices["warnings"] = scene_warnings(scene) + first_layer_alone(scene, "all runs are") + left_out
     on_stage("write", "")
     write_csv(out / "tradeoff.csv", prices)
     write_json(out / "tradeoff.json", prices)

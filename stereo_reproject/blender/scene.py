@@ -12,7 +12,7 @@ import bpy
 
 from ..errors import BadInputError
 from ..settings import SceneOverrides
-from .compositor import compositor_blocker, has_compositor
+from .compositor import compositor_blocker, gives_a_picture, has_compositor
 from .rig import MODES, check_camera, frame_region
 
 CYCLES = "CYCLES"
@@ -64,27 +64,48 @@ def scene_frames(scene: bpy.types.Scene) -> range:
     return frames
 
 
-def scene_warnings(scene: bpy.types.Scene, *, compositor: bool = False) -> list[str]:
-    """What the scene asks for that a stereo pair does not have yet: a line each; compositor: whether the pair is to go
-    through it."""
+def layers_to_render(scene: bpy.types.Scene) -> list[str]:
+    """The names of the view layers that Blender renders, in the scene's order; there may be none.
+
+    Render Single Layer is the window's: without one it is ignored, as Blender itself does.
+    """
+    if scene.render.use_single_layer and not bpy.app.background and bpy.context.scene == scene:
+        return [bpy.context.view_layer.name]
+    return [layer.name for layer in scene.view_layers if layer.use]
+
+
+def check_layers(scene: bpy.types.Scene) -> list[str]:
+    """The same. Raises BadInputError when there is none."""
+    layers = layers_to_render(scene)
+    if not layers:
+        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+    return layers
+
+
+def scene_warnings(scene: bpy.types.Scene) -> list[str]:
+    """What the scene asks for that a stereo pair does not have yet: a line each."""
     warnings = []
     if scene.render.engine == CYCLES and scene.cycles.use_denoising:
         warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
     if scene.render.use_compositing and has_compositor(scene):
-        if not compositor:
-            warnings.append("the scene's compositor is not applied to the pair")
-        elif (blocker := compositor_blocker(scene)) is not None:
+        blocker = compositor_blocker(scene)
+        if blocker is not None:
             warnings.append(f"the scene's compositor is left out: {blocker}")
+        elif not gives_a_picture(scene):
+            warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
     warnings += _unbaked(scene)
     warnings += _missing_images()
     if bpy.app.autoexec_fail:
         warnings.append("scripts of the .blend were not run: drivers that need them stand still")
     if scene.render.use_freestyle:
         warnings.append("Freestyle lines are not drawn")
-    layers = [layer.name for layer in scene.view_layers if layer.use]
-    if len(layers) > 1:
-        warnings.append(f"only the first of {len(layers)} view layers is rendered: {layers[0]}")
     return warnings
+
+
+def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
+    """A line when there are several view layers, for what has a look at the first of them only."""
+    layers = layers_to_render(scene)
+    return [f"{what} of the first of {len(layers)} view layers, {layers[0]!r}"] if len(layers) > 1 else []
 
 
 def _missing_images() -> list[str]:
@@ -140,17 +161,18 @@ def _has_simulation(tree: bpy.types.NodeTree | None) -> bool:
 
 
 @contextmanager
-def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator[bpy.types.Scene]:
+def working_scene(
+    scene: bpy.types.Scene, overrides: SceneOverrides, *, layer: str | None = None
+) -> Iterator[bpy.types.Scene]:
     """A copy of `scene` with a camera of its own, set up to render single stereo views without post-processing.
 
-    Raises BadInputError when the scene cannot be rendered as a pair.
+    It renders one view layer, the first of `layers_to_render` unless another is named. Raises BadInputError when the
+    scene cannot be rendered as a pair.
     """
     engine = _engine(scene, overrides)
     frame = scene.frame_current if overrides.frame is None else overrides.frame
     camera = check_camera(camera_at(scene, frame))
-    layer = next((layer.name for layer in scene.view_layers if layer.use), None)
-    if layer is None:
-        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+    rendered = check_layers(scene)[0] if layer is None else layer
     copy = scene.copy()
     eye = camera.copy()
     eye.data = camera.data.copy()
@@ -161,7 +183,7 @@ def working_scene(scene: bpy.types.Scene, overrides: SceneOverrides) -> Iterator
         copy.collection.objects.link(eye)
         copy.camera = eye
         copy.render.engine = engine
-        _set_up(copy, layer)
+        _set_up(copy, rendered)
         _apply(copy, eye.data, overrides)
         _check_region(copy.render)
         copy.frame_set(frame, subframe=scene.frame_subframe if frame == scene.frame_current else 0.0)

@@ -165,7 +165,7 @@ def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_pa
     scene.render.image_settings.color_depth = "32"
     scene.render.image_settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
     eyes = {
-        view: {COLOUR_PASS: np.full((*SIZE[::-1], 4), (value, value, value, 1.0), np.float32)}
+        view: {"ViewLayer": {COLOUR_PASS: np.full((*SIZE[::-1], 4), (value, value, value, 1.0), np.float32)}}
         for view, value in (("left", 0.25), ("right", 0.5))
     }
     deliver_frames(scene, lambda _: eyes, tmp_path, frames=range(2, 3))

@@ -83,6 +83,24 @@ def curved(scene):
     scene.view_settings.curve_mapping.update()
 
 
+def exposed(scene):
+    scene.view_settings.exposure = -1.7
+
+
+def with_gamma(scene):
+    scene.view_settings.gamma = 1.8
+
+
+def with_a_look(scene):
+    scene.view_settings.view_transform = "AgX"
+    scene.view_settings.look = "AgX - Punchy"
+
+
+def white_balanced(scene):
+    scene.view_settings.use_white_balance = True
+    scene.view_settings.white_balance_temperature = 3200
+
+
 def another_display(scene):
     scene.display_settings.display_device = "Display P3"
 
@@ -97,7 +115,8 @@ def blenders_own_side_by_side(scene, path):
     settings = render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = "IMAGE"
-    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "8"
+    settings.file_format, settings.color_depth = "PNG", "8"
+    settings.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
     settings.views_format = "STEREO_3D"
     settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
     render.use_multiview, render.views_format = True, "STEREO_3D"
@@ -107,16 +126,55 @@ def blenders_own_side_by_side(scene, path):
     bpy.ops.render.render(write_still=True)
 
 
-@pytest.mark.parametrize("change", [as_it_is, graded, curved, another_display])
+COLOURS = [
+    as_it_is,
+    exposed,
+    with_gamma,
+    with_a_look,
+    graded,
+    curved,
+    white_balanced,
+    another_display,
+    transparent,
+]
+
+
+@pytest.mark.parametrize("change", COLOURS)
 def test_the_view_transform_is_the_scenes_own(scene, tmp_path, change):
+    plain = render_plain(scene, tmp_path)
     change(scene)
     blenders_own_side_by_side(scene, tmp_path / "own.png")
     rendered = render_plain(scene, tmp_path)
     eyes = {view: passes[COLOUR_PASS] for view, passes in rendered.items()}
+    if change is not transparent:
+        # What is rendered is the same: only its display is another.
+        np.testing.assert_array_equal(eyes["left"], plain["left"][COLOUR_PASS])
     deliver_side_by_side(scene, eyes, tmp_path / "ours.png")
     own, ours = read_png(tmp_path / "own.png"), read_png(tmp_path / "ours.png")
-    assert own.std() > 0.05, "a picture with something to see"
+    assert own.std() > 0.03, "a picture with something to see"
     np.testing.assert_allclose(ours, own, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("change", COLOURS[1:-1])
+def test_each_of_them_shows(scene, tmp_path, change):
+    """Else the test above would hold whatever is done with them."""
+    eyes = {view: passes[COLOUR_PASS] for view, passes in render_plain(scene, tmp_path).items()}
+    deliver_side_by_side(scene, eyes, tmp_path / "before.png")
+    change(scene)
+    deliver_side_by_side(scene, eyes, tmp_path / "after.png")
+    difference = np.abs(read_png(tmp_path / "after.png") - read_png(tmp_path / "before.png"))
+    assert difference.mean() > ROUNDING
+
+
+def test_the_pictures_colours_are_the_scenes_and_not_those_of_its_output(scene, tmp_path):
+    """Output may have a view of its own, for the files of a render."""
+    eyes = {view: passes[COLOUR_PASS] for view, passes in render_plain(scene, tmp_path).items()}
+    deliver_side_by_side(scene, eyes, tmp_path / "before.png")
+    settings = scene.render.image_settings
+    settings.color_management = "OVERRIDE"
+    settings.view_settings.exposure = 4.0
+    deliver_side_by_side(scene, eyes, tmp_path / "after.png")
+    np.testing.assert_array_equal(read_png(tmp_path / "after.png"), read_png(tmp_path / "before.png"))
 
 
 def test_transparent_film_stays_transparent(scene, tmp_path):

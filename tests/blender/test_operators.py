@@ -14,6 +14,7 @@ from tests.blender.toolbox import (
     add_plane,
     add_sun,
     diffuse,
+    emission,
     empty_scene,
     noise_image,
     render_plain,
@@ -171,15 +172,29 @@ def test_a_simulation_that_is_not_baked_is_said(extension, scene, capfd):
     assert "simulation is not baked, 'Cloth' on 'Grid'" in capfd.readouterr().out
 
 
+def test_every_view_layer_reaches_the_compositor(extension, scene, tmp_path):
+    second = scene.view_layers.new("Second")
+    second.material_override = emission("glow", strength=0.75).block
+    tree, layers, result = add_compositor(scene)
+    layers.layer = "Second"
+    tree.links.new(layers.outputs["Image"], result)
+    before = everything()
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert everything() == before
+    views = views_of_result(scene, tmp_path)
+    assert set(views) == {"_L", "_R"}
+    for picture in views.values():
+        assert np.median(picture[..., 0]) == pytest.approx(0.75)
+
+
 def test_a_compositor_that_shows_what_is_not_rendered_is_left_out_with_a_word(extension, scene, tmp_path, capfd):
-    scene.view_layers.new("Second")
     tree, layers, result = add_compositor(scene)
     exposure = tree.nodes.new("CompositorNodeExposure")
-    layers.layer = "Second"
+    layers.scene = bpy.data.scenes.new("Second")
     tree.links.new(layers.outputs["Image"], exposure.inputs["Image"])
     tree.links.new(exposure.outputs["Image"], result)
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
-    assert "shows the view layer 'Second'" in capfd.readouterr().out
+    assert "shows the scene 'Second'" in capfd.readouterr().out
     assert views_of_result(scene, tmp_path)["_L"][..., :3].max() > 0.1
 
 

@@ -1,13 +1,16 @@
 """The scene that we work in: all that the user set, at the frame that was asked for, and not a trace of it left."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.blender import scene as scene_module
 from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.rig import frame_region
-from stereo_reproject.blender.scene import make_small, working_scene
+from stereo_reproject.blender.scene import layers_to_render, make_small, working_scene
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings import SceneOverrides, StereoSettings
@@ -397,3 +400,33 @@ def test_compare_measures_against_blenders_own_multiview(scene, tmp_path):
     report, _ = render_files(scene, settings, tmp_path)
     # A few hundred pixels on edges make all of the noise here.
     assert report["compare"]["noise_ratio"] == pytest.approx(1.0, abs=0.25)
+
+
+def three_layers():
+    scene = empty_scene()
+    for name in ("Second", "Third"):
+        scene.view_layers.new(name)
+    scene.view_layers[0].use = False
+    return scene
+
+
+def test_a_single_layer_is_the_windows_affair(monkeypatch):
+    """Blender: "Only affects rendering from the interface, ignored for rendering from command line"."""
+    scene = three_layers()
+    scene.render.use_single_layer = True
+    assert layers_to_render(scene) == ["Second", "Third"]
+    window = SimpleNamespace(scene=scene, view_layer=scene.view_layers[0])
+    monkeypatch.setattr(
+        scene_module, "bpy", SimpleNamespace(app=SimpleNamespace(background=False), context=window, types=bpy.types)
+    )
+    assert layers_to_render(scene) == ["ViewLayer"]
+    scene.render.use_single_layer = False
+    assert layers_to_render(scene) == ["Second", "Third"]
+
+
+def test_a_working_scene_renders_the_layer_that_it_is_asked_for():
+    scene = three_layers()
+    add_camera(scene)
+    for layer, expected in ((None, "Second"), ("Third", "Third")):
+        with working_scene(scene, SceneOverrides(), layer=layer) as working:
+            assert [one.name for one in working.view_layers if one.use] == [expected]

@@ -261,7 +261,21 @@ def fcurves(item: bpy.types.ID) -> list[bpy.types.FCurve]:
 def render_plain(
     scene: bpy.types.Scene, folder: Path, *, seed: int | None = None, views: tuple[str, ...] = EYES
 ) -> dict[str, Passes]:
-    """Blender's own multiview of the scene as it stands, every pass, by view name; sky has the depth +inf."""
+    """Blender's own multiview of the scene as it stands, every pass of the first view layer, by view name; sky has the
+    depth +inf."""
+    eyes = render_plain_layers(scene, folder, seed=seed, views=views)
+    return {view: next(iter(layers.values())) for view, layers in eyes.items()}
+
+
+def render_plain_layers(
+    scene: bpy.types.Scene,
+    folder: Path,
+    *,
+    seed: int | None = None,
+    views: tuple[str, ...] = EYES,
+    texts: dict[str, str] | None = None,
+) -> dict[str, dict[str, Passes]]:
+    """The same of all view layers, by view and then by layer; texts takes those in the header of Blender's file."""
     render = scene.render
     render.use_multiview, render.views_format = True, "STEREO_3D"
     for view in render.views:
@@ -276,10 +290,14 @@ def render_plain(
     path = folder / "plain.exr"
     render.filepath = str(path)
     bpy.ops.render.render(scene=scene.name, write_still=True)
-    layer = next(layer.name for layer in scene.view_layers if layer.use)
-    result = {view: read_render(path, layer=layer, view=view)[0] for view in views}
+    used = [layer.name for layer in scene.view_layers if layer.use]
+    result: dict[str, dict[str, Passes]] = {view: {} for view in views}
+    for view in views:
+        for layer in used:
+            result[view][layer], found = read_render(path, layer=layer, view=view)
+            (texts if texts is not None else {}).update(found)
     path.unlink()
-    for passes in result.values():
+    for passes in (passes for layers in result.values() for passes in layers.values()):
         if DEPTH_PASS in passes:
             passes[DEPTH_PASS][passes[DEPTH_PASS] >= 1e9] = np.inf
     return result

@@ -4,7 +4,6 @@ comes out can be held against what a render of the target would have shown."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -87,6 +86,7 @@ class Caster:
     traced_colour: float | None = None
     asked: list = field(default_factory=list)
     deepest: float = 0.0
+    metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
 
     def picture(self, view, seed):
         return self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
@@ -107,7 +107,7 @@ class Caster:
     lens: Lens = PINHOLE
     volumes: tuple = ()
     motion = None
-    metadata: ClassVar[dict] = {}
+    denoise = None
 
     @property
     def plan(self):

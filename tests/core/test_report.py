@@ -277,3 +277,26 @@ def test_table_says_why_there_is_no_estimate(report):
     report["estimate"] = {**unknown, "promise": 1.1, "from": "nothing looks different"}
     check_report(report)
     assert "estimate      none: nothing looks different" in format_report_table(report)
+
+
+LAYERS = [
+    {"name": "Beauty", "rerendered": 0.25, "fill": "packed", "noise_ratio": 1.125, "seconds": 8.0},
+    {"name": "Front", "rerendered": 0.0, "fill": "packed", "noise_ratio": None, "seconds": 3.25},
+]
+
+
+def test_the_view_layers_have_a_line_each(report):
+    told = {**report, "layers": LAYERS}
+    check_report(told)
+    lines = format_report_table(told).splitlines()
+    (beauty,) = [line for line in lines if line.startswith("  Beauty ")]
+    (front,) = [line for line in lines if line.startswith("  Front ")]
+    assert ("25.00 %" in beauty, "8.00 s" in beauty, "noise ratio 1.125" in beauty) == (True, True, True)
+    assert ("3.25 s" in front, "noise ratio" in front) == (True, False)
+    assert "view layers" not in format_report_table(report)
+
+
+def test_a_view_layer_without_its_share_is_a_defect(report):
+    broken = [{**LAYERS[0], "rerendered": None}]
+    with pytest.raises(StereoReprojectError, match=r"layers\.rerendered"):
+        check_report({**report, "layers": broken})
