@@ -123,7 +123,7 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--source-engine",
         choices=SOURCE_ENGINES,
-        help="what renders it, in place of the scene's engine; EEVEE renders both eyes whole",
+        help="what renders it, in place of the scene's engine; Cycles traces the holes of either",
     )
 
 

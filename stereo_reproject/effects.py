@@ -77,7 +77,7 @@ HANDLING: dict[Effect, str] = {
 """What is done with each effect that a scene calls for, when Cycles renders it."""
 
 NOT_CALLED_FOR = "not called for: nothing is done, and it costs nothing"
-RENDERED_WHOLE = "both eyes are rendered whole"
+AS_SEEN = "warped as the source eye sees it: EEVEE's light cannot be probed by Cycles"
 
 
 @dataclass(frozen=True)

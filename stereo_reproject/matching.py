@@ -92,8 +92,8 @@ def match(
 ) -> NDArray[np.float32]:
     """(N, 3): the colours of the `domain` (H, W), of which `traced` tells, as the engine of the picture would have it.
 
-    picture (H, W, 3) and nearness (H, W) count where `known` (H, W) is set. Where `doubted` (H, W) is, the picture shows
-    the right surface and mixes it with the wrong background: it counts as far as the tracer cannot tell.
+    picture (H, W, 3) and nearness (H, W) count where `known` (H, W) is set. Where `doubted` (H, W) is, the picture
+    shows the right surface and mixes it with the wrong background: it counts as far as the tracer cannot tell.
     """
     at = nearness[domain]
     kept = known[domain] & (np.abs(at - traced.nearness) <= SAME_DEPTH * np.maximum(at, traced.nearness))
@@ -197,7 +197,7 @@ def _mixed(correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.b
 def _near_share(
     traced: Traced, domain: NDArray[np.bool_], edge: NDArray, near: NDArray, far: NDArray, sky: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """(K,): how much of the pixels `edge` shows the nearer side: by their mean depth, or before the sky by its light."""
+    """(K,): how much of the pixels `edge` shows the nearer side: by their mean depth, before the sky by its light."""
     mean = traced.mean_depth[edge]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (far - mean) / (far - near)

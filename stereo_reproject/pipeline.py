@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,11 @@ from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid
 from .holes import Reason
+from .matched_eye import MatchedEye, Matcher
+from .matching import Correction
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
-from .price import Price, next_better, price_of
-from .reprojection import reproject
+from .price import WHOLE, Price, next_better, price_of
+from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
 from .tracing import Means, Refinement, TargetEye
 
@@ -39,6 +41,8 @@ class Renderer(Protocol):
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
     """Of the scene's noise; the places of the probes follow from it."""
+    foreign: bool
+    """Whether another engine traces than the one that renders the source; it is then a `matched_eye.Matcher` too."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole."""
@@ -64,7 +68,8 @@ class StereoFrame:
 
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
-    cost; price is what the next better accuracy would have.
+    cost; price is what the next better accuracy would have; correction is how far traced pixels were moved to match a
+    source of another engine.
     """
 
     eyes: dict[str, Passes]
@@ -79,6 +84,7 @@ class StereoFrame:
     accounts: dict[Effect, Account]
     price: Price
     invalid_pixels: dict[str, int]
+    correction: Correction | None = None
 
 
 class Stopwatch:
@@ -139,7 +145,8 @@ def render_stereo_frame(
     check_fill(settings.fill, blockers)
     means = Means(settings.fill, cost, blockers)
     watched = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
-    target = TargetEye(renderer, settings.target, means, reprojection, accuracy, watched=watched, seed=renderer.seed)
+    watched = watched and not renderer.foreign
+    target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched)
     if target.wants_pilot:
         watch.lap("pilot")
         target.send_pilot()
@@ -158,7 +165,8 @@ def render_stereo_frame(
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)
     told = None if refinement.whole else refinement.measured
     spent = accounts(renderer.plan.called_for, shown, reasons, target.traced, seconds, told)
-    price = price_of(next_better(accuracy), reprojection, refinement, means, seconds, fill, watched=watched)
+    better = WHOLE if renderer.foreign else next_better(accuracy)
+    price = price_of(better, reprojection, refinement, means, seconds, fill, watched=watched)
     watch.lap()
 
     return StereoFrame(
@@ -174,7 +182,16 @@ def render_stereo_frame(
         accounts=spent,
         price=price,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
+        correction=target.correction if isinstance(target, MatchedEye) else None,
     )
+
+
+def _target_eye(
+    renderer: Renderer, view: str, means: Means, reprojection: Reprojection, accuracy: Accuracy, *, watched: bool
+) -> TargetEye:
+    if renderer.foreign:
+        return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=renderer.seed)
+    return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=renderer.seed)
 
 
 def _all_reasons(

@@ -37,12 +37,15 @@ def denoise(
     }
     channels |= {f"{layer.name}.Vector.{letter}": nothing[..., 0] for letter in "XYZW"}
     inputs = "RGB_ALBEDO_NORMAL" if guides else "RGB"
-    with tempfile.TemporaryDirectory(dir=folder) as own, changed(
-        scene.cycles,
-        use_denoising=True,
-        denoiser="OPENIMAGEDENOISE",
-        denoising_input_passes=inputs,
-        denoising_prefilter="ACCURATE",
+    with (
+        tempfile.TemporaryDirectory(dir=folder) as own,
+        changed(
+            scene.cycles,
+            use_denoising=True,
+            denoiser="OPENIMAGEDENOISE",
+            denoising_input_passes=inputs,
+            denoising_prefilter="ACCURATE",
+        ),
     ):
         before, after = Path(own) / "noisy.exr", Path(own) / "clean.exr"
         write_channels(before, channels, {f"cycles.{layer.name}.samples": "1"})

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy import accuracy_of
-from ..effects import EffectsPlan
 from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
 from ..parallax import visible_parallax
@@ -25,6 +24,7 @@ from ..settings import StereoSettings
 from ..work_folder import DIFFERENCE, pair_files
 from .compare import compare_with_multiview
 from .delivery import deliver_side_by_side
+from .eevee import renderer_of
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
@@ -58,7 +58,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, frame, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(frame.eyes[settings.target]), reference)
-    report["warnings"] = scene_warnings(scene, compositor="stereo.png" not in files) + _invalid_warnings(frame)
+    report["warnings"] += scene_warnings(scene, compositor="stereo.png" not in files) + _invalid_warnings(frame)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)
@@ -70,11 +70,18 @@ def render_pair(
     """The pair of one frame, and its report as far as it goes without files; as for `render_files`."""
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
-        renderer = BlenderRenderer(working, work, user_scene=scene)
-        frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
-        parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
-    measurements = _measurements(frame, renderer.plan, settings)
-    return frame, {**facts, **measurements, "memory": {"peak_mb": _peak_mb()}, "parallax": parallax}
+        with renderer_of(working, work, user_scene=scene) as renderer:
+            frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
+            warnings = list(renderer.warnings)
+            parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
+    measurements = _measurements(frame, renderer, settings)
+    return frame, {
+        **facts,
+        **measurements,
+        "memory": {"peak_mb": _peak_mb()},
+        "parallax": parallax,
+        "warnings": warnings,
+    }
 
 
 def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
@@ -111,7 +118,7 @@ def parallax_fields(renderer: BlenderRenderer, source: Passes, frame_width: int)
     return None if found is None else dict(zip(("nearest", "farthest"), map(asdict, found), strict=True))
 
 
-def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSettings) -> dict[str, Any]:
+def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: StereoSettings) -> dict[str, Any]:
     source, price = frame.source_cost, frame.price
     return {
         "fill": {
@@ -126,9 +133,10 @@ def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSetting
             "triangles": frame.grid.triangles,
         },
         "fractions": traced_fractions(frame),
-        "effects": effects_fields(plan, frame.accounts),
-        "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
+        "effects": effects_fields(renderer.plan, frame.accounts),
+        "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),
         "price": asdict(price),
+        "correction": None if frame.correction is None else asdict(frame.correction),
         "seconds": dict(frame.seconds),
         "predicted_speedup": (source.seconds + source.per_frame) / frame.seconds["total"],
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -31,6 +32,10 @@ class BlenderRenderer:
     user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """
 
+    foreign = False
+    warnings: Sequence[str] = ()
+    """What is to be said of the scene for being rendered this way."""
+
     def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
         self.scene = scene
         self.folder = folder
@@ -50,7 +55,7 @@ class BlenderRenderer:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
         if not self.view_dependent or self.scene.render.engine != CYCLES:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
-            return rendered.views[view], _cost(rendered)
+            return rendered.views[view], cost_of(rendered)
         switch_on_cryptomatte(self.scene)
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         passes = rendered.views[view]
@@ -62,9 +67,15 @@ class BlenderRenderer:
         if not cryptomatte_asked_for(self.scene):
             passes = {name: image for name, image in passes.items() if not name.startswith(CRYPTOMATTE)}
         known = {name: image for name, image in ours.items() if image is not None}
-        return {**passes, **known}, _cost(rendered)
+        return {**passes, **known}, cost_of(rendered)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        if self.scene.render.engine != CYCLES:
+            return dict.fromkeys(("packed", "card"), "the scene renders with EEVEE")
+        return self.cycles_blockers(deepest)
+
+    def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
+        """`fill_blockers` of whatever traces the scene with Cycles."""
         return {
             "packed": packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": card_blocker(self.scene),
@@ -92,7 +103,7 @@ class BlenderRenderer:
         return shifted_seed(self.seed, FILL_SEED * self._traces)
 
 
-def _cost(rendered: Rendered) -> SourceCost:
+def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
