@@ -11,7 +11,7 @@ import bpy
 
 from ..camera import Camera
 from ..effects import Effect
-from .materials import Shadings
+from .materials import Shadings, uses_nodes
 from .node_trees import is_fed, upstream
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, rendered_layer
@@ -21,18 +21,18 @@ EEVEE_TARGET = "EEVEE"
 
 NOT_IN_EEVEE: dict[str, str] = {
     "ShaderNodeBsdfHair": "is as matte as plain diffuse there",
-    "ShaderNodeBsdfHairPrincipled": "is as matte as plain diffuse there",
+    "ShaderNodeBsdfHairPrincipled": "is matte there",
     "ShaderNodeBsdfToon": "is as matte as plain diffuse there",
     "ShaderNodeBsdfRayPortal": "is transparent there",
     "ShaderNodeBsdfSheen": "is as matte as plain diffuse there",
     "ShaderNodeBevel": "leaves corners sharp there",
-    "ShaderNodeTexIES": "shines evenly there",
-    "ShaderNodeScript": "gives nothing there",
+    "ShaderNodeTexIES": "is black there",
+    "ShaderNodeScript": "is left out there",
 }
 """Nodes that EEVEE does not know, and what it shows in place."""
 
 NOT_IN_CYCLES: dict[str, str] = {
-    "ShaderNodeShaderToRGB": "is black there",
+    "ShaderNodeShaderToRGB": "is left out there, with what it turns into a colour",
     "ShaderNodeEeveeSpecular": "is black there",
 }
 """Nodes that Cycles does not know, and what it shows in place."""
@@ -84,10 +84,10 @@ def _materials_of(item: Seen) -> Iterator[bpy.types.Material]:
 
 def _of_shader(owner: bpy.types.Material | bpy.types.World, kind: str) -> Iterator[str]:
     """The lines for a material or a world, which each engine reads from an output of its own, if there is one."""
-    if owner.node_tree is None or (bpy.app.version < (5, 0) and not owner.use_nodes):
+    if not uses_nodes(owner):
         return
     outputs = {engine: owner.node_tree.get_output_node(engine) for engine in (EEVEE_TARGET, CYCLES)}
-    if len({None if output is None else output.name for output in outputs.values()}) > 1:
+    if all(outputs.values()) and len({output.name for output in outputs.values()}) > 1:
         yield f"{kind} {owner.name!r} has an output for EEVEE and another for Cycles: they need not look the same"
     for engine, other, unknown in ((EEVEE_TARGET, "EEVEE", NOT_IN_EEVEE), (CYCLES, "Cycles", NOT_IN_CYCLES)):
         output = outputs[engine]
@@ -108,7 +108,7 @@ def _of_light(lamp: bpy.types.Light) -> Iterator[str]:
     """EEVEE takes a light's colour and power, and nothing of its nodes; Cycles makes some area lights portals."""
     if lamp.type == "AREA" and lamp.cycles.is_portal:
         yield f"light {lamp.name!r} is a portal in Cycles, and EEVEE has it shine"
-    if lamp.use_nodes and lamp.node_tree is not None:
+    if uses_nodes(lamp):
         output = lamp.node_tree.get_output_node(CYCLES)
         if output is not None and is_fed(output.inputs["Surface"]) and not _is_plain(output):
             yield f"light {lamp.name!r} has nodes, which EEVEE does not know: it shines with its own colour there"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -33,8 +32,11 @@ class BlenderRenderer:
     """
 
     foreign = False
-    warnings: Sequence[str] = ()
-    """What is to be said of the scene for being rendered this way."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of the scene for being rendered this way."""
+        return []
 
     def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
         self.scene = scene
