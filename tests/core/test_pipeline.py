@@ -86,6 +86,7 @@ class Caster:
     traced_colour: float | None = None
     asked: list = field(default_factory=list)
     deepest: float = 0.0
+    foreign: bool = False
 
     def picture(self, view, seed):
         return self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
