@@ -207,7 +207,9 @@ def _near_share(
         share = (far - mean) / (far - near)
     light = np.zeros(domain.shape, np.float32)
     light[domain] = traced.seen.sum(axis=1)
-    brightest = np.where(sky, np.nan_to_num(_windows(light, np.argwhere(domain)[edge].T)), 0.0).max(axis=1)
+    brightest = np.where(sky, np.nan_to_num(_windows(light, [place[edge] for place in np.nonzero(domain)])), 0.0).max(
+        axis=1
+    )
     before_sky = 1.0 - np.divide(light[domain][edge], brightest, out=np.zeros_like(mean), where=brightest > 0.0)
     return np.clip(np.where(np.isinf(far), before_sky, share), 0.0, 1.0)
 

@@ -36,7 +36,7 @@ class Matcher:
         self.per_pixel, self.why_not = per_pixel, why_not
         self.asked = []
 
-    def trace(self, method, view, pixels, *, twice=None):
+    def trace(self, method, _view, pixels):
         self.asked.append((method, int(pixels.sum())))
         value = TRUE if method == "full" else DARK
         count = int(pixels.sum())
@@ -97,8 +97,8 @@ def test_what_a_pilot_says_is_dearer_than_a_second_render_is_not_done():
         (Matcher(why_not="glass is blended"), {}, "glass is blended"),
         (
             Matcher(),
-            {"blockers": {"packed": "no OSL", "card": "an override"}},
-            "no packed: no OSL; no card: an override",
+            {"blockers": {"packed": "no OSL", "card": "no mask"}},
+            "no packed: no OSL; no card: no mask",
         ),
     ],
 )
