@@ -25,6 +25,9 @@ from .scene import CYCLES, rendered_layer
 MOST_SAMPLES = 32
 """Of a traced pixel: what is learned from the ring rests on features that have little noise, and it is a preview."""
 
+SKY = 0.99
+"""Share of the clip end's depth from which EEVEE shows sky, or what can hardly be told from it."""
+
 SPECULAR, MEAN_DEPTH = "Denoising Specular Albedo", "Denoising Depth"
 
 SEEN = ("Environment", "Emission", "Env", "Emit")
@@ -60,6 +63,13 @@ class EeveeRenderer(BlenderRenderer):
         self._tracing: str | None = None
         self._last: Rendered | None = None
         self._target: Camera | None = None
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """The source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
+        passes, cost = super().render_source(view)
+        depth = passes[DEPTH_PASS]
+        depth[depth >= SKY * self.lens.far] = np.inf
+        return passes, cost
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return self.cycles_blockers(deepest)

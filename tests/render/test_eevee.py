@@ -9,7 +9,7 @@ from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.render import render_views
 from stereo_reproject.blender.scene import open_blend, working_scene
 from stereo_reproject.metrics import border_step, tone
-from stereo_reproject.passes import COLOUR_PASS
+from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.pipeline import render_stereo_frame
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
@@ -77,6 +77,14 @@ def test_no_seam_shows(room, tmp_path, fill):
     assert seam(ours, plain, holes) <= SEAM
     assert np.abs(tone(ours) - tone(plain))[holes].mean() < 0.03
     assert frame.correction.mean > 0.05
+
+
+def test_the_sky_is_far_away_in_every_blender(room, tmp_path):
+    add_camera(room, lens=8.0)
+    with working_scene(room, SceneOverrides()) as working, renderer_of(working, tmp_path) as renderer:
+        depth = renderer.render_source("left")[0][DEPTH_PASS]
+    assert np.isposinf(depth).any()
+    assert depth[np.isfinite(depth)].max() < 100.0
 
 
 def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
