@@ -66,15 +66,15 @@ def _means(scene: bpy.types.Scene) -> str:
     """How holes will be filled on this device, and why."""
     chosen = scene.stereo_reproject
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
-    if engine in EEVEE:
-        return "EEVEE renders both eyes whole: there is nothing to gain."
-    if engine != CYCLES:
+    if engine != CYCLES and engine not in EEVEE:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
-    missing = missing_osl_cameras(scene, engine)
+    missing = missing_osl_cameras(scene)
     if chosen.fill == "packed" and missing:
         return f"Not possible here: {missing}."
     if chosen.fill != "auto":
         return f"{FILLS[chosen.fill]}."
+    if engine in EEVEE:
+        return "Cycles traces missing pixels and matches them to EEVEE's light, or EEVEE renders the other eye as well."
     if missing:
         return f"Missing pixels are rendered through a card, which takes a little longer: {missing}."
     return "Missing pixels are rendered in the way that is fastest for each frame."

@@ -15,7 +15,10 @@ FILLS = {
 ENGINES = {
     "scene": ("The Scene's", "Render with the engine that the scene is set to"),
     "cycles": ("Cycles", "Render with Cycles, whatever the scene is set to"),
-    "eevee": ("EEVEE", "Render with EEVEE, whatever the scene is set to. It renders both eyes whole"),
+    "eevee": (
+        "EEVEE",
+        "Render with EEVEE, for a quick preview. Cycles traces what is missing",
+    ),
 }
 
 LOOKUPS = {"linear": "Fast, and as sharp as most renders need", "cubic": "Sharper where textures are fine"}

@@ -33,6 +33,7 @@ def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
         convergence_distance=arguments.convergence,
         convergence_mode=arguments.mode,
         source_engine=arguments.source_engine,
+        denoise=arguments.denoise,
     )
 
 
@@ -120,10 +121,20 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
     )
+    _add_denoise(parser)
     parser.add_argument(
         "--source-engine",
         choices=SOURCE_ENGINES,
-        help="what renders it, in place of the scene's engine; EEVEE renders both eyes whole",
+        help="what renders it, in place of the scene's engine; Cycles traces the holes of either",
+    )
+
+
+def _add_denoise(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--denoise",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="denoise both eyes, or do not, whatever the scene says; with the scene's own denoiser",
     )
 
 

@@ -1,9 +1,9 @@
 """What probes say of a denoised picture: of the noise that they have, it has a fiftieth, and errors show beside that.
 
-Three things together tell what one probe cannot. Slow changes have the same sign over many probes: they are told by the
-mean of those and taken away (see `bias`). The probes of all tiles are a small picture of the target, and that too can be
-denoised, with the same guides: what is left between it and the warped colours is an error, or a detail finer than a
-tile. And materials of which much is off for their contrast are off elsewhere for theirs.
+Three things together tell what one probe cannot. Slow changes have the same sign over many probes: they are told by
+the mean of those and taken away (see `bias`). The probes of all tiles are a small picture of the target, and that too
+can be denoised, with the same guides: what is left between it and the warped colours is an error, or a detail finer
+than a tile. And materials of which much is off for their contrast are off elsewhere for theirs.
 """
 
 from __future__ import annotations

@@ -72,12 +72,14 @@ HANDLING: dict[Effect, str] = {
     Effect.CATCHER: f"warped with its surface, as transparent as it is for the source eye; {PROBED}",
     Effect.CAUSTICS: "nothing: on matte surfaces they look the same to both eyes; other surfaces are probed themselves",
     Effect.VIEW_LAYERS: "each is a pair of its own; the scene's compositor, if any, puts them together for both eyes",
-    Effect.DENOISING: "not done yet: both eyes are left as rendered, denoise them afterwards",
+    Effect.DENOISING: (
+        "both eyes are denoised by the scene's own denoiser: warped pixels with the source, traced ones with the target"
+    ),
 }
 """What is done with each effect that a scene calls for, when Cycles renders it."""
 
 NOT_CALLED_FOR = "not called for: nothing is done, and it costs nothing"
-RENDERED_WHOLE = "both eyes are rendered whole"
+AS_SEEN = "warped as the source eye sees it: EEVEE's light cannot be probed by Cycles"
 
 
 @dataclass(frozen=True)

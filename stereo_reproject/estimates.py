@@ -35,14 +35,18 @@ def _excess(account: Account | None) -> tuple[float | None, float | None, float 
     return (None, None, None) if account is None or account.excess is None else account.excess
 
 
-def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
+NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wrong warp"
+
+
+def estimate_fields(refinement: Refinement, accuracy: Accuracy, *, foreign: bool = False) -> dict[str, Any]:
     """What the probes say of the finished target, and whether that is what was promised; null where none were traced.
 
-    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels.
+    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels. foreign:
+    the source is not of the engine that traces.
     """
     estimate, measured = refinement.estimate, refinement.measured
     if estimate is None:
-        return _no_estimate(accuracy)
+        return _no_estimate(accuracy, foreign=foreign)
     probed = None if refinement.whole else measured
     worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
@@ -71,11 +75,13 @@ def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | No
     return True if estimate.high <= promise else False if estimate.low > promise else None
 
 
-def _no_estimate(accuracy: Accuracy) -> dict[str, Any]:
+def _no_estimate(accuracy: Accuracy, *, foreign: bool) -> dict[str, Any]:
     unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tile_size")
     why = "this accuracy promises nothing, and has no probes"
     if accuracy.promise is not None:
         why = "nothing that is seen looks different from each eye, and calls for probes"
+    if foreign:
+        why = NO_PROBES
     return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": why}
 
 

@@ -93,6 +93,20 @@ def write_table(path: Path, values: NDArray[np.float32]) -> None:
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
+def write_channels(path: Path, channels: Mapping[str, NDArray], attributes: Mapping[str, str]) -> None:
+    """(H, W) float32 by channel name, in one uncompressed part, with these texts in its header."""
+    _write(path, channels, {"compression": _openexr().NO_COMPRESSION, **attributes})
+
+
+def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
+    """Every channel (H, W) of a file of one part, by name. Raises BadInputError when it is not whole."""
+    try:
+        (part,) = _read_parts(path)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise BadInputError(f"{path.name} is not whole: {error}") from error
+    return {name: np.asarray(channel.pixels, np.float32) for name, channel in part.channels.items()}
+
+
 def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str, metadata: Mapping[str, str] = NOTHING) -> None:
     """One eye in one part, every view layer and pass, 32 bit float, scene-linear; the first layer is the main one.
 

@@ -34,6 +34,18 @@ def tile_rmse(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     return np.sqrt(total / count)
 
 
+def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
+    """Mean difference after `tone` of the neighbours on either side of the borders of `holes` (H, W), 0 without any.
+
+    picture (H, W, >= 3) is scene-linear. Where a seam shows, it is above that of a plain picture at the same places,
+    where there are edges too.
+    """
+    toned = tone(picture)
+    steps = [np.abs(np.diff(toned, axis=axis))[np.diff(holes, axis=axis)] for axis in (0, 1)]
+    found = np.concatenate([step.mean(axis=-1) for step in steps])
+    return float(found.mean()) if found.size else 0.0
+
+
 def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
     """rmse(ours, A) / rmse(B, A), A and B two plain renders that differ in their seed; 1 is as good as rendering."""
     ours_rmse, noise = rmse(ours, reference), rmse(again, reference)

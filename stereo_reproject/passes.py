@@ -59,8 +59,9 @@ _UNMIXED = frozenset(
         NORMAL_PASS,
     }
 )
-"""Passes of which a mean of two neighbours is neither of them; a denoiser wants noise that is not smeared. Whole names: an
-AOV may be called "Normal map"."""
+"""Passes of which a mean of two neighbours is neither of them; and a denoiser wants noise that is not smeared.
+
+Whole names: an AOV may be called "Normal map"."""
 
 _CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
 """Passes that are another eye's only after a conversion."""

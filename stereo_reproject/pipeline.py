@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,19 @@ from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of, for_denoised
 from .camera import Camera, see_the_same
 from .composite import contain
-from .denoising import Denoise, denoise_source, denoise_target
+from .denoising import Denoise, Denoising, denoise_source, denoise_target
 from .effects import Effect, EffectsPlan
 from .effects_pass import UNKNOWN, effects_of
 from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid
 from .holes import Reason
+from .matched_eye import MatchedEye, Matcher
+from .matching import Correction
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
-from .price import Price, next_better, price_of
-from .reprojection import reproject
+from .price import WHOLE, Price, next_better, price_of
+from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
 from .tracing import Means, Refinement, TargetEye
 
@@ -48,6 +50,8 @@ class Renderer(Protocol):
 
     denoise: Denoise | None
     """What the scene denoises with; None where it does not. All passes then have those that `denoising` is about."""
+    foreign: bool
+    """Whether another engine traces than the one that renders the source; it is then a `matched_eye.Matcher` too."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole, and not denoised."""
@@ -73,7 +77,8 @@ class StereoFrame:
 
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
-    cost; price is what the next better accuracy would have. metadata is the renderer's.
+    cost; price is what the next better accuracy would have. metadata is the renderer's. correction is how far traced
+    pixels were moved to match a source of another engine.
     """
 
     eyes: dict[str, Passes]
@@ -89,6 +94,7 @@ class StereoFrame:
     price: Price
     invalid_pixels: dict[str, int]
     metadata: dict[str, str]
+    correction: Correction | None = None
 
 
 class Stopwatch:
@@ -124,8 +130,8 @@ def render_stereo_frame(
     """Render the pair of the renderer's scene and frame.
 
     on_stage is told the name of each stage as it begins: source, denoise, warp, pilot, fill, refine, composite, denoise
-    again, and account, which comes after the pair is finished and is not in the total. accuracy takes the place of the one that the
-    settings name. Raises BadInputError when the settings cannot be met for this scene, StereoReprojectError when a
+    again, and account, which comes after the pair is finished and is not in the total. accuracy takes the place of the
+    one that the settings name. Raises BadInputError when the settings cannot be met for this scene, StereoReprojectError when a
     render fails.
     """
     watch = Stopwatch(on_stage)
@@ -162,16 +168,8 @@ def render_stereo_frame(
     check_fill(settings.fill, blockers)
     means = Means(settings.fill, cost, blockers)
     watched = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
-    target = TargetEye(
-        renderer,
-        settings.target,
-        means,
-        reprojection,
-        accuracy if denoising is None else for_denoised(accuracy),
-        watched=watched,
-        seed=renderer.seed,
-        denoising=denoising,
-    )
+    watched = watched and not renderer.foreign
+    target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
         watch.lap("pilot")
         target.send_pilot()
@@ -193,7 +191,8 @@ def render_stereo_frame(
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)
     told = None if refinement.whole else refinement.measured
     spent = accounts(renderer.plan.called_for, shown, reasons, target.traced, seconds, told)
-    price = price_of(next_better(accuracy), reprojection, refinement, means, seconds, fill, watched=watched)
+    better = WHOLE if renderer.foreign else next_better(accuracy)
+    price = price_of(better, reprojection, refinement, means, seconds, fill, watched=watched)
     watch.lap()
 
     return StereoFrame(
@@ -210,7 +209,25 @@ def render_stereo_frame(
         price=price,
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
         metadata=dict(renderer.metadata),
+        correction=target.correction if isinstance(target, MatchedEye) else None,
     )
+
+
+def _target_eye(
+    renderer: Renderer,
+    view: str,
+    means: Means,
+    reprojection: Reprojection,
+    accuracy: Accuracy,
+    *,
+    watched: bool,
+    denoising: Denoising | None,
+) -> TargetEye:
+    seed = renderer.seed
+    if renderer.foreign:
+        return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
+    accuracy = accuracy if denoising is None else for_denoised(accuracy)
+    return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
 
 
 def _all_reasons(

@@ -286,9 +286,9 @@ def with_refined(
     """The same when the tiles set in refined (N,) have been traced: their excess is known from every pixel now.
 
     pixels (H, W) are those that were traced, warped and traced (H, W, >= 3) the colours before and after; noise (N,) is
-    the variance of one pixel of a plain render there. Tiles of by_own (N,) were chosen because of what their own probe said: it
-    may have said too much, as those of the tiles that stay have then said too little. So no more is taken off than is
-    known now to have been there.
+    the variance of one pixel of a plain render there. Tiles of by_own (N,) were chosen because of what their own probe
+    said: it may have said too much, as those of the tiles that stay have then said too little. So no more is taken off
+    than is known now to have been there.
     """
     known = pixels & np.isfinite(warped[..., :3]).all(axis=-1) & np.isfinite(traced[..., :3]).all(axis=-1)
     error = np.zeros(known.shape)

@@ -17,7 +17,7 @@ from .settings import ACCURACIES, CUSTOM, FILL_METHODS
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = ("load", "source", "warp", "pilot", "fill", "refine", "composite", "account", "write")
+IN_ORDER = ("load", "source", "denoise", "warp", "pilot", "fill", "refine", "composite", "account", "write")
 OUTSIDE_TOTAL = ("load", "account", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
@@ -103,6 +103,7 @@ _PARTS: dict[str, dict[str, _Rule]] = {
         "from": _TEXT,
     },
     "parallax": dict.fromkeys(("nearest", "farthest"), _PARALLAX),
+    "correction": {"mean": _AMOUNT, "p95": _AMOUNT},
     "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
 }
 _EFFECT: dict[str, _Rule] = {
@@ -260,6 +261,14 @@ def _promised(value: float, promise: float | None, *, unsure: bool = False) -> s
     return f"; at most {promise:g} promised: {verdict}"
 
 
+def _correction_lines(report: Mapping[str, Any]) -> list[str]:
+    correction = report.get("correction")
+    if not correction:
+        return []
+    mean, p95 = (_number(100.0 * correction[name], ".0f") for name in ("mean", "p95"))
+    return [f"correction    traced pixels moved by {mean} % of the picture's brightness, 1 in 20 by {p95} % or more"]
+
+
 def _effects_lines(report: Mapping[str, Any]) -> list[str]:
     called_for = [row for row in report.get("effects") or () if row["called_for"] and row["fraction"] > 0.0]
     if not called_for:
@@ -317,6 +326,7 @@ def format_report_table(report: Mapping[str, Any]) -> str:
         *_layers_lines(report),
         *_traced_lines(report),
         f"fill          {report['fill']['method']}: {report['fill']['reason']}",
+        *_correction_lines(report),
         *_effects_lines(report),
         *_estimate_lines(report),
         *_price_lines(report),

@@ -54,8 +54,8 @@ class SceneOverrides:
     """What replaces the .blend's own values for this run; None keeps the scene's value.
 
     size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
-    convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine. Raises
-    BadInputError.
+    convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine; denoise
+    is whether Cycles' pictures are denoised, in every view layer. Raises BadInputError.
     """
 
     frame: int | None = None
@@ -66,6 +66,7 @@ class SceneOverrides:
     convergence_distance: float | None = None
     convergence_mode: str | None = None
     source_engine: str | None = None
+    denoise: bool | None = None
 
     def __post_init__(self) -> None:
         _check_int("frame", self.frame, -1048574, 1048574)
@@ -85,6 +86,8 @@ class SceneOverrides:
             _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
         if self.source_engine is not None:
             _check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
+        if self.denoise is not None and not isinstance(self.denoise, bool):
+            raise BadInputError(f"denoise must be true, false or left out, not {self.denoise!r}")
 
 
 @dataclass(frozen=True)

@@ -78,10 +78,12 @@ def render_animation_files(
     wanted = frames_to_render(scene, frames)
     (work / "out").mkdir(exist_ok=True)
     writer = (_Movie if scene.render.is_movie_format else _Stills)(scene, frames, work)
-    rows = []
+    rows, warnings = [], list[str]()
     for frame in wanted:
         where = f"frame {frame} of {frames[0]} to {frames[-1]}"
-        rows.append(_render_frame(scene, settings, work, frame, writer, lambda stage, of=where: on_stage(stage, of)))
+        row, more = _render_frame(scene, settings, work, frame, writer, lambda stage, of=where: on_stage(stage, of))
+        rows.append(row)
+        warnings += more
     on_stage("write", "")
     report = {
         "schema": 1,
@@ -89,7 +91,7 @@ def render_animation_files(
         "frames": rows,
         "there_already": [frame for frame in frames if frame not in wanted],
         "files": [str(path) for path in writer.finish()],
-        "warnings": scene_warnings(scene),
+        "warnings": [*scene_warnings(scene), *dict.fromkeys(warnings)],
     }
     write_json(work / "out" / "report.json", report)
     return report
@@ -102,14 +104,15 @@ def _render_frame(
     frame: int,
     writer: _Stills | _Movie,
     on_stage: Callable[[str], None],
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], list[str]]:
+    """The frame's row of the report, and what is to be said of it."""
     of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
     pair, report = render_pair(scene, of_this, work, on_stage=on_stage)
     on_stage("write")
     writer.write(frame, pair)
     for view in VIEWS:
         write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
-    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}
+    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}, report["warnings"]
 
 
 class _Stills:

@@ -7,7 +7,7 @@ from itertools import zip_longest
 
 import bpy
 
-from ..effects import HANDLING, NOT_CALLED_FOR, RENDERED_WHOLE, Effect, EffectsPlan, Finding
+from ..effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, layers_to_render, rendered_layer
@@ -121,8 +121,8 @@ class _Claims:
     def _finding(self, effect: Effect, by: tuple[str, ...]) -> Finding:
         if not by:
             return Finding(effect, by, NOT_CALLED_FOR)
-        rendered = self._cycles or effect in (Effect.VIEW_LAYERS, Effect.DENOISING)
-        return Finding(effect, by, HANDLING[effect] if rendered else RENDERED_WHOLE)
+        probed = self._cycles or not effect & SEEN_DIFFERENTLY
+        return Finding(effect, by, HANDLING[effect] if probed else AS_SEEN)
 
 
 def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy import accuracy_of
-from ..effects import EffectsPlan
 from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
 from ..parallax import visible_parallax
@@ -27,6 +26,7 @@ from ..work_folder import DIFFERENCE, pair_files
 from .compare import compare_with_multiview
 from .compositor import is_composited
 from .delivery import deliver_composited, deliver_side_by_side
+from .eevee import renderer_of
 from .output_paths import check_file_outputs
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
@@ -66,7 +66,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
-    report["warnings"] = scene_warnings(scene) + _invalid_warnings(pair)
+    report["warnings"] += scene_warnings(scene) + _invalid_warnings(pair)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)
@@ -97,10 +97,11 @@ def _render_layer(
 ) -> tuple[StereoFrame, dict[str, Any]]:
     with working_scene(scene, settings.scene, layer=layer) as working:
         facts = frame_facts(scene, working, settings)
-        renderer = BlenderRenderer(working, work, user_scene=scene)
-        frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
-        parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
-    return frame, {**facts, **_measurements(frame, renderer.plan, settings), "parallax": parallax}
+        with renderer_of(working, work, user_scene=scene) as renderer:
+            frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
+            warnings = list(renderer.warnings)
+            parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
+    return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}
 
 
 def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
@@ -137,7 +138,7 @@ def parallax_fields(renderer: BlenderRenderer, source: Passes, frame_width: int)
     return None if found is None else dict(zip(("nearest", "farthest"), map(asdict, found), strict=True))
 
 
-def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSettings) -> dict[str, Any]:
+def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: StereoSettings) -> dict[str, Any]:
     return {
         "fill": {
             "method": frame.fill.method,
@@ -151,9 +152,10 @@ def _measurements(frame: StereoFrame, plan: EffectsPlan, settings: StereoSetting
             "triangles": frame.grid.triangles,
         },
         "fractions": traced_fractions(frame),
-        "effects": effects_fields(plan, frame.accounts),
-        "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
+        "effects": effects_fields(renderer.plan, frame.accounts),
+        "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),
         "price": asdict(frame.price),
+        "correction": None if frame.correction is None else asdict(frame.correction),
     }
 
 

@@ -24,7 +24,7 @@ from .effects import has_grease_pencil, is_animated, uses_output
 from .motion import vector_pass_asked_for
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
-from .scene import CYCLES, evaluated, rendered_layer
+from .scene import evaluated, rendered_layer
 from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
@@ -38,7 +38,7 @@ SHADER = Path(__file__).with_name("hole_camera.osl")
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
-    without_osl = missing_osl_cameras(scene, scene.render.engine)
+    without_osl = missing_osl_cameras(scene)
     if without_osl is not None:
         return without_osl
     camera = evaluated(scene.camera, scene).data
@@ -60,10 +60,8 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
     return next((reason for reason, blocks in checks.items() if blocks), None)
 
 
-def missing_osl_cameras(scene: bpy.types.Scene, engine: str) -> str | None:
-    """Why an OSL camera cannot be rendered by this engine on the scene's device, whatever it shows, or None."""
-    if engine != CYCLES:
-        return "the scene renders with EEVEE"
+def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
+    """Why Cycles cannot render an OSL camera on the scene's device, whatever it shows, or None."""
     if not _has_osl():
         return "this Blender is built without OSL"
     return None if _device_has_osl(scene) else "the device has no OSL cameras (only CPU and OptiX do)"

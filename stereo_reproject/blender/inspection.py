@@ -18,6 +18,7 @@ from ..effects import SEEN_DIFFERENTLY, Effect
 from ..effects_pass import CRYPTOMATTE
 from ..fill import SourceCost, check_fill, choose_fill
 from ..inspection import INSPECTION_SCHEMA, effects_rows
+from ..matched_eye import foreseen_fill
 from ..passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ..prediction import (
     Prediction,
@@ -32,10 +33,11 @@ from ..prediction import (
 )
 from ..reprojection import reproject
 from ..settings import StereoSettings
+from .eevee import EeveeRenderer, renderer_of
 from .frame import frame_facts, parallax_fields
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, first_layer_alone, make_small, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -65,18 +67,19 @@ def inspect_scene(
         cycles = working.render.engine == CYCLES
         frame_width = frame_region(working.render).full_width
         scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
-        renderer = BlenderRenderer(working, work, user_scene=scene)
-        check_fill(settings.fill, renderer.fill_blockers())
-        rows = effects_rows(renderer.plan)
-        passes = _passes(working, renderer)
-        predicted = parallax = None
-        if sketch and not cycles:
-            predicted = _predicted_whole(renderer)
-        elif sketch:
-            on_stage("sketch")
-            sketched = _render_sketch(renderer, settings, facts["samples"])
-            predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
-            parallax = _parallax(renderer, sketched[0], frame_width)
+        with renderer_of(working, work, user_scene=scene) as renderer:
+            check_fill(settings.fill, renderer.fill_blockers())
+            rows = effects_rows(renderer.plan)
+            passes = _passes(working, renderer)
+            warnings = [*scene_warnings(scene), *renderer.warnings]
+            predicted = parallax = None
+            if sketch and isinstance(renderer, EeveeRenderer):
+                predicted = _predicted_of_eevee(renderer, settings)
+            elif sketch:
+                on_stage("sketch")
+                sketched = _render_sketch(renderer, settings, facts["samples"])
+                predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
+                parallax = _parallax(renderer, sketched[0], frame_width)
     return {
         **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
         "schema": INSPECTION_SCHEMA,
@@ -84,7 +87,7 @@ def inspect_scene(
         "passes": passes,
         "predicted": predicted,
         "parallax": parallax,
-        "warnings": scene_warnings(scene) + first_layer_alone(scene, "what is found and predicted is that"),
+        "warnings": warnings,
     }
 
 
@@ -113,14 +116,14 @@ def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
     return [prop.name for prop in switches if prop.identifier not in NO_PASSES and getattr(owner, prop.identifier)]
 
 
-def _predicted_whole(renderer: BlenderRenderer) -> dict[str, Any]:
-    """EEVEE: both eyes are rendered, as multiview does; there is nothing to be sketched."""
-    reason = renderer.fill_blockers()["packed"]
+def _predicted_of_eevee(renderer: EeveeRenderer, settings: StereoSettings) -> dict[str, Any]:
+    """What a sketch costs EEVEE says little of a picture, and nothing of Cycles: a pair finds out as it is made."""
+    method, reason = foreseen_fill(settings.fill, renderer.fill_blockers(), renderer.unmatchable())
     return {
-        "rests_on": f"how it is done: {reason}, so both eyes are rendered whole",
-        "fill": {"method": "full", "reason": reason, "seconds": None},
+        "rests_on": "how it is done: what Cycles takes beside EEVEE shows as the pair is made",
+        "fill": {"method": method, "reason": reason, "seconds": None},
         "total_seconds": None,
-        "gain": {"low": 1.0, "high": 1.0},
+        "gain": {"low": 1.0, "high": 1.0 if method == "full" else 2.0},
     }
 
 

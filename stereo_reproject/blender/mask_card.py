@@ -23,15 +23,13 @@ from ..pixel_filter import filter_support
 from .effects import has_grease_pencil, is_animated, uses_output
 from .render import Rendered, render_views
 from .rig import camera_from_eye, stereo_cameras
-from .scene import CYCLES, evaluated, focus_distance, rendered_layer
+from .scene import evaluated, focus_distance, rendered_layer
 
 NAME = "Stereo Reproject mask"
 
 
 def card_blocker(scene: bpy.types.Scene) -> str | None:
     """Why holes cannot be traced behind a card, or None."""
-    if scene.render.engine != CYCLES:
-        return "the scene renders with EEVEE"
     if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
         return "a material override would replace the card's material"
     if uses_output("ShaderNodeLightPath", "Transparent Depth"):

@@ -71,7 +71,7 @@ class Shading:
 
 def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shading:
     """What the material calls for. Without nodes Cycles renders it plainly diffuse, EEVEE with its metal and gloss."""
-    if not _uses_nodes(material):
+    if not uses_nodes(material):
         glossy = engine != CYCLES and (material.metallic > 0.0 or material.specular_intensity > 0.0)
         return Shading(Effect.GLOSSY if glossy else NOTHING)
     output = _output(material, engine)
@@ -100,14 +100,15 @@ class Shadings:
 
 def world_shading(world: bpy.types.World, engine: str = CYCLES) -> Effect:
     """What the world calls for: what is seen in one direction is the same for both eyes, unless it knows the camera."""
-    output = _output(world, engine) if _uses_nodes(world) else None
+    output = _output(world, engine) if uses_nodes(world) else None
     if output is None:
         return NOTHING
     tells = depends_on_camera([output.inputs["Surface"]], outputs=WORLD_OUTPUTS)
     return (Effect.CAMERA_DEPENDENT if tells else NOTHING) | _volume(output.inputs["Volume"])
 
 
-def _uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
+def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bool:
+    """Whether its look is that of its nodes."""
     # From 5.0 on nodes are always used, and asking is deprecated.
     return owner.node_tree is not None and (bpy.app.version >= (5, 0) or owner.use_nodes)
 

@@ -13,6 +13,7 @@ from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
+from .denoise import denoises, guided_by, leave_noisy
 from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
@@ -32,6 +33,13 @@ class BlenderRenderer:
     user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """
 
+    foreign = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of the scene for being rendered this way."""
+        return []
+
     def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
         self.scene = scene
         self.folder = folder
@@ -42,6 +50,8 @@ class BlenderRenderer:
         self.seed = scene.cycles.seed
         self.motion = eyes_in_motion(scene, self.cameras) if vector_pass_asked_for(scene) else None
         self.metadata: dict[str, str] = {}
+        self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
+        self.denoise = leave_noisy(scene, folder) if denoises(scene) else None
         self._traces = 0
 
     @property
@@ -49,16 +59,19 @@ class BlenderRenderer:
         """What may look different from each eye, in words."""
         return self.plan.view_dependent
 
+    def _guided(self, passes: Passes) -> Passes:
+        return passes if self.denoise is None else guided_by(passes, keep=self._keeps_guides)
+
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
         if not self.view_dependent or self.scene.render.engine != CYCLES:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
             self.metadata.update(rendered.attributes)
-            return rendered.views[view], _cost(rendered)
+            return self._guided(rendered.views[view]), cost_of(rendered)
         switch_on_cryptomatte(self.scene)
         rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         self.metadata.update(rendered.attributes)
-        passes = rendered.views[view]
+        passes = self._guided(rendered.views[view])
         layer = rendered_layer(self.scene).name
         ours = {
             EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
@@ -67,9 +80,15 @@ class BlenderRenderer:
         if not cryptomatte_asked_for(self.scene):
             passes = {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
         known = {name: image for name, image in ours.items() if image is not None}
-        return {**passes, **known}, _cost(rendered)
+        return {**passes, **known}, cost_of(rendered)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        if self.scene.render.engine != CYCLES:
+            return dict.fromkeys(("packed", "card"), "the scene renders with EEVEE")
+        return self.cycles_blockers(deepest)
+
+    def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
+        """`fill_blockers` of whatever traces the scene with Cycles."""
         return {
             "packed": packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": card_blocker(self.scene),
@@ -81,8 +100,9 @@ class BlenderRenderer:
         masks = [pixels] if twice is None else [pixels, twice]
         if method == "packed":
             places = np.concatenate([np.argwhere(mask) for mask in masks])
-            return trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=self._next_seed())[1]
-        traced = [self._trace_whole(method, view, mask) for mask in masks]
+            seed = self._next_seed()
+            return self._guided(trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=seed)[1])
+        traced = [self._guided(self._trace_whole(method, view, mask)) for mask in masks]
         return {name: np.concatenate([part[name] for part in traced]) for name in traced[0]}
 
     def _trace_whole(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
@@ -97,7 +117,7 @@ class BlenderRenderer:
         return shifted_seed(self.seed, FILL_SEED * self._traces)
 
 
-def _cost(rendered: Rendered) -> SourceCost:
+def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 

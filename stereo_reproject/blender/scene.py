@@ -85,8 +85,6 @@ def check_layers(scene: bpy.types.Scene) -> list[str]:
 def scene_warnings(scene: bpy.types.Scene) -> list[str]:
     """What the scene asks for that a stereo pair does not have yet: a line each."""
     warnings = []
-    if scene.render.engine == CYCLES and scene.cycles.use_denoising:
-        warnings.append("the scene denoises: both eyes are left as rendered, denoise them afterwards")
     if scene.render.use_compositing and has_compositor(scene):
         blocker = compositor_blocker(scene)
         if blocker is not None:
@@ -300,13 +298,9 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
         view.use = view.name in ("left", "right")
     for view_layer in scene.view_layers:
         view_layer.use = view_layer.name == layer
-        if hasattr(view_layer, "cycles"):
-            view_layer.cycles.use_denoising = False
-            view_layer.cycles.denoising_store_passes = False
     scene.view_layers[layer].use_pass_combined = True
     scene.view_layers[layer].use_pass_z = True
     if scene.render.engine == CYCLES:
-        scene.cycles.use_denoising = False
         scene.cycles.time_limit = 0.0
 
 
@@ -327,6 +321,10 @@ def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOve
         scene.driver_remove("cycles.seed")
         if overrides.seed is not None:
             scene.cycles.seed = overrides.seed
+        if overrides.denoise is not None:
+            scene.cycles.use_denoising = overrides.denoise
+            for layer in scene.view_layers:
+                layer.cycles.use_denoising = overrides.denoise
     stereo = camera.stereo
     if overrides.interocular_distance is not None:
         stereo.interocular_distance = overrides.interocular_distance

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.metrics import noise_ratio, rmse, squared_error, tile_rmse, tone, worst_tiles
+from stereo_reproject.metrics import border_step, noise_ratio, rmse, squared_error, tile_rmse, tone, worst_tiles
 
 SHAPE = (170, 250)  # not a multiple of the tiles' 16
 
@@ -116,3 +116,17 @@ def test_a_firefly_does_not_drown_the_rest():
     ours, reference, again = noisy(3), noisy(1), noisy(2)
     ours[5, 5, :3] = 1e7
     assert noise_ratio(ours, reference, again) == pytest.approx(1.0, abs=RATIO_TOLERANCE)
+
+
+def test_the_step_across_borders_is_that_of_a_seam():
+    picture = np.full((20, 30, 3), 1.0, np.float32)
+    holes = np.zeros((20, 30), bool)
+    holes[5:10, 5:15] = True
+    assert border_step(picture, holes) == 0.0
+    picture[holes] = 3.0
+    assert border_step(picture, holes) == pytest.approx(0.25)
+    assert border_step(picture, ~holes) == border_step(picture, holes)
+
+
+def test_without_a_border_there_is_no_step():
+    assert border_step(np.random.default_rng(0).random((8, 8, 4)), np.ones((8, 8), bool)) == 0.0

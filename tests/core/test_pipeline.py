@@ -87,6 +87,7 @@ class Caster:
     asked: list = field(default_factory=list)
     deepest: float = 0.0
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
+    foreign: bool = False
 
     def picture(self, view, seed):
         return self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)

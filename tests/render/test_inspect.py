@@ -197,11 +197,12 @@ def test_without_a_distance_between_the_eyes_nothing_is_seen_differently(mirror_
     assert predicted["refine_seconds"] == {"low": 0.0, "high": 0.0}
 
 
-def test_eevee_renders_both_eyes_whole(mirror_scene, tmp_path):
+def test_of_eevee_it_is_said_how_it_is_done(mirror_scene, tmp_path):
     mirror_scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
     found = inspect_scene(mirror_scene, StereoSettings(), tmp_path)
-    assert found["predicted"]["fill"]["method"] == "full"
-    assert found["predicted"]["gain"] == {"low": 1.0, "high": 1.0}
+    assert found["predicted"]["fill"]["method"] == "packed"
+    assert "unless a second EEVEE render" in found["predicted"]["fill"]["reason"]
+    assert found["predicted"]["gain"] == {"low": 1.0, "high": 2.0}
     assert found["passes"] == ["Combined", "Depth"]
 
 

@@ -1,0 +1,97 @@
+"""Pictures denoised by Cycles' own denoiser, apart from any render: to the bit what it makes of a render of its own.
+
+Cycles denoises files for whoever renders an animation first and denoises it afterwards. It takes a view layer's
+settings, its device and its denoiser, OpenImageDenoise or OptiX, as it does after a render.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..denoising import Denoise
+from ..errors import StereoReprojectError
+from ..exr import read_channels, write_channels
+from ..passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .scene import CYCLES, changed, rendered_layer
+
+ALBEDO, NORMAL = "Denoising Albedo", "Denoising Normal"
+
+CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))
+"""The passes that are denoised or guide it: by our name, by Blender's, and their channels."""
+
+
+def denoises(scene: bpy.types.Scene) -> bool:
+    """Whether a working scene's layer comes out of a render denoised."""
+    return scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
+
+
+def leave_noisy(scene: bpy.types.Scene, folder: Path) -> Denoise:
+    """Have a working scene rendered without denoising, with all that it takes to denoise its pictures afterwards.
+
+    What denoises them as the scene would have; it raises StereoReprojectError.
+    """
+    scene.cycles.use_denoising = False
+    rendered_layer(scene).cycles.denoising_store_passes = True
+    return lambda pictures: denoise_pictures(scene, pictures, folder)
+
+
+def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:
+    """The colours (H, W, 3), scene-linear, of pictures of one size without their noise; see `denoising.Denoise`.
+
+    scene is a working scene that Cycles renders, folder is private. Raises StereoReprojectError.
+    """
+    layer = rendered_layer(scene)
+    with tempfile.TemporaryDirectory(dir=folder) as own, changed(scene.cycles, use_denoising=True):
+        before, after = Path(own) / "noisy.exr", Path(own) / "clean.exr"
+        channels, texts = _as_layers(pictures)
+        write_channels(before, channels, texts)
+        override = bpy.context.temp_override(scene=scene, view_layer=layer)
+        try:
+            with override:  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                bpy.ops.cycles.denoise_animation(input_filepath=str(before), output_filepath=str(after))
+        except RuntimeError as error:
+            raise StereoReprojectError(f"the denoiser failed: {' '.join(str(error).split())}") from error
+        if not after.exists():
+            raise StereoReprojectError("the denoiser gave nothing back: is the disk full?")
+        clean = read_channels(after)
+    return [_of_layer(clean, name) for name in map(_layer_name, range(len(pictures)))]
+
+
+def _layer_name(number: int) -> str:
+    return f"Picture{number}"
+
+
+def _as_layers(pictures: Sequence[Passes]) -> tuple[dict[str, NDArray], dict[str, str]]:
+    """The channels of a file that has each picture as a view layer, and the texts that Cycles looks for in it.
+
+    Cycles denoises its buffers, whose first row is the lowest, and asks for a pass that it has no use for here.
+    """
+    channels: dict[str, NDArray] = {}
+    texts: dict[str, str] = {}
+    for number, picture in enumerate(pictures):
+        name = _layer_name(number)
+        for ours, theirs, letters in CHANNELS:
+            for k, letter in enumerate(letters):
+                channels[f"{name}.{theirs}.{letter}"] = np.ascontiguousarray(picture[ours][::-1, :, k], np.float32)
+        nothing = np.zeros(picture[NOISY_PASS].shape[:2], np.float32)
+        channels.update({f"{name}.Vector.{letter}": nothing for letter in "XYZW"})
+        texts[f"cycles.{name}.samples"] = "1"
+    return channels, texts
+
+
+def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+    return np.stack([channels[f"{name}.{COLOUR_PASS}.{letter}"] for letter in "RGB"], axis=-1)[::-1]
+
+
+def guided_by(passes: Passes, *, keep: bool) -> Passes:
+    """A render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them."""
+    ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
+    if keep:
+        return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}
+    return {name: image for name, image in passes.items() if not name.startswith("Denoising ")} | ours
