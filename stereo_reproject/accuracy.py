@@ -11,8 +11,11 @@ STEP = 1.0 / 255.0
 
 
 DENOISED_SPACING = 0.75
-DENOISED_LIMIT = 0.9
-LEAST_LIMIT = 1.1
+"""Side of a probe's tile in a denoised picture over the one in a noisy picture."""
+
+DENOISED_LIMIT = 1.5
+"""The limit of a tile's noise ratio in a denoised picture over the one in a noisy picture, whose noise is seven times
+as large: it is only roughly told, and what it is a ratio to can hardly be seen."""
 
 
 @dataclass(frozen=True)
@@ -77,4 +80,4 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
 def for_denoised(accuracy: Accuracy) -> Accuracy:
     """The same for a picture that is denoised: an error shows beside less noise, and more probes are needed for it."""
     spacing = max(round(DENOISED_SPACING * accuracy.probe_spacing), 2)
-    return replace(accuracy, probe_spacing=spacing, tile_limit=max(DENOISED_LIMIT * accuracy.tile_limit, LEAST_LIMIT))
+    return replace(accuracy, probe_spacing=spacing, tile_limit=DENOISED_LIMIT * accuracy.tile_limit)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from .metrics import tone
 from .probes import Probes
 
-REACH = 3
-"""Tiles each way whose probes tell what a tile is off by."""
+REACHES = (4, 2, 1)
+"""Tiles each way whose probes tell what a tile is off by: slow changes by many, and what is left of faster ones by the
+nearest, as far as those are sure of it."""
 
-DOUBT = 6.0
+DOUBT = 8.0
 """How many times its own variance is taken off the square of what is told: less is left where it may be chance."""
 
 FACTOR = 2.0
@@ -87,11 +88,15 @@ def bias_of(probes: Probes, w: NDArray, a: NDArray, b: NDArray, shown: NDArray[n
     numbers = shown[probes.rows, probes.columns]
     residual, variance = 0.5 * (a + b) - w, np.mean((a - b) ** 2, axis=-1) / 4.0
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
-    nearby = alike.sum(variance) / np.maximum(alike.sum(np.ones_like(variance)), 1.0)
+    nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
     weight = known / (nearby + 1e-6)
-    own = weight[:, None] * residual
-    told, certainty = alike.sum(own), alike.sum(weight)
-    return Bias(probes, _beyond_doubt(told, certainty), _beyond_doubt(told - own, certainty - weight), numbers)
+    added, without_own = np.zeros_like(residual), np.zeros_like(residual)
+    for reach in REACHES:
+        left = weight[:, None] * (residual - added)
+        told, certainty = alike.sum(left, reach), alike.sum(weight, reach)
+        without_own += _beyond_doubt(told - left, certainty - weight)
+        added += _beyond_doubt(told, certainty)
+    return Bias(probes, added, without_own, numbers)
 
 
 def _beyond_doubt(told: NDArray, certainty: NDArray) -> NDArray[np.float64]:
@@ -104,19 +109,19 @@ def _beyond_doubt(told: NDArray, certainty: NDArray) -> NDArray[np.float64]:
 
 
 class _Neighbours:
-    """Sums over the tiles within REACH of each that show the same as it does."""
+    """Sums over the tiles around each that show the same as it does."""
 
     def __init__(self, probes: Probes, shown: NDArray, known: NDArray[np.bool_]) -> None:
         self._probes = probes
         self._shown = self._grid(np.where(known, shown, -1), -1)
 
-    def sum(self, values: NDArray) -> NDArray[np.float64]:
-        """(N, ...) of values (N, ...), each's own among them."""
+    def sum(self, values: NDArray, reach: int) -> NDArray[np.float64]:
+        """(N, ...) of values (N, ...) over `reach` tiles each way, each's own among them."""
         grid, shown = self._grid(values, 0.0), self._shown
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
-        for down in range(-REACH, REACH + 1):
-            for right in range(-REACH, REACH + 1):
+        for down in range(-reach, reach + 1):
+            for right in range(-reach, reach + 1):
                 here = np.s_[max(-down, 0) : height - max(down, 0), max(-right, 0) : width - max(right, 0)]
                 there = np.s_[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)]
                 same = shown[here] == shown[there]

@@ -23,6 +23,9 @@ from .risk import box_sum
 BELIEVED = 0.5
 """Share of what a tile is taken to be off by that its own probe tells, the rest being told by its material."""
 
+MOST = 0.75
+"""Share of the tiles that are taken to be right."""
+
 NOISE_REACH = (4, 4)
 """Pixels, down and across, over which the source's noise is averaged."""
 
@@ -62,7 +65,7 @@ def look(
     told = squared_error(_denoised_probes(probes, passes, once, denoising), bias.at_probes(before))
     noise = probes.around_and_own(squared_error(once, again)) + NOISELESS
     # Most tiles are right: what they are told to be off by is the noise of the telling.
-    error = np.maximum(told - np.median(told / noise) * noise, 0.0)
+    error = np.maximum(told - np.quantile(told / noise, MOST) * noise, 0.0)
     own, by_material = error * probes.in_tiles(warped), _by_material(probes, error, np.where(warped, risk, 0.0), kinds)
     likely = BELIEVED * own + (1.0 - BELIEVED) * by_material
     return Look(

@@ -131,8 +131,8 @@ def render_stereo_frame(
 
     on_stage is told the name of each stage as it begins: source, denoise, warp, pilot, fill, refine, composite, denoise
     again, and account, which comes after the pair is finished and is not in the total. accuracy takes the place of the
-    one that the settings name. Raises BadInputError when the settings cannot be met for this scene, StereoReprojectError when a
-    render fails.
+    one that the settings name. Raises BadInputError when the settings cannot be met for this scene, and
+    StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
     accuracy = accuracy_of(settings) if accuracy is None else accuracy

@@ -60,12 +60,17 @@ class Prediction:
 
     @property
     def multiview(self) -> float:
-        """Blender's own multiview renders both eyes, and syncs the scene once."""
-        return self.source.seconds + self.source.per_frame
+        """Blender's own multiview renders both eyes, denoises both, and syncs the scene once."""
+        return self.source.seconds + self.source.per_frame + self.denoise
+
+    @property
+    def denoise(self) -> float:
+        """Of both eyes."""
+        return 2.0 * self.source.denoise_seconds
 
     @property
     def total(self) -> tuple[float, float]:
-        least = self.source.seconds + self.warp + self.fill_seconds
+        least = self.source.seconds + self.denoise + self.warp + self.fill_seconds
         return least + self.refine[0], least + self.refine[1]
 
     @property
@@ -160,6 +165,7 @@ def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
     return {
         "rests_on": rests_on,
         "source_seconds": prediction.source.seconds,
+        "denoise_seconds": prediction.denoise,
         "warp_seconds": prediction.warp,
         "fill": {
             "method": prediction.fill.method,

@@ -36,9 +36,8 @@ BEYOND_DOUBT = 10.0
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
 
-DENOISED_SURE = -1.0
-"""The same of a denoised picture, of which single traces tell little: the frame is refined for what is certain, and
-its tiles one by one for what is likely."""
+STANDS_OUT = 0.4
+"""Share of the excess of a denoised frame that stands out of what its probes tell."""
 
 ROUGHLY = 0.5
 """Standard error, as a share of it, of what denoised probes say of a tile."""
@@ -110,13 +109,26 @@ def choose_refined(
     # Where nothing is likely to be gained, nothing is: what a lone probe says of its own tile is for the estimate.
     candidates = np.nonzero(free & (likely > 0.0))[0]
     order = candidates[np.argsort(-likely[candidates], kind="stable")]
-    excess, error = _remaining(measured, order)
-    bound = excess + (sure if measured.likely is None else DENOISED_SURE) * error
+    bound = _bound(measured, order, likely, sure)
     reached = np.nonzero(bound <= promise**2 - 1.0)[0]
     count = int(reached[0]) if reached.size else int(np.argmin(bound))
     chosen = np.zeros(free.size, bool)
     chosen[order[:count]] = True
     return chosen | (free & _beyond(measured, worst, unseen)) if np.isfinite(worst) else chosen
+
+
+def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: float) -> NDArray[np.float64]:
+    """(K + 1,): what is to come down to the promise's excess when the first k tiles of `order` (K,) are traced.
+
+    The excess of the frame with some certainty. What single traces say of a denoised picture is nearly all noise: there
+    it is what tiles are likely (N,) to have, and as those are told that stand out, what does not is reckoned in.
+    """
+    if measured.likely is None:
+        excess, error = _remaining(measured, order)
+        return excess + sure * error
+    left = np.where(measured.refined, 0.0, likely * measured.pixels)
+    gone = np.concatenate([[0.0], np.cumsum(left[order])])
+    return (left.sum() - gone) / measured.frame_noise / STANDS_OUT
 
 
 def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -132,7 +144,7 @@ def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float
     likely = scale * measured.likely / measured.pixels
     for reach in (NEIGHBOURS, NEAREST):
         told, error = _with_materials(measured, *_nearby(measured, reach))
-        likely = np.maximum(likely, np.where(told > error, told, 0.0))
+        likely = np.maximum(likely, np.where(told > CONFIDENT * error, told, 0.0))
     return likely, ROUGHLY * likely
 
 

@@ -19,9 +19,11 @@ from ..stereo_pair import StereoPair
 from ..work_folder import flush, work_folder
 from .compositor import is_composited
 from .delivery import Eyes, EyesAt, deliver_frames
-from .frame import render_pair
+from .frame import render_pair, value_warnings
+from .image_settings import writes_half_floats
 from .output_paths import check_file_outputs, output_files
-from .scene import scene_frames, scene_warnings
+from .scene import scene_frames
+from .scene_warnings import scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
@@ -112,7 +114,10 @@ def _render_frame(
     writer.write(frame, pair)
     for view in VIEWS:
         write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
-    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}, report["warnings"]
+    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}, [
+        *report["warnings"],
+        *value_warnings(pair, half=writes_half_floats(scene)),
+    ]
 
 
 class _Stills:

@@ -19,6 +19,7 @@ from ..exr import VIEWS, write_eye, write_stereo
 from ..parallax import visible_parallax
 from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..ranges import range_warnings
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
 from ..stereo_pair import StereoPair
@@ -31,7 +32,8 @@ from .output_paths import check_file_outputs
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, check_layers, evaluated, scene_warnings, working_scene
+from .scene import CYCLES, check_layers, evaluated, working_scene
+from .scene_warnings import scene_warnings
 
 STEREO_PICTURE = "stereo.png"
 
@@ -66,7 +68,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
-    report["warnings"] += scene_warnings(scene) + _invalid_warnings(pair)
+    report["warnings"] += scene_warnings(scene) + value_warnings(pair)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)
@@ -195,9 +197,14 @@ def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
     return {name: estimates[..., k : k + 1] for k, name in enumerate(names)}
 
 
-def _invalid_warnings(pair: StereoPair) -> list[str]:
+def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
+    """A line each for what a picture should not hold, or a file of half floats cannot."""
     invalid = pair.invalid_pixels.items()
-    return [f"{count} pixels of the {view} eye were no numbers and are black" for view, count in invalid if count]
+    warnings = [f"{count} pixels of the {view} eye were no numbers and are black" for view, count in invalid if count]
+    for view, layers in pair.eyes.items():
+        for passes in layers.values():
+            warnings += range_warnings(passes, view=view, half=half)
+    return list(dict.fromkeys(warnings))
 
 
 def _peak_mb() -> float | None:

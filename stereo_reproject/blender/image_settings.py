@@ -122,3 +122,9 @@ def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
         for point, (location, handle_type) in zip(curve.points, points, strict=True):
             point.location, point.handle_type = location, handle_type
     mapping.update()
+
+
+def writes_half_floats(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's own output is of half floats."""
+    settings = scene.render.image_settings
+    return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy import Accuracy, accuracy_of
+from ..accuracy import Accuracy, accuracy_of, for_denoised
 from ..camera import see_the_same
 from ..composite import contain
+from ..denoising import Denoise, Denoising
 from ..effects import SEEN_DIFFERENTLY, Effect
 from ..effects_pass import CRYPTOMATTE
 from ..fill import SourceCost, check_fill, choose_fill
@@ -37,7 +39,8 @@ from .eevee import EeveeRenderer, renderer_of
 from .frame import frame_facts, parallax_fields
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, make_small, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, make_small, rendered_layer, working_scene
+from .scene_warnings import first_layer_alone, scene_warnings
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -71,7 +74,8 @@ def inspect_scene(
             check_fill(settings.fill, renderer.fill_blockers())
             rows = effects_rows(renderer.plan)
             passes = _passes(working, renderer)
-            warnings = [*scene_warnings(scene), *renderer.warnings]
+            alone = first_layer_alone(scene, "what is found and predicted is that")
+            warnings = [*scene_warnings(scene), *renderer.warnings, *alone]
             predicted = parallax = None
             if sketch and isinstance(renderer, EeveeRenderer):
                 predicted = _predicted_of_eevee(renderer, settings)
@@ -143,11 +147,15 @@ def _predicted(
     pixels = facts["size"][0] * facts["size"][1]
     blockers = _blockers(renderer, settings, source)
     called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
+    accuracy, cost = accuracy_of(settings), predict_source(sketch, pixels, facts["samples"])
+    if renderer.denoise is not None:
+        seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
+        accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
     prediction = predict(
-        predict_source(sketch, pixels, facts["samples"]),
+        cost,
         warp_seconds * pixels / reasons.size,
         predict_holes(reasons, scale),
-        accuracy_of(settings),
+        accuracy,
         settings.fill,
         blockers,
         shown_differently(called_for, flags),
@@ -159,6 +167,15 @@ def _predicted(
         **prediction_fields(prediction, f"{what}, which took {sum(seconds):.1f} s"),
         "sketch": {"size": size, "samples": list(samples), "seconds": seconds},
     }
+
+
+def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
+    """What denoising the sketch takes, once the denoiser is set up."""
+    denoising = Denoising(denoise)
+    denoising.of(sketch)
+    start = time.perf_counter()
+    denoising.of(sketch)
+    return time.perf_counter() - start
 
 
 def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passes) -> dict[str, str | None]:

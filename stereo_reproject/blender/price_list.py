@@ -33,7 +33,8 @@ from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_l
 from .compare import Peer, render_peer
 from .frame import frame_facts
 from .renderer import BlenderRenderer
-from .scene import CYCLES, first_layer_alone, make_small, rendered_layer, scene_warnings, working_scene
+from .scene import CYCLES, make_small, rendered_layer, working_scene
+from .scene_warnings import first_layer_alone, scene_warnings
 
 OnStage = Callable[[str, str], None]
 

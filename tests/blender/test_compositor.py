@@ -12,7 +12,7 @@ import pytest
 from stereo_reproject.blender.compositor import compositor_blocker, compositor_tree, is_composited
 from stereo_reproject.blender.delivery import deliver_composited, deliver_frames, deliver_to_result
 from stereo_reproject.blender.pictures import read_png
-from stereo_reproject.blender.scene import scene_warnings
+from stereo_reproject.blender.scene_warnings import scene_warnings
 from stereo_reproject.exr import CRYPTOMATTE_KEY, _read_parts
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (

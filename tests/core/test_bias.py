@@ -1,0 +1,100 @@
+"""What probes tell together of a slow error is taken away, and nothing else is touched."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.bias import FACTOR, bias_of
+from stereo_reproject.metrics import squared_error
+from stereo_reproject.probes import place_regular_probes
+
+SIZE = (240, 320)
+NOISE = 0.06
+SPACING = 6
+
+
+class Warped:
+    """A grey picture that is off by a slowly changing amount where it shows material 1, and right where it shows 0."""
+
+    def __init__(self, amount, *, seed=1):
+        self.rng = np.random.default_rng(seed)
+        y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
+        self.truth = np.full((*SIZE, 4), 0.5, np.float32)
+        self.shown = (x > SIZE[1] // 2).astype(int)
+        off = amount * self.shown * (0.5 + 0.5 * np.sin(y / 60.0))
+        self.colour = self.truth.copy()
+        self.colour[..., :3] += off[..., None].astype(np.float32)
+        self.probes = place_regular_probes(np.ones(SIZE, bool), spacing=SPACING, seed=seed)
+
+    def traces(self):
+        truth = self.truth[self.probes.mask]
+        return [truth + self.rng.normal(0.0, NOISE, truth.shape) for _ in range(2)]
+
+    def bias(self, spoil=lambda a, b: None):
+        a, b = self.traces()
+        spoil(a, b)
+        return bias_of(self.probes, self.colour[self.probes.mask], a, b, self.shown)
+
+    def corrected(self, bias):
+        return bias.corrected(self.colour, np.ones(SIZE, bool), self.shown)
+
+    def error(self, colour, material):
+        return squared_error(colour, self.truth)[self.shown == material].mean()
+
+
+def test_a_slow_error_goes():
+    warped = Warped(0.05)
+    corrected = warped.corrected(warped.bias())
+    assert warped.error(corrected, 1) < 0.1 * warped.error(warped.colour, 1)
+
+
+def test_what_is_right_is_hardly_touched_though_its_neighbour_is_wrong():
+    """A hundredth of the variance of one trace: what is added is less than a denoiser leaves."""
+    warped = Warped(0.2)
+    noise = squared_error(warped.truth + NOISE, warped.truth).mean()
+    assert warped.error(warped.corrected(warped.bias()), 0) < 0.01 * noise
+
+
+def test_without_an_error_chance_adds_little():
+    warped = Warped(0.0)
+    bias = warped.bias()
+    assert np.mean(np.any(bias.added != 0.0, axis=1)) < 0.15
+    assert warped.error(warped.corrected(bias), 1) < 0.01 * NOISE**2
+
+
+def test_only_the_pixels_that_are_asked_for_change():
+    warped = Warped(0.05)
+    pixels = np.zeros(SIZE, bool)
+    pixels[50:60] = True
+    corrected = warped.bias().corrected(warped.colour, pixels, warped.shown)
+    assert np.array_equal(corrected[~pixels], warped.colour[~pixels])
+    assert not np.array_equal(corrected[pixels], warped.colour[pixels])
+    assert np.array_equal(corrected[..., 3], warped.colour[..., 3])
+
+
+def test_a_probe_has_no_say_in_what_the_others_tell_of_its_tile():
+    def shout(a, b):
+        a[700] = b[700] = 50.0
+
+    quiet, loud = Warped(0.05), Warped(0.05)
+    others = [w.bias(spoil).without_own[700] for w, spoil in ((quiet, lambda a, b: None), (loud, shout))]
+    # Its noise is part of what its neighbours' is judged by, but no more.
+    assert np.allclose(others[0], others[1], atol=0.02)
+
+
+def test_a_probe_that_is_no_number_says_nothing():
+    def spoil(a, b):
+        a[10], b[11] = np.nan, np.inf
+
+    warped = Warped(0.05)
+    bias = warped.bias(spoil)
+    assert np.isfinite(bias.added).all()
+    assert np.isfinite(warped.corrected(bias)).all()
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-6, 1e4])
+def test_no_colour_becomes_negative_or_many_times_brighter(value):
+    warped = Warped(0.0)
+    warped.colour[..., :3] = value
+    corrected = warped.corrected(warped.bias())
+    assert corrected.min() >= 0.0
+    assert (corrected[..., :3] <= FACTOR * value).all()
