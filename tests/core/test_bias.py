@@ -29,9 +29,10 @@ class Warped:
         truth = self.truth[self.probes.mask]
         return [truth + self.rng.normal(0.0, NOISE, truth.shape) for _ in range(2)]
 
-    def bias(self, spoil=lambda a, b: None):
+    def bias(self, spoil=None):
         a, b = self.traces()
-        spoil(a, b)
+        if spoil:
+            spoil(a, b)
         return bias_of(self.probes, self.colour[self.probes.mask], a, b, self.shown)
 
     def corrected(self, bias):
@@ -76,7 +77,7 @@ def test_a_probe_has_no_say_in_what_the_others_tell_of_its_tile():
         a[700] = b[700] = 50.0
 
     quiet, loud = Warped(0.05), Warped(0.05)
-    others = [w.bias(spoil).without_own[700] for w, spoil in ((quiet, lambda a, b: None), (loud, shout))]
+    others = [w.bias(spoil).without_own[700] for w, spoil in ((quiet, None), (loud, shout))]
     # Its noise is part of what its neighbours' is judged by, but no more.
     assert np.allclose(others[0], others[1], atol=0.02)
 

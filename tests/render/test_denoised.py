@@ -1,0 +1,104 @@
+"""A denoised pair: both eyes alike, no noisy holes in a clean picture, and nothing of it where it is not asked for."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.frame import render_files
+from stereo_reproject.exr import read_eye
+from stereo_reproject.metrics import noise_ratio, tone
+from stereo_reproject.passes import COLOUR_PASS
+from stereo_reproject.settings import SceneOverrides, StereoSettings
+from tests.blender.snapshot import everything
+from tests.blender.toolbox import add_cube, diffuse, mirror_before_wall, noise_image, render_plain
+
+pytestmark = pytest.mark.blender
+
+SIZE = (160, 90)
+
+AS_GOOD = 1.35
+"""Noise ratio of a picture of 14 400 pixels at `balanced`, which promises 1.1: between two seeds the noise that a
+denoiser leaves is no more alike than that, and a tile here is a hundredth of the picture."""
+
+STEP = 1.15
+"""How much larger the step from a traced pixel to a warped one may be than in the same place of a plain render."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    scene = mirror_before_wall(*SIZE, samples=16)
+    wall = diffuse("paper", image=noise_image(tmp_path))
+    add_cube(scene, wall, size=1.2, location=(-1.6, 0.6, -5.0))
+    scene.cycles.use_denoising = True
+    return scene
+
+
+def pair(scene, tmp_path, **overrides):
+    (tmp_path / "work").mkdir()
+    settings = StereoSettings(fill="packed", scene=SceneOverrides(seed=1, **overrides))
+    report, _ = render_files(scene, settings, tmp_path / "work")
+    eyes = {v: next(iter(read_eye(tmp_path / "work" / "out" / f"{v}.exr").values())) for v in ("left", "right")}
+    return eyes, report
+
+
+def steps(colour, traced):
+    """Differences between neighbours of which one was traced and the other not."""
+    toned, border = tone(colour), traced[:, 1:] != traced[:, :-1]
+    return np.abs(np.diff(toned, axis=1)).mean(axis=-1)[border].mean()
+
+
+def test_both_eyes_come_out_denoised(scene, tmp_path):
+    before = everything()
+    eyes, report = pair(scene, tmp_path)
+    assert everything() == before
+    left = render_plain(scene, tmp_path, seed=1, views=("left",))["left"][COLOUR_PASS]
+    a, b = (render_plain(scene, tmp_path, seed=seed, views=("right",))["right"][COLOUR_PASS] for seed in (11, 12))
+    assert np.array_equal(eyes["left"][COLOUR_PASS], left)
+    assert noise_ratio(eyes["right"][COLOUR_PASS], a, b) < AS_GOOD
+    assert report["seconds"]["denoise"] > 0.0
+    assert report["fractions"]["rerendered"] < 0.8
+    assert not any(name.startswith((".", "Denoising", "Noisy")) for name in eyes["right"])
+
+
+def test_no_seam_shows_around_what_was_traced(scene, tmp_path):
+    from stereo_reproject.blender.pictures import COLOURS, read_png
+
+    eyes, _ = pair(scene, tmp_path)
+    plain = render_plain(scene, tmp_path, seed=11, views=("right",))["right"][COLOUR_PASS]
+    shown = np.round(255.0 * read_png(tmp_path / "work" / "out" / "holes.png")[: SIZE[1]]).astype(int)
+    traced = np.any([np.all(shown == colour, axis=-1) for colour in COLOURS.values()], axis=0)
+    assert 0.02 < traced.mean() < 0.9
+    assert steps(eyes["right"][COLOUR_PASS], traced) < STEP * steps(plain, traced)
+
+
+def test_without_denoising_nothing_of_it_happens(scene, tmp_path):
+    eyes, report = pair(scene, tmp_path, denoise=False)
+    scene.cycles.use_denoising = False
+    left = render_plain(scene, tmp_path, seed=1, views=("left",))["left"][COLOUR_PASS]
+    assert np.array_equal(eyes["left"][COLOUR_PASS], left)
+    assert "denoise" not in report["seconds"]
+
+
+def test_the_option_denoises_a_scene_that_does_not(scene, tmp_path):
+    scene.cycles.use_denoising = scene.view_layers[0].cycles.use_denoising = False
+    eyes, _ = pair(scene, tmp_path, denoise=True)
+    noisy = render_plain(scene, tmp_path, seed=1, views=("left",))["left"][COLOUR_PASS]
+    assert not np.array_equal(eyes["left"][COLOUR_PASS], noisy)
+    assert not scene.cycles.use_denoising
+
+
+def test_denoising_data_come_out_for_both_eyes(scene, tmp_path):
+    scene.view_layers[0].cycles.denoising_store_passes = True
+    eyes, _ = pair(scene, tmp_path)
+    for passes in eyes.values():
+        assert {"Noisy Image", "Denoising Albedo", "Denoising Normal", "Denoising Depth"} <= set(passes)
+        assert np.all(np.isfinite(passes["Noisy Image"]))
+        assert not np.array_equal(passes["Noisy Image"], passes[COLOUR_PASS])
+
+
+@pytest.mark.parametrize("fill", ["card", "full"])
+def test_other_ways_to_trace_are_denoised_too(scene, tmp_path, fill):
+    (tmp_path / "work").mkdir()
+    render_files(scene, StereoSettings(fill=fill, scene=SceneOverrides(seed=1)), tmp_path / "work")
+    right = next(iter(read_eye(tmp_path / "work" / "out" / "right.exr").values()))[COLOUR_PASS]
+    a, b = (render_plain(scene, tmp_path, seed=seed, views=("right",))["right"][COLOUR_PASS] for seed in (11, 12))
+    assert noise_ratio(right, a, b) < AS_GOOD
