@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.price import WHOLE
+from ..stereo_reproject.report import IN_ORDER, OUTSIDE_TOTAL
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
@@ -83,8 +84,10 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
         _draw_estimate(column, context, report)
         compare = report.get("compare")
         if compare:
-            _row(column, "Noise ratio, measured", f"{compare['noise_ratio']:.3f}")
-            _row(column, "Worst tiles, measured", f"{compare['worst_tiles']:.2f}")
+            # Null where two plain renders are the same, as EEVEE's are: there is no noise that it could be a ratio to.
+            for words, name in (("Noise ratio", "noise_ratio"), ("Worst tiles", "worst_tiles"), ("Error", "rmse")):
+                if compare[name] is not None:
+                    _row(column, f"{words}, measured", f"{compare[name]:.3f}")
         price = report["price"]
         paragraph(self.layout, context, _price(price))
 
@@ -122,9 +125,9 @@ class IMAGE_PT_stereo_reproject_times(_Part):
         assert report is not None
         seconds = report["seconds"]
         column = self.layout.column(align=True)
-        for name in ("source", "warp", "pilot", "fill", "refine", "composite", "total"):
+        for name in (*(stage for stage in IN_ORDER if stage not in OUTSIDE_TOTAL), "total"):
             if seconds.get(name, 0.0) >= 0.005:
-                _row(column, name.capitalize(), f"{seconds[name]:.2f} s")
+                _row(column, name.replace("_", " ").capitalize(), f"{seconds[name]:.2f} s")
         compare = report.get("compare")
         if compare:
             _row(column, "Multiview, measured", f"{compare['multiview_seconds']:.2f} s")

@@ -136,9 +136,11 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     refine = predicted["refine_seconds"]
     return {
         "source": predicted["source_seconds"],
+        "denoise_source": 0.5 * predicted["denoise_seconds"],
         "warp": predicted["warp_seconds"],
         "fill": predicted["fill"]["seconds"],
         "refine": 0.5 * (refine["low"] + refine["high"]),
+        "denoise_target": 0.5 * predicted["denoise_seconds"],
     }
 
 

@@ -80,4 +80,5 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
 def for_denoised(accuracy: Accuracy) -> Accuracy:
     """The same for a picture that is denoised: an error shows beside less noise, and more probes are needed for it."""
     spacing = max(round(DENOISED_SPACING * accuracy.probe_spacing), 2)
-    return replace(accuracy, probe_spacing=spacing, tile_limit=DENOISED_LIMIT * accuracy.tile_limit)
+    limit = accuracy.tile_limit if accuracy.promises_worst_tiles else DENOISED_LIMIT * accuracy.tile_limit
+    return replace(accuracy, probe_spacing=spacing, tile_limit=limit)

@@ -49,20 +49,24 @@ def look(
     traces: tuple[NDArray[np.float32], NDArray[np.float32]],
     before: NDArray[np.float32],
     *,
+    noisy: NDArray[np.float32],
     risk: NDArray[np.float32],
     shown: NDArray[np.integer] | None,
     denoising: Denoising,
 ) -> Look:
     """passes are the target's, with the traced pixels among them; warped (H, W) the pixels whose colour is not traced.
 
-    traces are the scene-linear colours (N, 4) of each probe's two, before (N, C) what the warp had there. risk (H, W)
+    traces are the scene-linear colours (N, 4) of each probe's two, before (N, C) what the warp had there, and noisy
+    (H, W, 4) what it has of the source before that was denoised. risk (H, W)
     is what may be wrong, shown (H, W) a number for what each pixel shows, if that is known.
     """
     once, again = traces
     kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
     bias = bias_of(probes, before, once, again, kinds)
     colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
-    told = squared_error(_denoised_probes(probes, passes, once, denoising), bias.at_probes(before))
+    target, source = _denoised_probes(probes, passes, (once, noisy[probes.rows, probes.columns]), denoising)
+    # A detail finer than a tile shows in one of the two, an error in both.
+    told = np.minimum(squared_error(target, bias.at_probes(before)), squared_error(target, bias.at_probes(source)))
     noise = probes.around_and_own(squared_error(once, again)) + NOISELESS
     # Most tiles are right: what they are told to be off by is the noise of the telling.
     error = np.maximum(told - np.quantile(told / noise, MOST) * noise, 0.0)
@@ -82,9 +86,9 @@ def _source_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> 
 
 
 def _denoised_probes(
-    probes: Probes, passes: Passes, traced: NDArray[np.float32], denoising: Denoising
-) -> NDArray[np.float32]:
-    """(N, 3): the probes' colours (N, 4), denoised as a picture of one pixel a tile."""
+    probes: Probes, passes: Passes, colours: tuple[NDArray[np.float32], ...], denoising: Denoising
+) -> list[NDArray[np.float32]]:
+    """(N, 3) each: colours (N, 4) of the probes' pixels, denoised as a picture of one pixel a tile."""
     height, width = probes.shape
     rows, columns = (
         np.minimum(np.arange(count) * probes.spacing + probes.spacing // 2, size - 1)
@@ -94,8 +98,12 @@ def _denoised_probes(
     # A tile without a probe is traced throughout.
     rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
     small = {name: passes[name][rows, columns] for name in (NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)}
-    small[NOISY_PASS][probes.tiles] = traced
-    return denoising.of(small)[probes.tiles]
+    pictures = []
+    for colour in colours:
+        noisy = small[NOISY_PASS].copy()
+        noisy[probes.tiles] = colour
+        pictures.append({**small, NOISY_PASS: noisy})
+    return [clean[probes.tiles] for clean in denoising.denoise(pictures)]
 
 
 def _by_material(probes: Probes, error: NDArray, risk: NDArray, shown: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
 WINDOW = (128, 160)
 """Height and width of the parts of the source that are denoised a second time."""
 
-WINDOWS = (3, 4)
+WINDOWS = (2, 4)
 """How many of them there are, down and across."""
 
 MARGIN = 24
@@ -52,10 +52,9 @@ def guided(passes: Passes) -> Passes:
     return {name: passes[name] for name in (NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)}
 
 
-def denoise_source(source: Passes, denoise: Denoise) -> tuple[Passes, Denoising]:
-    """The source eye with its colour denoised, and how the target is to be."""
-    clean = {**source, COLOUR_PASS: Denoising(denoise).of(source)}
-    return clean, Denoising(denoise, noise_left(clean, denoise))
+def denoise_source(source: Passes, denoising: Denoising) -> Passes:
+    """The source eye with its colour denoised."""
+    return {**source, COLOUR_PASS: denoising.of(source)}
 
 
 def denoise_target(target: Passes, kept: NDArray[np.bool_], denoising: Denoising) -> Passes:

@@ -14,7 +14,7 @@ from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of, for_denoised
 from .camera import Camera, see_the_same
 from .composite import contain
-from .denoising import Denoise, Denoising, denoise_source, denoise_target
+from .denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from .effects import Effect, EffectsPlan
 from .effects_pass import UNKNOWN, effects_of
 from .fill import FillChoice, SourceCost, check_fill
@@ -129,9 +129,9 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, denoise, warp, pilot, fill, refine, composite, denoise
-    again, and account, which comes after the pair is finished and is not in the total. accuracy takes the place of the
-    one that the settings name. Raises BadInputError when the settings cannot be met for this scene, and
+    on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine, composite,
+    denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy takes the
+    place of the one that the settings name. Raises BadInputError when the settings cannot be met for this scene, and
     StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
@@ -143,11 +143,16 @@ def render_stereo_frame(
     rendered, cost = renderer.render_source(settings.source)
     source, invalid = contain(rendered)
 
-    denoising = None
-    if renderer.denoise is not None:
-        watch.lap("denoise")
-        source, denoising = denoise_source(source, renderer.denoise)
+    may_differ = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
+    watched = may_differ and not renderer.foreign
+    denoising = None if renderer.denoise is None else Denoising(renderer.denoise)
+    if denoising is not None:
+        watch.lap("denoise_source")
+        source = denoise_source(source, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
+        if watched and accuracy.promise is not None:
+            denoising = replace(denoising, noise_left=noise_left(source, denoising.denoise))
+        accuracy = for_denoised(accuracy)
 
     watch.lap("warp")
     motion = renderer.motion
@@ -167,8 +172,6 @@ def render_stereo_frame(
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
     means = Means(settings.fill, cost, blockers)
-    watched = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
-    watched = watched and not renderer.foreign
     target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
         watch.lap("pilot")
@@ -183,7 +186,7 @@ def render_stereo_frame(
     watch.lap("composite")
     finished, lost = contain(target.passes)
     if denoising is not None:
-        watch.lap("denoise")
+        watch.lap("denoise_target")
         finished = denoise_target(finished, target.kept, denoising)
     watch.lap("account")
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
@@ -226,7 +229,6 @@ def _target_eye(
     seed = renderer.seed
     if renderer.foreign:
         return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
-    accuracy = accuracy if denoising is None else for_denoised(accuracy)
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .accuracy import SETTINGS, Accuracy
+from .accuracy import SETTINGS, Accuracy, for_denoised
 from .fill import FillChoice
 from .refinement import choose_refined
 from .reprojection import Reprojection
@@ -62,7 +62,8 @@ def price_of(
         return Price(name, total + more, more, 1.0, complete=True)
     predicted = sum(choice.predicted_seconds for choice in (fill, *refinement.fills))
     pace = spent / predicted if predicted > 0.0 else 1.0
-    to_trace, share = _tracing(SETTINGS[name], reprojection, refinement, means, watched=watched)
+    accuracy = SETTINGS[name] if not means.cost.denoise_seconds else for_denoised(SETTINGS[name])
+    to_trace, share = _tracing(accuracy, reprojection, refinement, means, watched=watched)
     more = max(apart + pace * to_trace - total, 0.0)
     return Price(name, total + more, more, share, complete=refinement.measured is not None or not watched)
 

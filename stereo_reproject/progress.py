@@ -6,11 +6,13 @@ from collections.abc import Mapping
 
 _PAIR = {
     "source": 55.0,
+    "denoise_source": 0.0,
     "warp": 4.0,
     "pilot": 0.0,
     "fill": 20.0,
     "refine": 10.0,
     "composite": 1.0,
+    "denoise_target": 0.0,
     "account": 1.0,
     "write": 4.0,
 }

@@ -17,7 +17,19 @@ from .settings import ACCURACIES, CUSTOM, FILL_METHODS
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = ("load", "source", "denoise", "warp", "pilot", "fill", "refine", "composite", "account", "write")
+IN_ORDER = (
+    "load",
+    "source",
+    "denoise_source",
+    "warp",
+    "pilot",
+    "fill",
+    "refine",
+    "composite",
+    "denoise_target",
+    "account",
+    "write",
+)
 OUTSIDE_TOTAL = ("load", "account", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
@@ -220,12 +232,12 @@ def _number(value: Any, pattern: str) -> str:
 
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
     seconds = report["seconds"]
-    lines = ["took          seconds"]
+    lines = ["took              seconds"]
     stages = [name for name in (*IN_ORDER, *seconds) if name in seconds and name != "total"]
     for name in dict.fromkeys(stages):
         note = "   not in the total" if name in OUTSIDE_TOTAL else ""
-        lines.append(f"  {name:<12}{seconds[name]:8.2f}{note}")
-    lines.append(f"  {'total':<12}{seconds['total']:8.2f}   first render call to composited pair")
+        lines.append(f"  {name.replace('_', ' '):<16}{seconds[name]:8.2f}{note}")
+    lines.append(f"  {'total':<16}{seconds['total']:8.2f}   first render call to finished pair")
     return lines
 
 

@@ -15,7 +15,7 @@ from .denoised_probes import look
 from .denoising import Denoising
 from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
-from .passes import COLOUR_PASS, Passes, filtered
+from .passes import COLOUR_PASS, NOISY_PASS, Passes, filtered
 from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
 from .refinement import (
     Estimate,
@@ -41,6 +41,9 @@ ROUNDS = 2
 
 WORTH_A_RENDER = 0.02
 """Excess that another refining render must be expected to take away where the promise is kept without it."""
+
+WORTH_OF_DENOISED = 0.2
+"""The same for a denoised picture."""
 
 
 class Tracer(Protocol):
@@ -119,6 +122,7 @@ class TargetEye:
         self._seed = seed
         self._denoising = denoising
         self._wanted = np.zeros_like(holes)
+        self._noisy = warped[COLOUR_PASS if denoising is None else NOISY_PASS]
 
     @property
     def kept(self) -> NDArray[np.bool_]:
@@ -192,8 +196,12 @@ class TargetEye:
 
     def _worth_a_render(self, measured: Measured, chosen: NDArray[np.bool_]) -> bool:
         assert self._promise is not None
+        gain = expected_gain(measured, chosen)
+        if self._denoising is not None:
+            # Of which the estimate is too unsure to decide.
+            return gain > WORTH_OF_DENOISED or self._accuracy.promises_worst_tiles
         kept = estimate(measured).noise_ratio <= self._promise and not self._accuracy.promises_worst_tiles
-        return not kept or expected_gain(measured, chosen) > WORTH_A_RENDER
+        return not kept or gain > WORTH_A_RENDER
 
     def _trace(self, method: str, pixels: NDArray[np.bool_]) -> None:
         if pixels.any():
@@ -244,11 +252,16 @@ class TargetEye:
             warped,
             (once, again),
             before,
+            noisy=self._noisy,
             risk=self._contrast.signal,
             shown=shown,
             denoising=self._denoising,
         )
-        self.passes = {**self.passes, COLOUR_PASS: seen.colour}
+        # The traced pixels are to be denoised among neighbours that are as bright as theirs.
+        noisy = self.passes[NOISY_PASS] + np.where(
+            warped[..., None] & ~probes.mask[..., None], seen.colour - colour, 0.0
+        )
+        self.passes = {**self.passes, COLOUR_PASS: seen.colour, NOISY_PASS: np.maximum(noisy, 0.0).astype(np.float32)}
         left = self._denoising.noise_left
         at_probes, first = seen.at_probes, seen.first
         return measure(probes, warped, self._contrast, at_probes, once, again, shown=shown, denoised=left, first=first)

@@ -7,14 +7,14 @@ settings, its device and its denoiser, OpenImageDenoise or OptiX, as it does aft
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..denoising import Denoise
 from ..errors import StereoReprojectError
 from ..exr import read_channels, write_channels
 from ..passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
@@ -31,14 +31,12 @@ def denoises(scene: bpy.types.Scene) -> bool:
     return scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
 
 
-def leave_noisy(scene: bpy.types.Scene, folder: Path) -> Denoise:
-    """Have a working scene rendered without denoising, with all that it takes to denoise its pictures afterwards.
-
-    What denoises them as the scene would have; it raises StereoReprojectError.
-    """
-    scene.cycles.use_denoising = False
-    rendered_layer(scene).cycles.denoising_store_passes = True
-    return lambda pictures: denoise_pictures(scene, pictures, folder)
+@contextmanager
+def left_noisy(scene: bpy.types.Scene) -> Iterator[None]:
+    """A working scene rendered without denoising, with all that it takes to denoise its pictures afterwards."""
+    layer = rendered_layer(scene)
+    with changed(scene.cycles, use_denoising=False), changed(layer.cycles, denoising_store_passes=True):
+        yield
 
 
 def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:

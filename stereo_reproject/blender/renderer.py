@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..denoising import Denoise
 from ..effects import Effect
 from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
-from .denoise import denoises, guided_by, leave_noisy
+from .denoise import denoise_pictures, denoises, guided_by, left_noisy
 from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
@@ -51,7 +53,9 @@ class BlenderRenderer:
         self.motion = eyes_in_motion(scene, self.cameras) if vector_pass_asked_for(scene) else None
         self.metadata: dict[str, str] = {}
         self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
-        self.denoise = leave_noisy(scene, folder) if denoises(scene) else None
+        self.denoise: Denoise | None = None
+        if denoises(scene):
+            self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
         self._traces = 0
 
     @property
@@ -59,19 +63,23 @@ class BlenderRenderer:
         """What may look different from each eye, in words."""
         return self.plan.view_dependent
 
+    def _noisy(self) -> AbstractContextManager[None]:
+        return nullcontext() if self.denoise is None else left_noisy(self.scene)
+
     def _guided(self, passes: Passes) -> Passes:
         return passes if self.denoise is None else guided_by(passes, keep=self._keeps_guides)
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
-        if not self.view_dependent or self.scene.render.engine != CYCLES:
+        ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
+        if ours_too:
+            switch_on_cryptomatte(self.scene)
+        with self._noisy():
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
-            self.metadata.update(rendered.attributes)
-            return self._guided(rendered.views[view]), cost_of(rendered)
-        switch_on_cryptomatte(self.scene)
-        rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         self.metadata.update(rendered.attributes)
         passes = self._guided(rendered.views[view])
+        if not ours_too:
+            return passes, cost_of(rendered)
         layer = rendered_layer(self.scene).name
         ours = {
             EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
@@ -98,12 +106,15 @@ class BlenderRenderer:
         self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
     ) -> Passes:
         masks = [pixels] if twice is None else [pixels, twice]
-        if method == "packed":
-            places = np.concatenate([np.argwhere(mask) for mask in masks])
-            seed = self._next_seed()
-            return self._guided(trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=seed)[1])
-        traced = [self._guided(self._trace_whole(method, view, mask)) for mask in masks]
-        return {name: np.concatenate([part[name] for part in traced]) for name in traced[0]}
+        with self._noisy():
+            if method == "packed":
+                places = np.concatenate([np.argwhere(mask) for mask in masks])
+                seed = self._next_seed()
+                traced = trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=seed)[1]
+            else:
+                apart = [self._trace_whole(method, view, mask) for mask in masks]
+                traced = {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
+        return self._guided(traced)
 
     def _trace_whole(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
         seed = self._next_seed()

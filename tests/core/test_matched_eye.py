@@ -49,7 +49,7 @@ class Matcher:
         depth = passes[DEPTH_PASS][:, 0]
         return Traced(colour, 0.0 * colour, some, 0.0 * colour, normal, 1.0 / depth, depth)
 
-    def denoise(self, colour):
+    def clean(self, colour):
         return colour
 
     def trace_cost(self):

@@ -169,14 +169,14 @@ def test_table_of_a_measured_run(report):
     table = format_report_table({**report, "compare": COMPARE, "predicted_speedup": 9.9})
     assert table.splitlines() == [
         "room.blend, frame 7, 960x540, 64 samples, balanced",
-        "took          seconds",
-        "  load            1.25   not in the total",
-        "  source         10.00",
-        "  warp            0.12",
-        "  fill            1.00",
-        "  composite       0.10",
-        "  write           0.50   not in the total",
-        "  total          11.20   first render call to composited pair",
+        "took              seconds",
+        "  load                1.25   not in the total",
+        "  source             10.00",
+        "  warp                0.12",
+        "  fill                1.00",
+        "  composite           0.10",
+        "  write               0.50   not in the total",
+        "  total              11.20   first render call to composited pair",
         "traced        of the target eye's pixels (one pixel may have several reasons)",
         "  disoccluded       3.00 %",
         "  silhouette        4.56 %",
@@ -207,7 +207,7 @@ def test_table_shows_what_has_no_value(report):
 
 
 def test_table_keeps_further_stages(report):
-    assert "  refine          2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
+    assert "  refine              2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
 
 
 ESTIMATE = {
