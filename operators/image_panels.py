@@ -82,6 +82,8 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
         assert report is not None
         column = self.layout.column(align=True)
         _draw_estimate(column, context, report)
+        if report.get("correction"):
+            _row(column, "Moved to match EEVEE", f"{100.0 * report['correction']['mean']:.0f} % of the brightness")
         compare = report.get("compare")
         if compare:
             # Null where two plain renders are the same, as EEVEE's are: there is no noise that it could be a ratio to.

@@ -67,6 +67,7 @@ def _prediction_lines(predicted: Mapping[str, Any] | None) -> list[str]:
         traced = f"holes {shares['holes']:.1f} %, probes {shares['probes']:.1f} %"
         lines += [
             f"  source      {predicted['source_seconds']:8.1f} s",
+            *([f"  denoise     {predicted['denoise_seconds']:8.1f} s"] if predicted["denoise_seconds"] else []),
             f"  warp        {predicted['warp_seconds']:8.1f} s",
             f"  fill        {fill['seconds']:8.1f} s   {traced}",
             f"  refine      {_range(predicted['refine_seconds'], '8.1f')} s   {WHEN_KNOWN}",

@@ -14,7 +14,7 @@ from .composite import composite
 from .fill import CLEARLY_LOWER, FillChoice, SourceCost
 from .holes import Reason
 from .matching import Correction, Traced, correction_of, like_surroundings, match, ring_of
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from .reprojection import Reprojection
 from .tracing import Means, TargetEye
 
@@ -62,10 +62,10 @@ def foreseen_fill(asked: str, blockers: Mapping[str, str | None], unmatchable: s
         return asked, "asked for"
     if unmatchable is not None:
         return "full", f"{WHOLE}: {unmatchable}"
-    method = next((method for method in ("packed", "card") if not blockers.get(method)), None)
-    if method is None:
-        return "full", f"{WHOLE}: {'; '.join(f'no {name}: {why}' for name, why in blockers.items() if why)}"
-    return method, f"{method}, unless {WHOLE} is the cheaper way"
+    if blockers.get("packed"):
+        # A card has Cycles go over the whole frame, for which EEVEE is the faster one.
+        return "full", f"{WHOLE}: no packed: {blockers['packed']}"
+    return "packed", f"packed, unless {WHOLE} is the cheaper way"
 
 
 class MatchedEye(TargetEye):
@@ -87,6 +87,7 @@ class MatchedEye(TargetEye):
         super().__init__(matcher, view, means, reprojection, accuracy, watched=False, seed=seed)
         self.correction: Correction | None = None
         self._matcher = matcher
+        self._unmatchable: str | None = None
         self._reprojection = reprojection
 
     def fill(self) -> FillChoice:
@@ -104,7 +105,8 @@ class MatchedEye(TargetEye):
     def _before_tracing(self) -> FillChoice:
         """What can be said before anything was traced."""
         means, again = self._means, self._means.cost.seconds
-        method, reason = foreseen_fill(means.asked, means.blockers, self._matcher.unmatchable())
+        self._unmatchable = self._matcher.unmatchable() or _own_passes(self.passes)
+        method, reason = foreseen_fill(means.asked, means.blockers, self._unmatchable)
         if means.asked == "auto" and method != "full" and again < AT_ONCE:
             method = "full"
             reason = f"{WHOLE}, predicted {again:.1f} s: handing the scene to Cycles would take as long"
@@ -129,6 +131,7 @@ class MatchedEye(TargetEye):
             pieces.append((others, self._matcher.trace(choice.method, self._view, others)))
         self._put(_gathered(pieces, wanted), wanted, ring)
         words = f"Cycles traces the holes and a ring around them, matched to EEVEE's light; {told or choice.reason}"
+        words += f", though {self._unmatchable}" if self._unmatchable else ""
         return replace(choice, reason=words, predicted_seconds=predicted)
 
     def _rest_of(self, ahead: NDArray, wanted: NDArray) -> float:
@@ -156,6 +159,12 @@ class MatchedEye(TargetEye):
         passes[COLOUR_PASS][self._holes, :3] = clean[self._holes]
         self.correction = correction_of(clean[self._holes], features.colour[within], warped)
         self.passes, self.traced = passes, self.traced | wanted
+
+
+def _own_passes(passes: Passes) -> str | None:
+    """What of the source's passes traced pixels cannot have, in words: its light is the engine's own."""
+    own = [name for name in passes if filtered(name) and name not in (COLOUR_PASS, "Mist")]
+    return f"pass {own[0]!r} is EEVEE's own, and could not be matched" if own else None
 
 
 def _gathered(pieces: list[tuple[NDArray, Passes]], wanted: NDArray[np.bool_]) -> Passes:

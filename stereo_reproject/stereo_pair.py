@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,7 @@ class StereoPair:
                 "rerendered": float(np.mean(frame.traced)),
                 "fill": frame.fill.method,
                 "noise_ratio": None if frame.refinement.estimate is None else frame.refinement.estimate.noise_ratio,
+                "correction": None if frame.correction is None else asdict(frame.correction),
                 "seconds": frame.seconds["total"],
             }
             for name, frame in self.frames.items()

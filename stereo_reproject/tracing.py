@@ -249,7 +249,8 @@ class TargetEye:
         seen = look(
             probes,
             {**self.passes, COLOUR_PASS: colour},
-            warped,
+            # A pilot's probes keep the warped colour too.
+            warped | (self.probed & ~self._wanted),
             (once, again),
             before,
             noisy=self._noisy,

@@ -28,7 +28,7 @@ from .scene_warnings import scene_warnings
 ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
 """What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
 
-OF_A_FRAME = ("seconds", "fractions", "fill", "estimate", "layers")
+OF_A_FRAME = ("seconds", "fractions", "fill", "estimate", "correction", "layers")
 """What of a pair's report an animation's has for each frame."""
 
 

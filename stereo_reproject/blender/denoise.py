@@ -22,6 +22,9 @@ from .scene import CYCLES, changed, rendered_layer
 
 ALBEDO, NORMAL = "Denoising Albedo", "Denoising Normal"
 
+GUIDES = (ALBEDO, NORMAL, "Denoising Depth", "Denoising Specular Albedo")
+"""All that Blender adds to a render for the sake of denoising it."""
+
 CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))
 """The passes that are denoised or guide it: by our name, by Blender's, and their channels."""
 
@@ -92,4 +95,4 @@ def guided_by(passes: Passes, *, keep: bool) -> Passes:
     ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
     if keep:
         return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}
-    return {name: image for name, image in passes.items() if not name.startswith("Denoising ")} | ours
+    return {name: image for name, image in passes.items() if name not in GUIDES} | ours

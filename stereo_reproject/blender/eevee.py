@@ -67,9 +67,11 @@ class EeveeRenderer(BlenderRenderer):
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
         passes, cost = super().render_source(view)
+        return self._sky_marked(passes), cost
+
+    def _sky_marked(self, passes: Passes) -> Passes:
         depth = passes[DEPTH_PASS]
-        depth[depth >= SKY * self.lens.far] = np.inf
-        return passes, cost
+        return {**passes, DEPTH_PASS: np.where(depth >= SKY * self.lens.far, np.float32(np.inf), depth)}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return self.cycles_blockers(deepest)
@@ -88,7 +90,7 @@ class EeveeRenderer(BlenderRenderer):
     ) -> Passes:
         assert twice is None, "EEVEE's pixels are not probed"
         if method == "full":
-            return render_target(self, view, pixels, seed=self.seed)
+            return self._sky_marked(render_target(self, view, pixels, seed=self.seed))
         scene, self._target = self._tracing_scene(), self.cameras[view]
         seed = self._next_seed()
         if method == "card":
@@ -120,11 +122,15 @@ class EeveeRenderer(BlenderRenderer):
         )
 
     def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:
+        if not _has_denoiser():
+            return colour
         nothing = np.zeros_like(colour)
         picture = {NOISY_PASS: colour, ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
         return denoise_pictures(self._tracing_scene(), [picture], self.folder)[0]
 
     def unmatchable(self) -> str | None:
+        if self.scene.render.film_transparent:
+            return "the film is transparent, and light cannot be matched where there is none"
         return unmatched_materials(self.scene, self.cameras.values())
 
     def _tracing_scene(self) -> bpy.types.Scene:
@@ -143,8 +149,11 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
     scene.driver_remove("cycles.seed")
     cycles.samples = min(cycles.samples, MOST_SAMPLES)
     cycles.use_denoising = False
-    # Of EEVEE's own pixels it has nothing to be guided by.
-    cycles.denoiser = "OPENIMAGEDENOISE"
+    # EEVEE knows nothing of it.
+    cycles.film_exposure = 1.0
+    # Of EEVEE's own pixels the denoiser has nothing to be guided by.
+    if _has_denoiser():
+        cycles.denoiser = "OPENIMAGEDENOISE"
     cycles.denoising_input_passes = "RGB"
     cycles.denoising_prefilter = "ACCURATE"
     cycles.time_limit = 0.0
@@ -155,6 +164,12 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
     layer.samples = 0
     layer.use_pass_environment = layer.use_pass_emit = True
     layer.cycles.denoising_store_passes = True
+
+
+def _has_denoiser() -> bool:
+    import _cycles  # pyright: ignore[reportMissingImports]
+
+    return bool(_cycles.with_openimagedenoise)
 
 
 def _numbers(values: NDArray) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ from itertools import zip_longest
 import bpy
 
 from ..effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
+from .denoise import denoises
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, layers_to_render, rendered_layer
@@ -54,7 +55,7 @@ MOVING_DATA = (
 
 
 def plan_effects(scene: bpy.types.Scene, *, user_scene: bpy.types.Scene | None = None) -> EffectsPlan:
-    """The plan for a working scene. user_scene is what it is a copy of: the copy has no denoising and one view layer.
+    """The plan for a working scene. user_scene is what it is a copy of: the copy has one view layer.
 
     Nothing is rendered, and nothing of the scene is changed.
     """
@@ -72,7 +73,7 @@ def plan_effects(scene: bpy.types.Scene, *, user_scene: bpy.types.Scene | None =
     if world is not None:
         claims.add(world_shading(world, scene.render.engine), f"world {world.name!r}")
     claims.add(Effect.VIEW_LAYERS, *_more_layers(user_scene or scene))
-    claims.add(Effect.DENOISING, *_denoising(user_scene or scene))
+    claims.add(Effect.DENOISING, *_denoising(scene))
     return claims.plan()
 
 
@@ -161,7 +162,7 @@ def _more_layers(scene: bpy.types.Scene) -> list[str]:
 
 
 def _denoising(scene: bpy.types.Scene) -> list[str]:
-    if scene.render.engine != CYCLES or not scene.cycles.use_denoising:
+    if not denoises(scene):
         return []
     # A Blender that is built without any denoiser has no name for it.
     return [f"the render settings: {scene.cycles.denoiser}" if scene.cycles.denoiser else "the render settings"]

@@ -51,8 +51,9 @@ def engine_warnings(scene: bpy.types.Scene) -> list[str]:
     world = layer.world_override or scene.world
     if world is not None:
         warnings += _of_shader(world, "world")
-    lamps = {item.data: None for item in layer.objects if item.type == "LIGHT" and not item.hide_render}
-    for lamp in lamps:
+    instances = (instance.object for instance in layer.depsgraph.object_instances)
+    lamps = {item.data.original.name: None for item in instances if item.type == "LIGHT" and not item.hide_render}
+    for lamp in map(bpy.data.lights.get, lamps):
         warnings += _of_light(lamp)
     return warnings
 

@@ -91,7 +91,8 @@ def render_pair(
     pair = StereoPair(frames)
     times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
     layers = {"layers": pair.layer_rows()} if len(frames) > 1 else {}
-    return pair, {**reports[0], **times, "memory": {"peak_mb": _peak_mb()}, **layers}
+    warnings = list(dict.fromkeys(line for report in reports for line in report["warnings"]))
+    return pair, {**reports[0], **times, "memory": {"peak_mb": _peak_mb()}, "warnings": warnings, **layers}
 
 
 def _render_layer(
@@ -200,7 +201,11 @@ def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
 def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
     """A line each for what a picture should not hold, or a file of half floats cannot."""
     invalid = pair.invalid_pixels.items()
-    warnings = [f"{count} pixels of the {view} eye were no numbers and are black" for view, count in invalid if count]
+    warnings = [
+        f"{count} pixels of the {view} eye were no numbers in a pass, and are 0 there"
+        for view, count in invalid
+        if count
+    ]
     for view, layers in pair.eyes.items():
         for passes in layers.values():
             warnings += range_warnings(passes, view=view, half=half)

@@ -120,10 +120,14 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
     """What the scene is to be rendered with. Raises BadInputError."""
     if overrides.source_engine is None:
         check_engine(scene)
-        return scene.render.engine
-    # EEVEE's name is not the same in every Blender.
-    eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
-    return CYCLES if overrides.source_engine == "cycles" else eevee
+        engine = scene.render.engine
+    else:
+        # EEVEE's name is not the same in every Blender.
+        eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
+        engine = CYCLES if overrides.source_engine == "cycles" else eevee
+    if overrides.denoise and engine != CYCLES:
+        raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
+    return engine
 
 
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:

@@ -96,6 +96,7 @@ def overrides(name: str, options: argparse.Namespace) -> SceneOverrides:
         interocular_distance=interocular,
         convergence_distance=convergence,
         convergence_mode="off-axis",
+        denoise=False,
     )
 
 

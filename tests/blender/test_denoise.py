@@ -7,7 +7,6 @@ from stereo_reproject.blender.denoise import denoise_pictures
 from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.scene import working_scene
 from stereo_reproject.denoising import Denoising
-from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.settings import SceneOverrides
 from tests.blender.toolbox import (
@@ -105,13 +104,3 @@ def test_denoising_data_that_the_user_wants_stay(scene, tmp_path):
     with working_scene(scene, SceneOverrides()) as working:
         source, _ = BlenderRenderer(working, tmp_path).render_source("left")
     assert {"Noisy Image", "Denoising Albedo", "Denoising Normal", "Denoising Depth"} <= set(source)
-
-
-def test_a_denoiser_that_fails_is_one_line(scene, tmp_path):
-    with working_scene(scene, SceneOverrides()) as working:
-        rendered = as_rendered(scene, tmp_path)
-        (tmp_path / "gone").mkdir()
-        broken = {name: image[:0] for name, image in picture(rendered).items()}
-        with pytest.raises((StereoReprojectError, ValueError)) as caught:
-            denoise_pictures(working, [broken], tmp_path / "gone")
-    assert "\n" not in str(caught.value)

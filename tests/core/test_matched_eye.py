@@ -118,9 +118,10 @@ def test_what_is_asked_for_is_done(asked):
     assert {method for method, _ in matcher.asked} == {asked}
 
 
-def test_the_card_stands_in():
+def test_without_the_packed_camera_the_other_eye_is_rendered_by_the_same_engine():
+    """A card has Cycles go over the whole frame: there is nothing that a pilot could tell."""
     matcher = Matcher()
     _, choice = filled(matcher, blockers={"packed": "no OSL", "card": None})
-    assert choice.method == "card"
-    assert [method for method, _ in matcher.asked] == ["card"]
-    assert foreseen_fill("auto", {"packed": "no OSL", "card": None}, None)[0] == "card"
+    assert choice.method == "full"
+    assert "no OSL" in choice.reason
+    assert foreseen_fill("auto", {"packed": "no OSL", "card": None}, None)[0] == "full"

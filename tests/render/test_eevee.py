@@ -8,6 +8,7 @@ from stereo_reproject.blender.eevee import renderer_of
 from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.render import render_views
 from stereo_reproject.blender.scene import open_blend, working_scene
+from stereo_reproject.errors import BadInputError
 from stereo_reproject.metrics import border_step, tone
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.pipeline import render_stereo_frame
@@ -85,6 +86,47 @@ def test_the_sky_is_far_away_in_every_blender(room, tmp_path):
         depth = renderer.render_source("left")[0][DEPTH_PASS]
     assert np.isposinf(depth).any()
     assert depth[np.isfinite(depth)].max() < 100.0
+
+
+def test_the_sky_is_as_far_away_for_an_eye_that_is_rendered_whole(room, tmp_path):
+    add_camera(room, lens=8.0, interocular=0.2)
+    frame, _ = render(room, tmp_path, "full")
+    for eye in frame.eyes.values():
+        assert np.isposinf(eye[DEPTH_PASS]).any()
+
+
+def test_a_transparent_film_is_left_to_eevee(room, tmp_path):
+    room.render.film_transparent = True
+    frame, plain = render(room, tmp_path, "auto")
+    assert frame.fill.method == "full"
+    assert "transparent" in frame.fill.reason
+    assert np.allclose(frame.eyes["right"][COLOUR_PASS], plain, atol=1e-3)
+
+
+def test_light_passes_are_left_to_eevee(room, tmp_path):
+    room.view_layers[0].use_pass_diffuse_direct = True
+    frame, _ = render(room, tmp_path, "auto")
+    assert frame.fill.method == "full"
+    assert "pass" in frame.fill.reason
+
+
+def test_every_layer_s_materials_are_told_of(room, tmp_path):
+    toon = Material("drawn")
+    add_plane(room, toon.surface(toon.node("BsdfToon")), location=(0, 0, -5.0))
+    collection = bpy.data.collections.new("Drawn")
+    room.collection.children.link(collection)
+    drawn = room.objects[-1]
+    room.collection.objects.unlink(drawn)
+    collection.objects.link(drawn)
+    room.view_layers.new("Drawn")
+    room.view_layers[0].layer_collection.children["Drawn"].exclude = True
+    report, _ = render_files(room, StereoSettings(fill="full"), tmp_path)
+    assert any("'drawn'" in line for line in report["warnings"])
+
+
+def test_eevee_does_not_denoise(room, tmp_path):
+    with pytest.raises(BadInputError, match="not denoised"), working_scene(room, SceneOverrides(denoise=True)):
+        pass
 
 
 def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):

@@ -43,8 +43,8 @@ HARMLESS = (
     # What the installer and the operators are meant to say.
     r'STATUS Installed "stereo_reproject"',
     r"Info: .*",
-    # The demo scene asks for denoising, which is left to the artist.
-    r"(Warning|stereo_reproject: warning): [Tt]he scene denoises: both eyes are left as rendered, .*",
+    # The demo scene asks for denoising.
+    r"(Info: )?Denoising completed",
     # Blender's log of files that it reads and writes.
     r'(\d\d:\d\d\.\d+ +blend +\| )?(Read blend|Writing userprefs|Writing user preferences): ".*".*',
     # The demo scene was saved by a newer Blender than 4.5, whose editors this one does not know.

@@ -41,7 +41,17 @@ def render(scenes, name, folder, *options):
     [("living-room", "2.9", "left"), ("classroom", "6.5", "left"), ("classroom", "6.5", "right")],
 )
 def test_an_interior_is_as_good_as_rendered(shared_scenes, tmp_path, name, convergence, source):
-    options = ["--interocular", "0.065", "--convergence", convergence, "--size", "320x180", "--samples", "16"]
+    options = [
+        "--interocular",
+        "0.065",
+        "--convergence",
+        convergence,
+        "--size",
+        "320x180",
+        "--samples",
+        "16",
+        "--no-denoise",
+    ]
     report = render(shared_scenes, name, tmp_path, *options, "--source", source, "--fill", "packed", "--compare")
     assert report["compare"]["noise_ratio"] <= NOISE_RATIO
     assert report["compare"]["worst_tiles"] <= WORST_TILES
@@ -53,7 +63,18 @@ MIRROR_NOISE_RATIO = 1.15
 
 
 def test_the_mirror_of_a_bathroom_is_put_right(shared_scenes, tmp_path):
-    options = ["--interocular", "0.065", "--convergence", "2.5", "--size", "240x135", "--samples", "32", "--compare"]
+    options = [
+        "--interocular",
+        "0.065",
+        "--convergence",
+        "2.5",
+        "--size",
+        "240x135",
+        "--samples",
+        "32",
+        "--no-denoise",
+        "--compare",
+    ]
     ratios = {}
     for accuracy in ("draft", "balanced"):
         (tmp_path / accuracy).mkdir()

@@ -193,6 +193,21 @@ def test_a_shared_source_makes_the_very_frame_that_a_run_of_its_own_makes(scene,
         np.testing.assert_array_equal(frame.eyes[view][COLOUR_PASS], eye[COLOUR_PASS])
 
 
+def test_each_run_of_a_denoising_scene_is_denoised(scene, tmp_path):
+    scene.cycles.use_denoising = True
+    settings = StereoSettings(fill="packed", accuracy="draft")
+    with working_scene(scene, SceneOverrides(seed=3)) as working:
+        passes, cost = BlenderRenderer(working, tmp_path).render_source("left")
+        shared = RenderedSource("left", passes, cost, 0.0)
+        frames = [
+            render_stereo_frame(SharedSourceRenderer(working, tmp_path, shared), settings, accuracy=SETTINGS["draft"])
+            for _ in range(2)
+        ]
+    for frame in frames:
+        assert frame.seconds["denoise_source"] > 0.0
+        assert not np.array_equal(frame.eyes["left"][COLOUR_PASS], passes[COLOUR_PASS])
+
+
 def test_a_run_that_the_scene_cannot_have_is_left_out(scene, tmp_path):
     pytest.importorskip("matplotlib")
     scene.view_layers[0].material_override = diffuse("override").block
