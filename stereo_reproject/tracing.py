@@ -42,7 +42,7 @@ ROUNDS = 2
 WORTH_A_RENDER = 0.02
 """Excess that another refining render must be expected to take away where the promise is kept without it."""
 
-WORTH_OF_DENOISED = 0.2
+WORTH_OF_DENOISED = 0.3
 """The same for a denoised picture."""
 
 
