@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 
 from .metrics import squared_error
 from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .risk import box_sum
 
 Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
 """Pictures of one size, with NOISY_PASS, ALBEDO_PASS and NORMAL_PASS, to their denoised colours (H, W, 3)."""
+
+CHANGE_OVER = 6
+"""Pixels each way over which the warped colours change over to what was refined beside them."""
 
 WINDOW = (128, 160)
 """Height and width of the parts of the source that are denoised a second time."""
@@ -57,12 +61,23 @@ def denoise_source(source: Passes, denoising: Denoising) -> Passes:
     return {**source, COLOUR_PASS: denoising.of(source)}
 
 
-def denoise_target(target: Passes, kept: NDArray[np.bool_], denoising: Denoising) -> Passes:
-    """The target eye, of which the pixels that are kept (H, W) were warped from the denoised source."""
+def denoise_target(
+    target: Passes, kept: NDArray[np.bool_], denoising: Denoising, *, refined: NDArray[np.bool_] | None = None
+) -> Passes:
+    """The target eye, of which the pixels that are kept (H, W) were warped from the denoised source.
+
+    Beside those that were refined (H, W) they change over to the target's own: the warp was wrong there, and may still
+    be so by little, and where that ends would show as the edge of a tile.
+    """
     colour = target[COLOUR_PASS]
     if kept.all():
         return target
-    return {**target, COLOUR_PASS: np.where(kept[..., None], colour, denoising.of(target))}
+    own = np.where(kept, 0.0, 1.0)
+    if refined is not None and refined.any():
+        near = box_sum(refined, (CHANGE_OVER, CHANGE_OVER)) / (2 * CHANGE_OVER + 1) ** 2
+        own = np.maximum(own, np.minimum(2.0 * near, 1.0))
+    share = own[..., None].astype(np.float32)
+    return {**target, COLOUR_PASS: (1.0 - share) * colour + share * denoising.of(target)}
 
 
 def noise_left(source: Passes, denoise: Denoise) -> float:

@@ -187,7 +187,7 @@ def render_stereo_frame(
     finished, lost = contain(target.passes)
     if denoising is not None:
         watch.lap("denoise_target")
-        finished = denoise_target(finished, target.kept, denoising)
+        finished = denoise_target(finished, target.kept, denoising, refined=target.refined)
     watch.lap("account")
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)

@@ -131,6 +131,11 @@ class TargetEye:
         return ~self._wanted
 
     @property
+    def refined(self) -> NDArray[np.bool_]:
+        """(H, W): what was traced because the probes asked for it, the probes among it too."""
+        return self._wanted & ~self._holes
+
+    @property
     def wants_pilot(self) -> bool:
         """Whether a few probes should go ahead: the frame may turn out to be cheaper to render whole."""
         share = float(np.mean(self._holes))

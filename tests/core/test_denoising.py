@@ -98,3 +98,15 @@ def test_a_target_of_which_nothing_was_traced_is_not_denoised_at_all():
     target = picture()
     kept = np.ones(target[COLOUR_PASS].shape[:2], bool)
     assert denoise_target(target, kept, Denoising(never)) is target
+
+
+def test_beside_what_was_refined_the_warped_colours_change_over():
+    target = picture((64, 96), noise=0.0)
+    target[COLOUR_PASS][...] = 0.7
+    refined = np.zeros((64, 96), bool)
+    refined[:, 40:56] = True
+    finished = denoise_target(target, ~refined, Denoising(blurred), refined=refined)[COLOUR_PASS][32, :, 0]
+    assert np.allclose(finished[40:56], 0.5)
+    assert np.allclose(finished[:30], 0.7)
+    assert np.all(np.diff(finished[30:41]) <= 1e-6)
+    assert np.abs(np.diff(finished)).max() < 0.05
