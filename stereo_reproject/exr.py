@@ -103,7 +103,7 @@ def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
-        raise BadInputError(f"{path.name} is not whole: {error}") from error
+        raise BadInputError(f"{path.name} is not whole: {error}; is the disk full?") from error
     return {name: np.asarray(channel.pixels, np.float32) for name, channel in part.channels.items()}
 
 

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import StereoReprojectError
+from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_channels, write_channels
 from ..passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from .scene import CYCLES, changed, rendered_layer
@@ -57,11 +57,17 @@ def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder:
             with override:  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
                 bpy.ops.cycles.denoise_animation(input_filepath=str(before), output_filepath=str(after))
         except RuntimeError as error:
-            raise StereoReprojectError(f"the denoiser failed: {' '.join(str(error).split())}") from error
+            raise _failed(" ".join(str(error).split())) from error
         if not after.exists():
-            raise StereoReprojectError("the denoiser gave nothing back: is the disk full?")
+            raise BadInputError("the denoiser gave nothing back: is the disk full?")
         clean = read_channels(after)
     return [_of_layer(clean, name) for name in map(_layer_name, range(len(pictures)))]
+
+
+def _failed(reason: str) -> StereoReprojectError:
+    if "file" in reason.lower():
+        return BadInputError(f"the denoiser cannot pass its pictures on ({reason}): is the disk full?")
+    return StereoReprojectError(f"the denoiser failed: {reason}")
 
 
 def _layer_name(number: int) -> str:

@@ -28,6 +28,7 @@ def inspection(**changes):
         "predicted": {
             "rests_on": "sketches",
             "source_seconds": 12.34,
+            "denoise_seconds": 0.0,
             "warp_seconds": 0.5,
             "fill": {"method": "packed", "reason": "cheapest", "seconds": 2.0},
             "refine_seconds": {"low": 0.0, "high": 4.0},

@@ -21,6 +21,7 @@ def frame(*, total, source, sync, ratio=None, passes=("Combined",), metadata=Non
         refinement=SimpleNamespace(estimate=None if ratio is None else SimpleNamespace(noise_ratio=ratio)),
         invalid_pixels={"left": 1, "right": 2},
         metadata=metadata or {},
+        correction=None,
     )
 
 
@@ -51,6 +52,7 @@ def test_each_layer_is_told(pair):
         "rerendered": pytest.approx(1 / 6),
         "fill": "packed",
         "noise_ratio": 1.1,
+        "correction": None,
         "seconds": 8.0,
     }
     assert (front["name"], front["noise_ratio"]) == ("Front", None)
