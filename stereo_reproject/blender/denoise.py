@@ -97,7 +97,12 @@ def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np
 
 
 def guided_by(passes: Passes, *, keep: bool) -> Passes:
-    """A render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them."""
+    """A render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them.
+
+    Raises BadInputError where one is missing, which is how a full disk shows.
+    """
+    if not {ALBEDO, NORMAL} <= set(passes):
+        raise BadInputError("the render result has nothing to guide the denoiser: is the disk full?")
     ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
     if keep:
         return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}

@@ -154,7 +154,7 @@ def plain_demo(tmp_path_factory):
     scene = open_blend(DEMO)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.resolution_percentage = 100
-    scene.cycles.samples, scene.cycles.use_denoising = 4, False
+    scene.cycles.samples = 4
     scene.view_layers[0].use_pass_z = True
     stereo = scene.camera.data.stereo
     stereo.interocular_distance, stereo.convergence_distance = 0.2, 6.9
