@@ -22,7 +22,7 @@ from .scene import CYCLES, changed, rendered_layer
 
 ALBEDO, NORMAL = "Denoising Albedo", "Denoising Normal"
 
-GUIDES = (ALBEDO, NORMAL, "Denoising Depth", "Denoising Specular Albedo")
+GUIDES = (ALBEDO, NORMAL, "Denoising Depth", "Denoising Specular Albedo", "Denoising Roughness")
 """All that Blender adds to a render for the sake of denoising it."""
 
 CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))

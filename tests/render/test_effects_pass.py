@@ -179,7 +179,7 @@ def passes_in_file(scene, folder, monkeypatch, **overrides):
 
 def test_a_scene_that_calls_for_nothing_is_rendered_with_colour_and_depth_alone(tmp_path, monkeypatch):
     scene = open_blend(DEMO)
-    written = passes_in_file(scene, tmp_path, monkeypatch, size=(64, 64), samples=1)
+    written = passes_in_file(scene, tmp_path, monkeypatch, size=(64, 64), samples=1, denoise=False)
     assert written == {COLOUR_PASS, DEPTH_PASS}
 
 
@@ -190,7 +190,7 @@ def test_a_scene_that_calls_for_gloss_is_rendered_with_one_pass_more(scene, tmp_
 def test_passes_that_the_user_wants_stay(tmp_path, monkeypatch):
     scene = open_blend(DEMO)
     scene.view_layers[0].use_pass_normal = True
-    written = passes_in_file(scene, tmp_path, monkeypatch, size=(64, 64), samples=1)
+    written = passes_in_file(scene, tmp_path, monkeypatch, size=(64, 64), samples=1, denoise=False)
     assert written == {COLOUR_PASS, DEPTH_PASS, "Normal"}
 
 
