@@ -111,6 +111,8 @@ def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
     ours = [CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
     if layer.use_pass_cryptomatte_material:
         ours = []
+    if renderer.denoise is not None:
+        ours = [*ours, "Denoising Data"]
     names = [COLOUR_PASS, DEPTH_PASS, *asked, *(aov.name for aov in layer.aovs), *ours]
     return list(dict.fromkeys(names))
 
