@@ -103,13 +103,23 @@ HARD = {
 @pytest.mark.parametrize("name", HARD)
 def test_a_hard_scene_runs(shared_scenes, tmp_path, name):
     interocular, convergence = HARD[name]
-    options = ["--interocular", interocular, "--convergence", convergence, "--size", "160x90", "--samples", "4"]
+    options = [
+        "--interocular",
+        interocular,
+        "--convergence",
+        convergence,
+        "--size",
+        "160x90",
+        "--samples",
+        "4",
+        "--no-denoise",
+    ]
     report = render(shared_scenes, name, tmp_path, *options)
     assert report["size"] == [160, 90]
 
 
 def test_an_animated_scene_renders_the_frame_that_was_asked_for(shared_scenes, tmp_path):
-    options = ["--interocular", "0.065", "--convergence", "5", "--size", "160x90", "--samples", "1"]
+    options = ["--interocular", "0.065", "--convergence", "5", "--size", "160x90", "--samples", "1", "--no-denoise"]
     for frame in ("1", "25"):
         (tmp_path / frame).mkdir()
         report = render(shared_scenes, "walking-man", tmp_path / frame, *options, "--frame", frame)
