@@ -31,7 +31,13 @@ CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NOR
 
 def denoises(scene: bpy.types.Scene) -> bool:
     """Whether a working scene's layer comes out of a render denoised."""
-    return scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
+    asked = scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
+    return asked and has_denoiser(scene)
+
+
+def has_denoiser(scene: bpy.types.Scene) -> bool:
+    """Whether this Blender has any: one that is built without has no name for it, and renders what is noisy."""
+    return bool(scene.cycles.denoiser)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from ..camera import Camera, PerspectiveCamera
 from ..fill import SourceCost
 from ..matching import Traced
 from ..passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
-from .denoise import ALBEDO, NORMAL, denoise_pictures
+from .denoise import ALBEDO, NORMAL, denoise_pictures, has_denoiser
 from .engine_support import engine_warnings, unmatched_materials
 from .hole_camera import trace_packed
 from .mask_card import trace_card
@@ -122,7 +122,7 @@ class EeveeRenderer(BlenderRenderer):
         )
 
     def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:
-        if not _has_denoiser():
+        if not has_denoiser(self.scene):
             return colour
         nothing = np.zeros_like(colour)
         picture = {NOISY_PASS: colour, ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
@@ -152,7 +152,7 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
     # EEVEE knows nothing of it.
     cycles.film_exposure = 1.0
     # Of EEVEE's own pixels the denoiser has nothing to be guided by.
-    if _has_denoiser():
+    if has_denoiser(scene):
         cycles.denoiser = "OPENIMAGEDENOISE"
     cycles.denoising_input_passes = "RGB"
     cycles.denoising_prefilter = "ACCURATE"
@@ -164,12 +164,6 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
     layer.samples = 0
     layer.use_pass_environment = layer.use_pass_emit = True
     layer.cycles.denoising_store_passes = True
-
-
-def _has_denoiser() -> bool:
-    import _cycles  # pyright: ignore[reportMissingImports]
-
-    return bool(_cycles.with_openimagedenoise)
 
 
 def _numbers(values: NDArray) -> NDArray[np.float32]:

@@ -164,8 +164,7 @@ def _more_layers(scene: bpy.types.Scene) -> list[str]:
 def _denoising(scene: bpy.types.Scene) -> list[str]:
     if not denoises(scene):
         return []
-    # A Blender that is built without any denoiser has no name for it.
-    return [f"the render settings: {scene.cycles.denoiser}" if scene.cycles.denoiser else "the render settings"]
+    return [f"the render settings: {scene.cycles.denoiser}"]
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:

@@ -7,7 +7,8 @@ from pathlib import Path
 import bpy
 
 from .compositor import compositor_blocker, gives_a_picture, has_compositor
-from .scene import layers_to_render
+from .denoise import has_denoiser
+from .scene import CYCLES, layers_to_render
 
 
 def scene_warnings(scene: bpy.types.Scene) -> list[str]:
@@ -19,6 +20,8 @@ def scene_warnings(scene: bpy.types.Scene) -> list[str]:
             warnings.append(f"the scene's compositor is left out: {blocker}")
         elif not gives_a_picture(scene):
             warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
+    if scene.render.engine == CYCLES and scene.cycles.use_denoising and not has_denoiser(scene):
+        warnings.append("this Blender is built without a denoiser: both eyes are left noisy, as by its own render")
     warnings += _unbaked(scene)
     warnings += _missing_images()
     if bpy.app.autoexec_fail:
