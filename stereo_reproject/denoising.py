@@ -76,8 +76,8 @@ def denoise_target(
     if refined is not None and refined.any():
         near = box_sum(refined, (CHANGE_OVER, CHANGE_OVER)) / (2 * CHANGE_OVER + 1) ** 2
         own = np.maximum(own, np.minimum(2.0 * near, 1.0))
-    share = own[..., None].astype(np.float32)
-    return {**target, COLOUR_PASS: (1.0 - share) * colour + share * denoising.of(target)}
+    blended = colour + own[..., None] * (denoising.of(target) - colour)
+    return {**target, COLOUR_PASS: blended.astype(np.float32)}
 
 
 def noise_left(source: Passes, denoise: Denoise) -> float:
