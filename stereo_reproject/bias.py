@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .metrics import tone
+from .metrics import tone, untone
 from .probes import Probes
 
 REACHES = (4, 2, 1)
@@ -62,8 +62,7 @@ class Bias:
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
         """(P, 3) at pixels."""
         height, width = self.probes.tile_grid
-        numbers = np.full((height, width), -1, np.intp)
-        numbers[self.probes.tiles] = np.arange(self.probes.rows.size)
+        numbers = self.probes.on_grid(np.arange(self.probes.rows.size), -1)
         place_y, place_x = ((p + 0.5) / self.probes.spacing - 0.5 for p in (rows, columns))
         top, left = np.floor(place_y).astype(np.intp), np.floor(place_x).astype(np.intp)
         total, weights = np.zeros((rows.size, 3)), np.zeros(rows.size)
@@ -113,11 +112,11 @@ class _Neighbours:
 
     def __init__(self, probes: Probes, shown: NDArray, known: NDArray[np.bool_]) -> None:
         self._probes = probes
-        self._shown = self._grid(np.where(known, shown, -1), -1)
+        self._shown = probes.on_grid(np.where(known, shown, -1), -1)
 
     def sum(self, values: NDArray, reach: int) -> NDArray[np.float64]:
         """(N, ...) of values (N, ...) over `reach` tiles each way, each's own among them."""
-        grid, shown = self._grid(values, 0.0), self._shown
+        grid, shown = self._probes.on_grid(values, 0.0), self._shown
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
         for down in range(-reach, reach + 1):
@@ -128,13 +127,8 @@ class _Neighbours:
                 total[here] += grid[there] * same.reshape(*same.shape, *(1,) * (grid.ndim - 2))
         return total[self._probes.tiles]
 
-    def _grid(self, values: NDArray, elsewhere: float) -> NDArray:
-        grid = np.full((*self._probes.tile_grid, *values.shape[1:]), elsewhere, np.asarray(values).dtype)
-        grid[self._probes.tiles] = values
-        return grid
-
 
 def _shifted(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
     """Scene-linear (P, 3), changed by so much after `tone`."""
     toned = np.clip(tone(colour) + added, 0.0, 1.0 - 1e-6)
-    return np.clip(toned / (1.0 - toned), colour / FACTOR, colour * FACTOR).astype(np.float32)
+    return np.clip(untone(toned), colour / FACTOR, colour * FACTOR).astype(np.float32)

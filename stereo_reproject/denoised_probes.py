@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bias import bias_of
-from .denoising import Denoising
+from .denoising import Denoising, guided
 from .metrics import squared_error
-from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .passes import COLOUR_PASS, NOISY_PASS, Passes
 from .probes import FirstTold, Probes
 from .risk import box_sum
 
@@ -97,7 +97,7 @@ def _denoised_probes(
     rows, columns = (places.copy() for places in np.meshgrid(rows, columns, indexing="ij"))
     # A tile without a probe is traced throughout.
     rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
-    small = {name: passes[name][rows, columns] for name in (NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)}
+    small = {name: image[rows, columns] for name, image in guided(passes).items()}
     pictures = []
     for colour in colours:
         noisy = small[NOISY_PASS].copy()

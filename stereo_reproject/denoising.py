@@ -87,8 +87,8 @@ def noise_left(source: Passes, denoise: Denoise) -> float:
     coin falls so, and denoised once more. How far that is from the first time is what is left of such noise.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
-    names = (COLOUR_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)
-    pictures = [{name: np.ascontiguousarray(source[name][window]) for name in names} for window in windows]
+    looked_at = {COLOUR_PASS: source[COLOUR_PASS], **guided(source)}
+    pictures = [{name: np.ascontiguousarray(image[window]) for name, image in looked_at.items()} for window in windows]
     coins = np.random.default_rng(0)
     before, after = 0.0, 0.0
     for picture, again in zip(pictures, denoise([_tossed(picture, coins) for picture in pictures]), strict=True):

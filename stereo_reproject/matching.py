@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .masks import dilate
 from .membrane import Bonds, spread
-from .metrics import tone
+from .metrics import tone, untone
 
 RING = 1
 """Pixels around the holes that are traced to be compared. Wider rings gave nothing but cost: the membrane averages."""
@@ -115,7 +115,7 @@ def match(
     share = np.where(mixed[domain][:, None], share, 0.0).astype(np.float32)
     # Mixed as they are seen: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
-    return np.where(share > 0.0, toned / np.maximum(1.0 - toned, 1e-6), result)
+    return np.where(share > 0.0, untone(toned), result)
 
 
 def like_surroundings(
@@ -134,7 +134,7 @@ def like_surroundings(
     toned = np.clip(tone(colours), np.where(near, low - SLACK, 0.0), np.where(near, high + SLACK, 1.0))
     toned = np.clip(toned, 0.0, 1.0 - 1e-6)
     changed = np.abs(toned - tone(colours)) > 1e-6
-    return np.where(changed, toned / (1.0 - toned), colours).astype(np.float32)
+    return np.where(changed, untone(toned), colours).astype(np.float32)
 
 
 def _extreme(image: NDArray, better: np.ufunc) -> NDArray:

@@ -15,6 +15,11 @@ def tone(colour: NDArray) -> NDArray[np.float32]:
     return positive / (1.0 + positive)  # pyright: ignore[reportReturnType]
 
 
+def untone(toned: NDArray) -> NDArray:
+    """The scene-linear colour that `tone` makes this of; what is all but 1 stands for a very bright one."""
+    return toned / np.maximum(1.0 - toned, 1e-6)
+
+
 def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     """(H, W): mean over the colour channels of the squared difference after `tone`."""
     return np.mean((tone(a).astype(np.float64) - tone(b)) ** 2, axis=-1)

@@ -70,10 +70,15 @@ class Probes:
         """(N,): the sum of an image (H, W) over each probe's tile."""
         return _tile_sums(image, self.spacing)[self.tiles]
 
+    def on_grid(self, values: NDArray, elsewhere: float) -> NDArray:
+        """The values (N, ...) as rows and columns of tiles, and `elsewhere` in tiles without a probe."""
+        grid = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
+        grid[self.tiles] = values
+        return grid
+
     def around(self, values: NDArray, reach: int = 2) -> NDArray[np.float64]:
         """(N,): the sum of values (N,) over the tiles within `reach` of each, without its own."""
-        grid = np.zeros(self.tile_grid)
-        grid[self.tiles] = values
+        grid = self.on_grid(values, 0.0)
         return box_sum(grid, (reach, reach))[self.tiles] - values
 
     def around_and_own(self, values: NDArray) -> NDArray[np.float64]:
@@ -83,8 +88,7 @@ class Probes:
 
     def over_tiles(self, values: NDArray, elsewhere: float) -> NDArray:
         """(H, W, ...): the values (N, ...) over the pixels of each probe's tile, and `elsewhere` in tiles without."""
-        tiles = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
-        tiles[self.tiles] = values
+        tiles = self.on_grid(values, elsewhere)
         height, width = self.shape
         return np.repeat(np.repeat(tiles, self.spacing, axis=0), self.spacing, axis=1)[:height, :width]
 
@@ -252,8 +256,7 @@ def _by_second(
 def _materials_in(
     probes: Probes, shown: NDArray[np.integer], risk: NDArray, found: NDArray[np.float64]
 ) -> ShownMaterials:
-    numbers = np.zeros(probes.tile_grid, np.intp)
-    numbers[probes.tiles] = np.arange(probes.rows.size)
+    numbers = probes.on_grid(np.arange(probes.rows.size), 0)
     side = probes.spacing
 
     def row_of_tiles(row: int) -> tuple[NDArray, NDArray, NDArray]:
