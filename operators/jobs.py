@@ -93,16 +93,17 @@ class JobOperator:
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if context.window is None:
             return self.execute(context)
-        if not self._start(context):
-            return {"CANCELLED"}
-        self._told = ""
         manager = context.window_manager
-        _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
-        manager.modal_handler_add(self)
+        # Before the run has its thread: in 4.5 an operator that is told its context does not bear another one's.
         for window in manager.windows:
             if window != context.window:
                 with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
                     bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
+        if not self._start(context):
+            return {"CANCELLED"}
+        self._told = ""
+        _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
+        manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -11,12 +11,13 @@ stdin    one line of JSON: {"command": what to do, "blend", "output" (null witho
          Session as a dict}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
-           {"event": "stage", "stage": "fill", "fraction": 0..1 or null, "detail": "optional text"}
+           {"event": "stage", "stage": "fill", "detail": "optional text"}
            {"event": "warning", "message": "..."}
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
-stderr   work/blender.log, whose last line is what a crash is reported with.
+stderr   work/blender.log, whose last line is what a crash is reported with. As far as it counts the samples of a
+         render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
 work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
          which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
 
@@ -185,20 +186,25 @@ def _listen(
     worker: Worker, on_event: Callable[[Event], None], on_tick: Callable[[], None], interrupts: Interrupts
 ) -> Event:
     """Pass the worker's events on until it is done and has ended; return its "done" event."""
-    stage = "start"
+    stage: Event = {"stage": "start", "fraction": None}
     while True:
         interrupts.check()
         on_tick()
         line = worker.next_line()
         if line is None:
+            fraction = worker.samples_done()
+            if fraction not in (None, stage["fraction"]):
+                stage = {**stage, "fraction": fraction}
+                on_event(stage)
             continue
         if not line:
-            raise StereoReprojectError(crash_message(worker, stage))
+            raise StereoReprojectError(crash_message(worker, str(stage["stage"])))
         event = _parse(line)
         match event.get("event"):
             case "stage":
-                stage = str(event.get("stage"))
-                on_event(event)
+                stage = {"stage": "", "fraction": None, **event}
+                worker.begin_stage()
+                on_event(stage)
             case "warning":
                 on_event(event)
             case "error":

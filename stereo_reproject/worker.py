@@ -6,14 +6,13 @@ anything but one line. See `supervisor` for the other side.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -79,15 +78,14 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
     work = Path(job["work"])
     scene, loaded = _open(job, emit)
-    with _sample_progress(work / "blender.log", emit) as on_stage:
-        report, files = render_files(
-            scene,
-            _settings(job["settings"]),
-            work,
-            files=job["files"],
-            load_seconds=loaded,
-            on_stage=on_stage,
-        )
+    report, files = render_files(
+        scene,
+        _settings(job["settings"]),
+        work,
+        files=job["files"],
+        load_seconds=loaded,
+        on_stage=_on_stage(emit),
+    )
     _finish(report, files, emit)
 
 
@@ -97,8 +95,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
     work = Path(job["work"])
     scene, _ = _open(job, emit)
-    with _sample_progress(work / "blender.log", emit) as on_stage:
-        report = render_animation_files(scene, _settings(job["settings"]), work, on_stage=on_stage)
+    report = render_animation_files(scene, _settings(job["settings"]), work, on_stage=_on_stage(emit))
     _finish(report, job["files"], emit)
 
 
@@ -112,8 +109,7 @@ def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     work = Path(job["work"])
     scene, _ = _open(job, emit)
     settings, only = _settings(job["settings"]), job["only"]
-    with _sample_progress(work / "blender.log", emit) as on_stage:
-        prices, files = render_prices(scene, settings, work, only=only, on_stage=on_stage)
+    prices, files = render_prices(scene, settings, work, only=only, on_stage=_on_stage(emit))
     _finish(prices, files, emit)
 
 
@@ -123,8 +119,7 @@ def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
 
     work = Path(job["work"])
     scene, _ = _open(job, emit)
-    with _sample_progress(work / "blender.log", emit) as on_stage:
-        inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=on_stage)
+    inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=_on_stage(emit))
     _finish(inspection, [], emit)
 
 
@@ -149,7 +144,7 @@ def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     from .blender.scene import open_blend
 
     start = time.perf_counter()
-    emit("stage", stage="load", fraction=None)
+    emit("stage", stage="load")
     session = job["session"]
     scene = open_blend(Path(job["blend"]), session["scene"], scripts=session["scripts"])
     if session["devices"] is not None:
@@ -175,37 +170,18 @@ def _settings(fields: dict[str, Any]) -> StereoSettings:
     return StereoSettings(**{**fields, "scene": SceneOverrides(**scene)})
 
 
-@contextlib.contextmanager
-def _sample_progress(log: Path, emit: Emit) -> Iterator[Callable[..., None]]:
-    """Tells the stages, with a detail where there is one, and within one how many samples are rendered.
+def _on_stage(emit: Emit) -> Callable[..., None]:
+    """Tells of each stage as it begins, with a detail where there is one.
 
-    As far as Blender's log says it: read from there, because a Python handler for render statistics stops 5.2 for good.
+    How many of its samples are rendered is read from the log, and on the other side. Nothing in this process may do so
+    while Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look
+    whether Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
     """
-    import re
-
-    stage: dict[str, Any] = {"name": "load", "detail": "", "from": 0}
-    ended = threading.Event()
 
     def on_stage(name: str, detail: str = "") -> None:
-        stage.update(name=name, detail=detail, **{"from": log.stat().st_size if log.exists() else 0})
-        emit("stage", stage=name, fraction=None, detail=detail)
+        emit("stage", stage=name, detail=detail)
 
-    def follow() -> None:
-        while not ended.wait(0.25):
-            with contextlib.suppress(OSError), log.open("rb") as file:
-                file.seek(max(stage["from"], log.stat().st_size - 2048))
-                samples = re.findall(rb"Sample (\d+)/(\d+)", file.read())
-                if samples:
-                    done, total = map(int, samples[-1])
-                    emit("stage", stage=stage["name"], fraction=done / max(total, 1), detail=stage["detail"])
-
-    thread = threading.Thread(target=follow, daemon=True)
-    thread.start()
-    try:
-        yield on_stage
-    finally:
-        ended.set()
-        thread.join()
+    return on_stage
 
 
 if __name__ == "__main__":

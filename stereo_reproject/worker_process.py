@@ -7,6 +7,7 @@ import contextlib
 import importlib.util
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -21,6 +22,8 @@ POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
 LAST_WORDS_LENGTH = 240
+SAMPLES_TAIL_BYTES = 2048
+SAMPLES = re.compile(rb"Sample (\d+)/(\d+)")
 
 LIBRARIES = ("OpenEXR",)
 """What the worker needs that Blender does not bring."""
@@ -52,6 +55,7 @@ class Worker:
         command = own_worker() if command is None else command
         self.log = work / "blender.log"
         self._work = work
+        self._stage_begins = 0
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         with self.log.open("ab") as log:
             # A group of its own: Ctrl-C on the terminal must reach this process alone.
@@ -110,6 +114,21 @@ class Worker:
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):
             self.process.stdin.close()
+
+    def begin_stage(self) -> None:
+        """What the log holds already says nothing of the samples that are yet to come."""
+        with contextlib.suppress(OSError):
+            self._stage_begins = self.log.stat().st_size
+
+    def samples_done(self) -> float | None:
+        """Of the render that this stage is at, from 0 to 1; None where the log does not say (5.2 does not)."""
+        with contextlib.suppress(OSError), self.log.open("rb") as log:
+            log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
+            samples = SAMPLES.findall(log.read())
+            if samples:
+                done, total = map(int, samples[-1])
+                return done / max(total, 1)
+        return None
 
     def last_words(self) -> str:
         """The last line in the log that is not empty."""

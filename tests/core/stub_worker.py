@@ -76,8 +76,9 @@ work = Path(job["work"])
 note("job", json.dumps(job))
 note("temporary", os.environ["TMPDIR"])
 print("Read blend: noise that is no event", flush=True)
-say("stage", stage="load", fraction=None)
-say("stage", stage="fill", fraction=0.5, detail="12 of 24 samples")
+say("stage", stage="load")
+print("Sample 7/8", file=sys.stderr, flush=True)
+say("stage", stage="fill", detail="12 of 24 samples")
 
 match behaviour:
     case "success":
@@ -128,7 +129,8 @@ match behaviour:
         note("descendant", str(child.pid))
         os._exit(4)
     case "announces stages slowly":
-        for fraction in (0.6, 0.7, 1.0):
-            time.sleep(0.15)
-            say("stage", stage="fill", fraction=fraction)
+        for samples in (12, 16, 24):
+            time.sleep(0.5)
+            print(f"Fra:1 Mem:8.00M | Sample {samples}/24", file=sys.stderr, flush=True)
+        time.sleep(0.5)
         finish()

@@ -655,6 +655,7 @@ def test_terminal_shows_one_line_per_stage(place, monkeypatch, start):
     assert re.fullmatch(r"load +[\d.]+ s *", load)
     assert re.fullmatch(r"fill +\[#{24}\] 100 % +[\d.]+ s *", fill)
     assert "fill       [############------------]  50 %" in lines[1]
+    assert " 88 %" not in shown, "samples of the stage before"
     assert "12 of 24 samples" in lines[1]
     assert lines[2].startswith("room.blend")
     assert max(len(part) for line in lines[:2] for part in line.split("\r")) < 100
