@@ -39,6 +39,10 @@ UNMOVED = 0.25
 STANDS_OUT = 0.5
 """Share of the excess of a denoised frame that stands out of what its probes tell."""
 
+MOSTLY = 0.6
+"""Share of what a material shows in a denoised frame from which all of it is traced: what is wrong nearly everywhere,
+as a mirror is, is so where its picture is too faint or too fine for the probes, and to trace only parts of it shows."""
+
 ROUGHLY = 0.5
 """Standard error, as a share of it, of what denoised probes say of a tile."""
 
@@ -114,7 +118,19 @@ def choose_refined(
     count = int(reached[0]) if reached.size else int(np.argmin(bound))
     chosen = np.zeros(free.size, bool)
     chosen[order[:count]] = True
-    return chosen | (free & _beyond(measured, worst, unseen)) if np.isfinite(worst) else chosen
+    if np.isfinite(worst):
+        chosen |= free & _beyond(measured, worst, unseen)
+    return chosen | (free & _mostly_traced(measured, chosen))
+
+
+def _mostly_traced(measured: Measured, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,): tiles of a denoised picture on whose material most tiles are chosen (N,), or were before."""
+    if measured.likely is None or measured.materials is None:
+        return np.zeros_like(chosen)
+    material, pixels = measured.materials.of_probe, measured.pixels
+    traced = chosen | measured.refined
+    shown = np.bincount(material, weights=pixels)
+    return (np.bincount(material, weights=pixels * traced) >= MOSTLY * np.maximum(shown, 1.0))[material]
 
 
 def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: float) -> NDArray[np.float64]:

@@ -1,8 +1,11 @@
 """Probes of a denoised picture: errors are found that single probes are too noisy for, and the estimate is honest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from stereo_reproject import refinement
 from stereo_reproject.denoised_probes import look
 from stereo_reproject.denoising import Denoising
 from stereo_reproject.metrics import tone
@@ -92,6 +95,19 @@ def test_what_is_wrong_is_found_and_little_else_is_traced():
 def test_where_nothing_is_wrong_next_to_nothing_is_traced():
     measured = Frame(0.0, seed=2).measured()
     assert np.mean(choose_refined(measured, 1.1, worst=1.8)) < 0.15
+
+
+@pytest.mark.parametrize(("part", "whole"), [(0.7, True), (0.5, False)])
+def test_a_material_most_of_which_is_traced_is_traced_as_a_whole(part, whole):
+    measured = Frame(0.05, seed=1).measured()
+    mirror = np.nonzero(measured.materials.of_probe == 1)[0]
+    chosen = np.zeros(measured.refined.size, bool)
+    chosen[mirror[: round(part * mirror.size)]] = True
+    more = refinement._mostly_traced(measured, chosen)
+    assert more[mirror].all() == whole
+    assert not np.delete(more, mirror).any()
+    # Where colours are noisy, the probes tell of every tile what it needs.
+    assert not refinement._mostly_traced(replace(measured, likely=None), chosen).any()
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.02, 0.05])
