@@ -23,6 +23,10 @@ nearest, as far as those are sure of it."""
 DOUBT = 8.0
 """How many times its own variance is taken off the square of what is told: less is left where it may be chance."""
 
+BY_CONTRAST = 0.5
+"""Share of the picture's contrast around a probe that it may be off by without that being slow: an edge that is half a
+pixel aside. Probes lie in one place in each tile, and along an edge they are all off to one side."""
+
 FACTOR = 2.0
 """How many times brighter or darker a colour may become: bright ones are a hair from white after tone mapping."""
 
@@ -77,8 +81,11 @@ class Bias:
         return total / np.maximum(weights, 1e-9)[:, None]
 
 
-def bias_of(probes: Probes, w: NDArray, a: NDArray, b: NDArray, shown: NDArray[np.integer]) -> Bias:
-    """w, a, b (N, >= 3) as for `probes.measure`; shown (H, W) is a number for what each pixel shows.
+def bias_of(
+    probes: Probes, w: NDArray, a: NDArray, b: NDArray, risk: NDArray[np.float32], shown: NDArray[np.integer]
+) -> Bias:
+    """w, a, b (N, >= 3) as for `probes.measure`; risk (H, W) is the contrast around each pixel, as `risk.Contrast` has
+    it, and shown (H, W) a number for what each shows.
 
     A probe with a value that is no number says nothing.
     """
@@ -88,7 +95,7 @@ def bias_of(probes: Probes, w: NDArray, a: NDArray, b: NDArray, shown: NDArray[n
     residual, variance = 0.5 * (a + b) - w, np.mean((a - b) ** 2, axis=-1) / 4.0
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
-    weight = known / (nearby + 1e-6)
+    weight = known / (nearby + BY_CONTRAST * risk[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
     for reach in REACHES:
         left = weight[:, None] * (residual - added)

@@ -62,7 +62,7 @@ def look(
     """
     once, again = traces
     kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
-    bias = bias_of(probes, before, once, again, kinds)
+    bias = bias_of(probes, before, once, again, risk, kinds)
     colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
     target, source = _denoised_probes(probes, passes, (once, noisy[probes.rows, probes.columns]), denoising)
     # A detail finer than a tile shows in one of the two, an error in both.

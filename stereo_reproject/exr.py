@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import BadInputError
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of, pass_letters
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes, as_blender_has_it, cryptomatte_of, from_blender, pass_letters
 
 CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
 """The letters of Blender's channels, each set in the order in which it stands in an array."""
@@ -57,7 +57,7 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
     for name in (COLOUR_PASS, DEPTH_PASS):
         if name not in found:
             raise BadInputError(f"the render result has no {name} pass for view {view}; is the disk full?")
-    return {name: _stack(channels) for name, channels in found.items()}, attributes
+    return {name: from_blender(name, _stack(channels)) for name, channels in found.items()}, attributes
 
 
 def _read_parts(path: Path) -> list[Any]:
@@ -138,7 +138,10 @@ def read_eye(path: Path) -> dict[str, Passes]:
         # A layer's name may have dots, a pass's may not.
         layer, _, name = prefix.rpartition(".")
         found.setdefault(layer or main, {}).setdefault(name or COLOUR_PASS, {})[letter] = channel.pixels
-    return {layer: {name: _stack(letters) for name, letters in passes.items()} for layer, passes in found.items()}
+    return {
+        layer: {name: from_blender(name, _stack(letters)) for name, letters in passes.items()}
+        for layer, passes in found.items()
+    }
 
 
 def read_metadata(path: Path) -> dict[str, str]:
@@ -185,7 +188,7 @@ def _joined(*names: str) -> str:
 
 
 def _channels(name: str, image: NDArray, prefix: str) -> dict[str, NDArray]:
-    letters = pass_letters(name, image.shape[2])
+    letters, image = pass_letters(name, image.shape[2]), as_blender_has_it(name, image)
     return {_joined(prefix, c): np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate(letters)}
 
 

@@ -67,6 +67,23 @@ _CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
 """Passes that are another eye's only after a conversion."""
 
 
+NO_SURFACE = 1e10
+"""The depth that Blender gives to what has no surface, and that files have; inside the code it is infinite."""
+
+_FARTHEST = 1e9
+"""No surface is as deep as this."""
+
+
+def as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A pass as it leaves the code."""
+    return np.where(np.isinf(image), np.float32(NO_SURFACE), image) if name == DEPTH_PASS else image
+
+
+def from_blender(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A pass as it comes from Blender, or from a file of ours."""
+    return np.where(image >= _FARTHEST, np.float32(np.inf), image) if name == DEPTH_PASS else image
+
+
 def cryptomatte_of(name: str) -> str | None:
     """What cryptomatte a pass is a level of, by Blender's name ("CryptoObject"), or None."""
     found = _CRYPTOMATTE.fullmatch(name)

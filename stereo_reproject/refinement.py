@@ -36,7 +36,7 @@ BEYOND_DOUBT = 10.0
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
 
-STANDS_OUT = 0.5
+STANDS_OUT = 0.75
 """Share of the excess of a denoised frame that stands out of what its probes tell."""
 
 MOSTLY = 0.6

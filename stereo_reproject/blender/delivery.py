@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import StereoReprojectError
 from ..exr import VIEWS
-from ..passes import COLOUR_PASS, DEPTH_PASS, Passes, pass_letters
+from ..passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
 from .compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
 from .image_settings import side_by_side_png
 from .output_paths import output_name
@@ -31,10 +31,6 @@ ENGINE = "STEREO_REPROJECT_DELIVERY"
 
 CHANNELS = {"VALUE": 1, "VECTOR": 3, "COLOR": 4}
 """Of a pass that is not delivered, by its type."""
-
-NO_SURFACE = 1e10
-"""The depth that Blender gives to what has no surface."""
-
 
 Eyes = Mapping[str, Mapping[str, Passes]]
 """Passes by view name and then by view layer, the same layers for both views; the first is the main one."""
@@ -92,7 +88,9 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
             for name, image in passes.items():
                 taken = result.layers[0].passes.find_by_name(name, view)
                 if taken is not None:
-                    taken.rect.foreach_set(np.ascontiguousarray(_as_blender_has_it(name, image)[::-1]).ravel())
+                    taken.rect.foreach_set(
+                        np.ascontiguousarray(as_blender_has_it(name, image)[::-1], np.float32).ravel()
+                    )
             self.end_result(result)
             delivery.taken.add((view, layer))
         for key, text in delivery.metadata.items():
@@ -104,11 +102,6 @@ def _channels(eyes: Eyes, layer: str) -> dict[str, int]:
     """The passes of a view layer that either eye has, and how many channels each has."""
     layers = [of_view[layer] for of_view in eyes.values() if layer in of_view]
     return {name: image.shape[2] for passes in layers for name, image in passes.items()}
-
-
-def _as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    image = np.asarray(image, np.float32)
-    return np.where(np.isinf(image), np.float32(NO_SURFACE), image) if name == DEPTH_PASS else image
 
 
 @contextmanager

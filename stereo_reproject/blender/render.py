@@ -10,11 +10,8 @@ import bpy
 
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_render
-from ..passes import DEPTH_PASS, Passes
+from ..passes import Passes
 from .scene import CYCLES, rendered_layer
-
-SKY_DEPTH = 1e9
-"""Blender writes 1e10 where there is no surface; anything from here on is sky."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,6 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     attributes: dict[str, str] = {}
     for view in views:
         passes[view], attributes = read_render(path, layer=layer, view=view)
-        _mark_sky(passes[view])
     path.unlink()
     sync = _seconds(attributes.get(f"cycles.{layer}.synchronization_time", ""))
     # For several views, Cycles counts the other views' render time as synchronization.
@@ -82,12 +78,6 @@ def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
 def output_path(path: Path) -> str:
     """The path as an output path of Blender's, which takes {...} for a template."""
     return str(path).replace("{", "{{").replace("}", "}}")
-
-
-def _mark_sky(passes: Passes) -> None:
-    depth = passes.get(DEPTH_PASS)
-    if depth is not None:
-        depth[depth >= SKY_DEPTH] = float("inf")
 
 
 def _seconds(text: str) -> float:
