@@ -24,7 +24,7 @@ Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
 CHANGE_OVER = 6
 """Pixels each way over which the warped colours change over to what was refined beside them."""
 
-WINDOW = (128, 160)
+WINDOW = (96, 120)
 """Height and width of the parts of the source that are denoised a second time."""
 
 WINDOWS = (2, 4)

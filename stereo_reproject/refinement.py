@@ -39,7 +39,7 @@ UNMOVED = 0.25
 STANDS_OUT = 0.75
 """Share of the excess of a denoised frame that stands out of what its probes tell."""
 
-MOSTLY = 0.6
+MOSTLY = 0.5
 """Share of what a material shows in a denoised frame from which all of it is traced: what is wrong nearly everywhere,
 as a mirror is, is so where its picture is too faint or too fine for the probes, and to trace only parts of it shows."""
 
@@ -120,17 +120,21 @@ def choose_refined(
     chosen[order[:count]] = True
     if np.isfinite(worst):
         chosen |= free & _beyond(measured, worst, unseen)
-    return chosen | (free & _mostly_traced(measured, chosen))
+    return chosen | (free & _mostly_traced(measured, chosen, unseen))
 
 
-def _mostly_traced(measured: Measured, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,): tiles of a denoised picture on whose material most tiles are chosen (N,), or were before."""
+def _mostly_traced(measured: Measured, chosen: NDArray[np.bool_], unseen: float) -> NDArray[np.bool_]:
+    """(N,): tiles of a denoised picture on whose material most tiles are chosen (N,), or were before.
+
+    But none where nothing is to be seen that may have moved: around there too, contrast is less than `unseen`.
+    """
     if measured.likely is None or measured.materials is None:
         return np.zeros_like(chosen)
-    material, pixels = measured.materials.of_probe, measured.pixels
+    material, pixels, probes = measured.materials.of_probe, measured.pixels, measured.probes
     traced = chosen | measured.refined
     shown = np.bincount(material, weights=pixels)
-    return (np.bincount(material, weights=pixels * traced) >= MOSTLY * np.maximum(shown, 1.0))[material]
+    mostly = np.bincount(material, weights=pixels * traced) >= MOSTLY * np.maximum(shown, 1.0)
+    return mostly[material] & (probes.around_and_own(measured.risk) >= unseen**2 * probes.around_and_own(pixels))
 
 
 def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: float) -> NDArray[np.float64]:

@@ -97,17 +97,19 @@ def test_where_nothing_is_wrong_next_to_nothing_is_traced():
     assert np.mean(choose_refined(measured, 1.1, worst=1.8)) < 0.15
 
 
-@pytest.mark.parametrize(("part", "whole"), [(0.7, True), (0.5, False)])
+@pytest.mark.parametrize(("part", "whole"), [(0.6, True), (0.4, False)])
 def test_a_material_most_of_which_is_traced_is_traced_as_a_whole(part, whole):
     measured = Frame(0.05, seed=1).measured()
     mirror = np.nonzero(measured.materials.of_probe == 1)[0]
     chosen = np.zeros(measured.refined.size, bool)
     chosen[mirror[: round(part * mirror.size)]] = True
-    more = refinement._mostly_traced(measured, chosen)
+    more = refinement._mostly_traced(measured, chosen, 0.0)
     assert more[mirror].all() == whole
     assert not np.delete(more, mirror).any()
+    # Where there is no contrast, nothing can be seen to have moved.
+    assert not refinement._mostly_traced(measured, chosen, 0.1).any()
     # Where colours are noisy, the probes tell of every tile what it needs.
-    assert not refinement._mostly_traced(replace(measured, likely=None), chosen).any()
+    assert not refinement._mostly_traced(replace(measured, likely=None), chosen, 0.0).any()
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.02, 0.05])
