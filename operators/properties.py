@@ -21,7 +21,11 @@ ENGINES = {
     ),
 }
 
-LOOKUPS = {"linear": "Fast, and as sharp as most renders need", "cubic": "Sharper where textures are fine"}
+LOOKUPS = {
+    "auto": "Cubic in a denoised picture, linear elsewhere",
+    "linear": "Keeps noise as quiet as it is",
+    "cubic": "Sharper where textures are fine",
+}
 
 
 def promise(name: str) -> str:

@@ -171,7 +171,8 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--interpolation",
         choices=INTERPOLATIONS,
         default=StereoSettings.interpolation,
-        help="how colours are looked up between pixels; cubic is sharper (%(default)s)",
+        help="how colours are looked up between pixels; cubic is sharper, and what auto takes in a denoised picture "
+        "(%(default)s)",
     )
 
 

@@ -163,7 +163,7 @@ def render_stereo_frame(
         accuracy=accuracy,
         invalid=invalid,
         grid_threshold=settings.grid_threshold,
-        interpolation=settings.interpolation,
+        interpolation=_interpolation(settings.interpolation, denoised=denoising is not None),
         lens=renderer.lens,
         volumes=renderer.volumes,
         motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
@@ -230,6 +230,12 @@ def _target_eye(
     if renderer.foreign:
         return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
+
+
+def _interpolation(asked: str, *, denoised: bool) -> str:
+    if asked != "auto":
+        return asked
+    return "cubic" if denoised else "linear"
 
 
 def _all_reasons(

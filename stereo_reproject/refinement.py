@@ -36,9 +36,6 @@ BEYOND_DOUBT = 10.0
 UNMOVED = 0.25
 """Share of a tile's likely excess that does not follow its risk: what has changed its brightness, and not its place."""
 
-STANDS_OUT = 0.75
-"""Share of the excess of a denoised frame that stands out of what its probes tell."""
-
 MOSTLY = 0.5
 """Share of what a material shows in a denoised frame from which all of it is traced: what is wrong nearly everywhere,
 as a mirror is, is so where its picture is too faint or too fine for the probes, and to trace only parts of it shows."""
@@ -141,14 +138,14 @@ def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: f
     """(K + 1,): what is to come down to the promise's excess when the first k tiles of `order` (K,) are traced.
 
     The excess of the frame with some certainty. What single traces say of a denoised picture is nearly all noise: there
-    it is what tiles are likely (N,) to have, and as those are told that stand out, what does not is reckoned in.
+    it is what tiles are likely (N,) to have.
     """
     if measured.likely is None:
         excess, error = _remaining(measured, order)
         return excess + sure * error
     left = np.where(measured.refined, 0.0, likely * measured.pixels)
     gone = np.concatenate([[0.0], np.cumsum(left[order])])
-    return (left.sum() - gone) / measured.frame_noise / STANDS_OUT
+    return (left.sum() - gone) / measured.frame_noise
 
 
 def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

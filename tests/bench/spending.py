@@ -172,7 +172,6 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
             accuracy=SHIPPED,
             invalid=invalid,
             grid_threshold=settings.grid_threshold,
-            interpolation=settings.interpolation,
             lens=renderer.lens,
             volumes=renderer.volumes,
         )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from stereo_reproject import pipeline
 from stereo_reproject.accuracy import Accuracy
 from stereo_reproject.composite import contain
 from stereo_reproject.effects import Effect, EffectsPlan, Finding
@@ -17,7 +18,7 @@ from stereo_reproject.frustum import Lens
 from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
-from stereo_reproject.passes import EFFECTS_PASS
+from stereo_reproject.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
@@ -90,7 +91,10 @@ class Caster:
     foreign: bool = False
 
     def picture(self, view, seed):
-        return self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
+        passes = self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
+        colour = passes["Combined"]
+        guides = {NOISY_PASS: colour, ALBEDO_PASS: colour[..., :3], NORMAL_PASS: colour[..., :3]}
+        return passes if self.denoise is None else {**passes, **guides}
 
     def render_source(self, view):
         self.asked.append(("source", view))
@@ -259,6 +263,24 @@ def test_cubic_interpolation_comes_closer():
         renderer, asked = caster(), settings(interpolation=interpolation, accuracy="high", grid_threshold=0.0)
         errors[interpolation] = warped_error(renderer, render_stereo_frame(renderer, asked), asked).mean()
     assert errors["cubic"] < 0.7 * errors["linear"]
+
+
+@pytest.mark.parametrize("denoised", [False, True])
+def test_a_denoised_picture_is_looked_up_cubically_unless_told_otherwise(monkeypatch, denoised):
+    taken = []
+
+    def reproject(source, *cameras, interpolation, **how):
+        taken.append(interpolation)
+        return pipeline_reproject(source, *cameras, interpolation=interpolation, **how)
+
+    pipeline_reproject = pipeline.reproject
+    monkeypatch.setattr(pipeline, "reproject", reproject)
+    renderer = caster()
+    if denoised:
+        renderer.denoise = lambda pictures: [picture[NOISY_PASS][..., :3] for picture in pictures]
+    for asked in ("auto", "linear", "cubic"):
+        render_stereo_frame(renderer, settings(interpolation=asked))
+    assert taken == ["cubic" if denoised else "linear", "linear", "cubic"]
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 5.0])
