@@ -32,7 +32,11 @@ NOISY_PASS = ".Noisy"
 ALBEDO_PASS = ".Guiding Albedo"
 NORMAL_PASS = ".Guiding Normal"
 
-OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)
+LENGTH_PASS = ".Ray Length"
+"""(H, W, 1) mean over a source pixel's samples of the way from where its rays are clipped to what guides the denoiser.
+Where the picture is denoised; ours alone."""
+
+OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, LENGTH_PASS)
 
 _CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
 
@@ -57,6 +61,7 @@ _UNMIXED = frozenset(
         NOISY_PASS,
         ALBEDO_PASS,
         NORMAL_PASS,
+        LENGTH_PASS,
     }
 )
 """Passes of which a mean of two neighbours is neither of them; and a denoiser wants noise that is not smeared.
