@@ -4,13 +4,14 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject import thin
 from stereo_reproject.blender.frame import render_files
 from stereo_reproject.exr import read_eye
-from stereo_reproject.metrics import noise_ratio, tone
+from stereo_reproject.metrics import noise_ratio, squared_error, tone
 from stereo_reproject.passes import COLOUR_PASS
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
-from tests.blender.toolbox import add_cube, diffuse, mirror_before_wall, noise_image, render_plain
+from tests.blender.toolbox import add_cube, add_plane, diffuse, mirror_before_wall, noise_image, render_plain
 
 pytestmark = pytest.mark.blender
 
@@ -110,3 +111,18 @@ def test_other_ways_to_trace_are_denoised_too(scene, tmp_path, fill):
     right = next(iter(read_eye(tmp_path / "work" / "out" / "right.exr").values()))[COLOUR_PASS]
     a, b = (render_plain(scene, tmp_path, seed=seed, views=("right",))["right"][COLOUR_PASS] for seed in (11, 12))
     assert noise_ratio(right, a, b) < AS_GOOD
+
+
+def test_a_cord_that_the_depth_misses_is_not_carried_aside(scene, tmp_path, monkeypatch):
+    """A third of a pixel wide, and somewhat tilted: most first samples miss it."""
+    wire = add_plane(scene, diffuse("wire", (0.01, 0.01, 0.01)), size=(0.008, 2.0), location=(-0.7, 0.0, -5.0))
+    wire.rotation_euler = (0.0, 0.0, 0.03)
+    plain = render_plain(scene, tmp_path, seed=11, views=("right",))["right"][COLOUR_PASS]
+    errors = {}
+    for name, threshold in (("found", thin.THRESHOLD), ("missed", np.inf)):
+        monkeypatch.setattr(thin, "THRESHOLD", threshold)
+        (tmp_path / name).mkdir()
+        eyes, _ = pair(scene, tmp_path / name)
+        # Where the wire is, and next to nothing else.
+        errors[name] = squared_error(eyes["right"][COLOUR_PASS], plain)[10:80, 40:56].mean()
+    assert errors["found"] < 0.3 * errors["missed"]
