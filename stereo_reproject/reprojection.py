@@ -102,7 +102,7 @@ class Marking:
         """(H, W) `Reason` flags of the target's pixels."""
         reasons = empty_reasons(warp, self.source_camera, self.target_camera)
         answered = reasons == 0
-        blurred = _source_silhouettes(self, accuracy) | self._thin_things()
+        blurred = _source_silhouettes(self, accuracy) | self._thin_things(accuracy)
         target = _TargetEdges(self, warped, warp)
         edges = target.silhouettes(reasons, accuracy) | touches(blurred, warp.x, warp.y, share=TOUCHED)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
@@ -124,15 +124,17 @@ class Marking:
             reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
         return reasons
 
-    def _thin_things(self) -> NDArray[np.bool_]:
+    def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
         """(H, W) source pixels: what their depth misses shows, where it moves, as a silhouette would."""
         length, depth = self.source.get(LENGTH_PASS), self.source[DEPTH_PASS][..., 0]
         camera, other = self.source_camera, self.target_camera
         # What is out of focus mixes depths everywhere, and a volume has none.
         mixed = self.lens.aperture or len(self.volumes)
-        if length is None or mixed or see_the_same(camera, other) or not isinstance(camera, PerspectiveCamera):
+        wanted = accuracy.silhouette_radius > 0 and not mixed and not see_the_same(camera, other)
+        if length is None or not wanted or not isinstance(camera, PerspectiveCamera):
             return np.zeros(depth.shape, bool)
-        return thin_things(length[..., 0], depth, camera, other, clip_start=self.lens.near)
+        edges = self.steps.beside(accuracy.silhouette_step)
+        return thin_things(length[..., 0], depth, camera, other, edges=edges, clip_start=self.lens.near)
 
 
 def _strands(passes: Passes) -> NDArray[np.bool_]:

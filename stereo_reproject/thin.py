@@ -20,6 +20,12 @@ THRESHOLD = 0.1
 THIN = 1
 """Pixels: what holds a square of this reach is a surface."""
 
+LEAST_COVERED = 0.1
+"""Share of a pixel that something thin is taken to cover at least, and so how near it may be: less hardly shows."""
+
+FARTHEST = 8
+"""Pixels, at most, by which it is looked for aside."""
+
 
 def thin_things(
     length: NDArray[np.float32],
@@ -27,24 +33,37 @@ def thin_things(
     camera: PerspectiveCamera,
     other: Camera,
     *,
+    edges: NDArray[np.bool_],
     clip_start: float,
 ) -> NDArray[np.bool_]:
     """(H, W): pixels of `camera` in which something thin is nearer than their depth (H, W) says.
 
-    And the pixel beside each to which that moves in the other eye, away from what is behind it. length (H, W) is the
-    mean length of the rays' way from where they are clipped (passes.LENGTH_PASS).
+    And those beside each over which that moves in the other eye, away from what is behind it. length (H, W) is the
+    mean length of the rays' way from where they are clipped (passes.LENGTH_PASS); edges (H, W) are pixels that mix what
+    lies on the two sides of a step in depth, and are known for that.
     """
-    mean = np.maximum(length / _slant(camera) + clip_start, clip_start)
-    nearer = camera.nearness_from_depth(mean) - camera.nearness_from_depth(depth.astype(np.float64))
-    found = np.isfinite(depth) & (nearer * disparity_per_nearness(camera, other) > THRESHOLD)
+    behind = depth.astype(np.float64)
+    surface = np.isfinite(behind)
+    before = np.where(surface, behind - (length / _slant(camera) + clip_start), 0.0)
+
+    def moves(covered: float) -> NDArray[np.float64]:
+        """Pixels by which what covers so much of a pixel moves from what is behind it."""
+        nearness = camera.nearness_from_depth(np.maximum(behind - before / covered, clip_start + 1e-6))
+        return (nearness - camera.nearness_from_depth(behind)) * disparity_per_nearness(camera, other)
+
+    found = surface & (moves(1.0) > THRESHOLD)
     surfaces = ~dilate(~found, THIN)
-    found &= ~dilate(surfaces, THIN + 1)
-    moved = np.zeros_like(found)
-    if target_from_source(camera, other)[0, 3] < 0.0:
-        moved[:, :-1] = found[:, 1:]
-    else:
-        moved[:, 1:] = found[:, :-1]
-    return found | moved
+    found &= ~dilate(surfaces, THIN + 1) & ~edges
+    reach = np.where(found, np.minimum(np.ceil(moves(LEAST_COVERED)), FARTHEST), 0.0)
+    result = found.copy()
+    to_the_left = target_from_source(camera, other)[0, 3] < 0.0
+    for aside in range(1, FARTHEST + 1):
+        moved = reach >= aside
+        if to_the_left:
+            result[:, :-aside] |= moved[:, aside:]
+        else:
+            result[:, aside:] |= moved[:, :-aside]
+    return result
 
 
 def _slant(camera: PerspectiveCamera) -> NDArray[np.float64]:

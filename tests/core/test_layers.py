@@ -42,6 +42,7 @@ NUMERIC = {
     "heuristic",
     "defocus",
     "refracted",
+    "thin",
     "label_places",
 }
 SHARED_WORDS = {"settings", "errors", "passes"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.camera import see_the_same
-from stereo_reproject.thin import thin_things
+from stereo_reproject.camera import disparity_per_nearness, see_the_same
+from stereo_reproject.thin import FARTHEST, LEAST_COVERED, thin_things
 
 from .analytic import pixel_centres, stereo_rig
 
@@ -25,11 +25,12 @@ def lengths(camera, depth):
     return ((depth - CLIP) * np.sqrt(sum(np.square(part) for part in ray))).astype(np.float32)
 
 
-def found(mean, source="left", target="right"):
+def found(mean, source="left", target="right", *, edges=False):
     eyes = rig()
     assert not see_the_same(eyes[source], eyes[target])
     depth = np.full(SIZE[::-1], WALL, np.float32)
-    return thin_things(lengths(eyes[source], mean), depth, eyes[source], eyes[target], clip_start=CLIP)
+    edges = np.full(depth.shape, edges)
+    return thin_things(lengths(eyes[source], mean), depth, eyes[source], eyes[target], edges=edges, clip_start=CLIP)
 
 
 def wall():
@@ -40,13 +41,27 @@ def test_a_wall_has_nothing_thin():
     assert not found(wall()).any()
 
 
-@pytest.mark.parametrize(("source", "target", "beside"), [("left", "right", -1), ("right", "left", 1)])
-def test_a_cord_that_depth_misses_is_found_with_the_pixel_that_it_moves_to(source, target, beside):
+@pytest.mark.parametrize(("source", "target", "aside"), [("left", "right", -1), ("right", "left", 1)])
+def test_a_cord_that_depth_misses_is_found_with_the_pixels_that_it_moves_over(source, target, aside):
     mean = wall()
     mean[:, COLUMN] = 0.6 * WALL + 0.4 * CORD
+    eyes = rig()
+    moves, most = (
+        (1.0 / near - 1.0 / WALL) * disparity_per_nearness(eyes[source], eyes[target])
+        for near in (CORD, WALL - 0.4 * (WALL - CORD) / LEAST_COVERED)
+    )
     columns = np.unique(np.nonzero(found(mean, source, target))[1])
-    assert sorted(columns) == sorted([COLUMN, COLUMN + beside])
+    assert {COLUMN, COLUMN + aside, COLUMN + aside * int(np.ceil(moves))} <= set(columns)
+    assert columns.size <= 2 + min(most, FARTHEST)
+    assert np.all((columns - COLUMN) * aside >= 0)
     assert found(mean, source, target)[:, COLUMN].all()
+
+
+def test_a_pixel_on_an_edge_is_a_silhouette_s_business():
+    mean = wall()
+    mean[:, COLUMN] = 0.5 * WALL
+    assert found(mean).any()
+    assert not found(mean, edges=True).any()
 
 
 def test_a_surface_that_is_nearer_as_a_whole_is_not_thin():
@@ -66,4 +81,5 @@ def test_where_there_is_no_surface_nothing_is_thin():
     eyes = rig()
     depth = np.full(SIZE[::-1], np.inf, np.float32)
     length = np.zeros(SIZE[::-1], np.float32)
-    assert not thin_things(length, depth, eyes["left"], eyes["right"], clip_start=CLIP).any()
+    edges = np.zeros(depth.shape, bool)
+    assert not thin_things(length, depth, eyes["left"], eyes["right"], edges=edges, clip_start=CLIP).any()
