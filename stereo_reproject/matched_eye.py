@@ -13,7 +13,7 @@ from .accuracy import Accuracy
 from .composite import composite
 from .fill import CLEARLY_LOWER, FillChoice, SourceCost
 from .holes import Reason
-from .matching import Correction, Traced, correction_of, like_surroundings, match, ring_of
+from .matching import Correction, Traced, correction_of, match, ring_of
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from .reprojection import Reprojection
 from .tracing import Means, TargetEye
@@ -148,8 +148,6 @@ class MatchedEye(TargetEye):
         doubted = (self._reprojection.reasons == Reason.SILHOUETTE.bit) & self._reprojection.warp.covered
         nearness = _nearness(self.passes[DEPTH_PASS][..., 0])
         matched = match(warped[..., :3], features, wanted, known=ring, doubted=doubted, nearness=nearness)
-        known = self._reprojection.warp.covered & ~self._holes
-        matched = like_surroundings(matched, warped[..., :3], wanted, known=known)
         within = self._holes[wanted]
         kept = {name: image[within] for name, image in traced.items()}
         alpha = kept[COLOUR_PASS][:, 3:]

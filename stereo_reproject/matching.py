@@ -40,8 +40,9 @@ TRUST, UNEXPLAINED = 0.3, 0.05
 what is only spread over it until the picture counts as much. Tried on a room and on a vase of glass, where it took the
 error of silhouettes from 0.030 and 0.066 to 0.023 and 0.037."""
 
-NEAR, SLACK = 3, 0.05
-"""Pixels each way that a matched colour is held against, and how far beyond theirs it may be, after tone mapping."""
+ELSEWHERE = 0.5
+"""Of that share, how much where the picture shows another depth than the tracer: the one may have the near side of an
+edge there and the other the far one, or not have what is a pixel wide."""
 
 PRIOR_PIXELS = 0.5
 """As many pixels of the ring outweigh that both engines are taken to see the same light."""
@@ -101,7 +102,8 @@ def match(
     shows the right surface and mixes it with the wrong background: it counts as far as the tracer cannot tell.
     """
     at = nearness[domain]
-    kept = known[domain] & (np.abs(at - traced.nearness) <= SAME_DEPTH * np.maximum(at, traced.nearness))
+    same = np.abs(at - traced.nearness) <= SAME_DEPTH * np.maximum(at, traced.nearness)
+    kept = known[domain] & same
     base = _learned(traced, picture[domain] - traced.seen, kept) + traced.seen
     gap = np.zeros((*domain.shape, 3), np.float32)
     gap[domain] = np.where(kept[:, None], picture[domain] - base, 0.0)
@@ -111,44 +113,12 @@ def match(
     result = np.maximum(base + _mixed(correction, traced, domain), 0.0)
     unexplained = np.mean(np.abs(tone(result) - tone(base)), axis=-1, keepdims=True) ** 2
     share = TRUST + (1.0 - TRUST) * unexplained / (unexplained + UNEXPLAINED**2)
+    share *= np.where(same, 1.0, ELSEWHERE)[:, None]
     mixed = doubted & _beside_edges(traced, domain, nearness)
     share = np.where(mixed[domain][:, None], share, 0.0).astype(np.float32)
     # Mixed as they are seen: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
     return np.where(share > 0.0, untone(toned), result)
-
-
-def like_surroundings(
-    colours: NDArray[np.float32], picture: NDArray[np.float32], domain: NDArray[np.bool_], *, known: NDArray[np.bool_]
-) -> NDArray[np.float32]:
-    """Colours (N, 3) of the domain (H, W), none far brighter or darker than all of the picture (H, W, 3) around that is
-    known (H, W): what one engine refracts into a pixel the other may not show at all.
-
-    Where nothing known is near, they are left as they are.
-    """
-    low, high = (
-        _extreme(np.where(known[..., None], tone(picture), nothing), better)[domain]
-        for nothing, better in ((np.inf, np.minimum), (-np.inf, np.maximum))
-    )
-    near = np.isfinite(low)
-    toned = np.clip(tone(colours), np.where(near, low - SLACK, 0.0), np.where(near, high + SLACK, 1.0))
-    toned = np.clip(toned, 0.0, 1.0 - 1e-6)
-    changed = np.abs(toned - tone(colours)) > 1e-6
-    return np.where(changed, untone(toned), colours).astype(np.float32)
-
-
-def _extreme(image: NDArray, better: np.ufunc) -> NDArray:
-    """(H, W, 3): the least or the greatest within NEAR pixels each way."""
-    result = image.copy()
-    for axis in (0, 1):
-        line, length = result.copy(), result.shape[axis]
-        for step in range(1, min(NEAR, length - 1) + 1):
-            ahead = [slice(None)] * 3
-            behind = [slice(None)] * 3
-            ahead[axis], behind[axis] = slice(step, None), slice(None, -step)
-            for to, of in ((tuple(ahead), tuple(behind)), (tuple(behind), tuple(ahead))):
-                result[to] = better(result[to], line[of])
-    return result
 
 
 def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correction:

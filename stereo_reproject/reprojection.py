@@ -24,8 +24,8 @@ from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
-from .thin import thin_things
-from .warp import Warp, forward_warp
+from .thin import landings, thin_things
+from .warp import Warp, forward_warp, without_area
 
 PINHOLE = Lens()
 
@@ -105,6 +105,7 @@ class Marking:
         blurred = _source_silhouettes(self, accuracy) | self._thin_things(accuracy)
         target = _TargetEdges(self, warped, warp)
         edges = target.silhouettes(reasons, accuracy) | touches(blurred, warp.x, warp.y, share=TOUCHED)
+        edges |= self._one_pixel_wide(warp, blurred, accuracy)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
             edges &= ~_within_fur(warped, warp)
         reasons[answered & edges] |= Reason.SILHOUETTE.bit
@@ -123,6 +124,13 @@ class Marking:
             spoilt = dilate(self.invalid, 1) if self.interpolation == "cubic" else self.invalid
             reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
         return reasons
+
+    def _one_pixel_wide(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
+        """(H, W) target pixels: what has no area in the grid shows on either side of where it lands."""
+        depth = self.source[DEPTH_PASS][..., 0]
+        alone = without_area(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
+        landed = landings(alone & blurred, depth, self.source_camera, self.target_camera, warp)
+        return dilate(landed, accuracy.silhouette_radius)
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
         """(H, W) source pixels: what their depth misses shows, where it moves, as a silhouette would."""

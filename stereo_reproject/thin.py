@@ -1,6 +1,8 @@
-"""What is thinner than a pixel: a cord, a wire, a blade of grass.
+"""What is about as thin as a pixel, or thinner: a cord, a wire, a blade of grass.
 
-A pixel's depth is its first sample's, its colour is all samples'. Where the first one misses what is thin and near, its
+Where its pixels have its depth and it is one of them wide, it has no area in the grid; but where it lands is known.
+
+Where it is thinner: a pixel's depth is its first sample's, its colour is all samples'. Where the first one misses what is thin and near, its
 colour is carried with the depth of what is behind it, to the wrong place, with a contrast that shows. What Cycles gives
 a denoiser for depth is the mean of all samples: there it is nearer, and in a few pixels side by side. A surface that
 mirrors is farther away in that, and one that mirrors little light may be nearer as a whole: that is not thin.
@@ -11,8 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, PerspectiveCamera, disparity_per_nearness, target_from_source
+from .camera import Camera, PerspectiveCamera, disparity_per_nearness, target_from_source, target_px_from_source_px
 from .masks import dilate
+from .warp import Warp
 
 THRESHOLD = 0.1
 """Pixels in the other eye by which the mean of the samples puts a pixel nearer than the first one does."""
@@ -25,6 +28,24 @@ LEAST_COVERED = 0.1
 
 FARTHEST = 8
 """Pixels, at most, by which it is looked for aside."""
+
+
+def landings(
+    pixels: NDArray[np.bool_], depth: NDArray[np.float32], source: Camera, target: Camera, warp: Warp
+) -> NDArray[np.bool_]:
+    """(H, W): target pixels in which the centres of these source `pixels` (H, W) land, where nothing hides them.
+
+    depth (H, W) is the source's; `warp` is what has landed beside them.
+    """
+    result = np.zeros(warp.nearness.shape, bool)
+    rows, columns = np.nonzero(pixels)
+    x, y, away = target_px_from_source_px(source, target, columns + 0.5, rows + 0.5, depth[rows, columns])
+    with np.errstate(invalid="ignore"):
+        within = np.nonzero((x >= 0.0) & (x < target.width) & (y >= 0.0) & (y < target.height))[0]
+    j, i = x[within].astype(np.intp), y[within].astype(np.intp)
+    seen = target.nearness_from_depth(away[within]) >= warp.nearness[i, j]
+    result[i[seen], j[seen]] = True
+    return result
 
 
 def thin_things(

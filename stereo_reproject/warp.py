@@ -70,6 +70,18 @@ def forward_warp(
     return surface.warp()
 
 
+def without_area(
+    depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """(H, W): source pixels all of whose quads are torn: what is as narrow as they are is drawn nowhere.
+
+    depth, cut_right and cut_down are as for `forward_warp`. A pixel without a depth is not one.
+    """
+    height, width = depth.shape
+    torn = _torn_quads(cut_right, cut_down, lattice_depth(depth))[: height + 1, : width + 1]
+    return torn[:-1, :-1] & torn[:-1, 1:] & torn[1:, :-1] & torn[1:, 1:] & ~np.isnan(depth)
+
+
 @dataclass(frozen=True)
 class _Quads:
     """Corners (2, 2, Q), first index down, second right: target position and nearness; origin and size in source px.
