@@ -130,6 +130,12 @@ class OrthographicCamera(_PlanarCamera):
         return np.where(nearness > -0.5 * self.SKY_DEPTH, -nearness, np.inf)
 
 
+def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
+    """How much longer the way to what is seen at pixel positions (x, y) is than its depth."""
+    _, direction = camera.ray_from_px(x, y)
+    return np.sqrt(sum(np.square(part) for part in direction))
+
+
 def target_from_source(source: Camera, target: Camera) -> Array:
     """The transform (4, 4) from source camera space to target camera space, free of the world's own offset.
 

@@ -24,7 +24,7 @@ from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
-from .thin import landings, thin_things
+from .thin import THRESHOLD, landings, thin_things
 from .warp import Warp, forward_warp, without_area
 
 PINHOLE = Lens()
@@ -141,7 +141,7 @@ class Marking:
         wanted = accuracy.silhouette_radius > 0 and not mixed and not see_the_same(camera, other)
         if length is None or not wanted or not isinstance(camera, PerspectiveCamera):
             return np.zeros(depth.shape, bool)
-        edges = self.steps.beside(accuracy.silhouette_step)
+        edges = self.steps.beside(min(accuracy.silhouette_step, THRESHOLD))
         return thin_things(length[..., 0], depth, camera, other, edges=edges, clip_start=self.lens.near)
 
 

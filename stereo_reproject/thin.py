@@ -13,7 +13,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, PerspectiveCamera, disparity_per_nearness, target_from_source, target_px_from_source_px
+from .camera import (
+    Camera,
+    PerspectiveCamera,
+    disparity_per_nearness,
+    ray_length_per_depth,
+    target_from_source,
+    target_px_from_source_px,
+)
 from .masks import dilate
 from .warp import Warp
 
@@ -65,16 +72,19 @@ def thin_things(
     """
     behind = depth.astype(np.float64)
     surface = np.isfinite(behind)
-    before = np.where(surface, behind - (length / _slant(camera) + clip_start), 0.0)
+    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    slant = ray_length_per_depth(camera, columns, rows)
+    before = np.where(surface, behind - (length / slant + clip_start), 0.0)
 
     def moves(covered: float) -> NDArray[np.float64]:
         """Pixels by which what covers so much of a pixel moves from what is behind it."""
         nearness = camera.nearness_from_depth(np.maximum(behind - before / covered, clip_start + 1e-6))
         return (nearness - camera.nearness_from_depth(behind)) * disparity_per_nearness(camera, other)
 
-    found = surface & (moves(1.0) > THRESHOLD)
-    surfaces = ~dilate(~found, THIN)
-    found &= ~dilate(surfaces, THIN + 1) & ~edges
+    found = moves(1.0) > THRESHOLD
+    # Nothing is known beyond the frame, and to 4.5 a sample of the sky is one right before the camera.
+    surfaces = ~dilate(~np.pad(found, THIN), THIN)[THIN:-THIN, THIN:-THIN]
+    found &= ~dilate(surfaces, THIN + 1) & ~edges & ~dilate(~surface, 1)
     reach = np.where(found, np.minimum(np.ceil(moves(LEAST_COVERED)), FARTHEST), 0.0)
     result = found.copy()
     to_the_left = target_from_source(camera, other)[0, 3] < 0.0
@@ -86,9 +96,3 @@ def thin_things(
             result[:, aside:] |= moved[:, :-aside]
     return result
 
-
-def _slant(camera: PerspectiveCamera) -> NDArray[np.float64]:
-    """(H, W): length of each pixel's ray for one unit of depth."""
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    _, ray = camera.ray_from_px(x, y)
-    return np.sqrt(sum(np.square(part) for part in ray))

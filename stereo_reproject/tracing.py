@@ -150,7 +150,7 @@ class TargetEye:
         nothing = np.zeros_like(self._holes)
         measured = self._trace_probed("packed", nothing, self._accuracy.probe_spacing * PILOT_SPACING, self._seed)
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
-        chosen = choose_refined(measured, self._promise, sure=-1.0)
+        chosen = choose_refined(measured, self._promise, unseen=self._accuracy.unseen, sure=-1.0)
         self._pilot = measured
         self.pilot_share = float(measured.pixels[chosen].sum() / self._holes.size)
 

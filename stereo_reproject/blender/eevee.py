@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, PerspectiveCamera
+from ..camera import Camera, ray_length_per_depth
 from ..fill import SourceCost
 from ..matching import Traced
 from ..passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
@@ -98,9 +98,11 @@ class EeveeRenderer(BlenderRenderer):
         else:
             places = np.argwhere(pixels)
             self._last, passes = trace_packed(scene, self.cameras[view], view, places, self.folder, seed=seed)
-        # Cycles gives the mean of distances in place of depths.
-        along = _along(self.cameras[view], *np.nonzero(pixels))
-        return {**passes, MEAN_DEPTH: passes[MEAN_DEPTH] / along[:, None]}
+        # Cycles gives the mean of the rays' lengths from where they are clipped, in place of depths.
+        rows, columns = np.nonzero(pixels)
+        slant = ray_length_per_depth(self.cameras[view], columns + 0.5, rows + 0.5)
+        mean_depth = passes[MEAN_DEPTH] / np.reshape(slant, (-1, 1)) + self.lens.near
+        return {**passes, MEAN_DEPTH: mean_depth.astype(np.float32)}
 
     def trace_cost(self) -> SourceCost:
         assert self._last is not None
@@ -169,10 +171,3 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
 def _numbers(values: NDArray) -> NDArray[np.float32]:
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
 
-
-def _along(camera: Camera, rows: NDArray, columns: NDArray) -> NDArray[np.float32]:
-    """(N,): how much longer the ray to a pixel's centre is than its depth."""
-    if not isinstance(camera, PerspectiveCamera):
-        return np.ones(rows.size, np.float32)
-    _, through = camera.ray_from_px(columns + 0.5, rows + 0.5)
-    return np.sqrt(through[0] ** 2 + through[1] ** 2 + 1.0).astype(np.float32)
