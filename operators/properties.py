@@ -22,7 +22,7 @@ ENGINES = {
 }
 
 LOOKUPS = {
-    "auto": "Cubic in a denoised picture, linear elsewhere",
+    "auto": "Cubic for the colour of a denoised picture, linear for all else",
     "linear": "Keeps noise as quiet as it is",
     "cubic": "Sharper where textures are fine",
 }

@@ -171,8 +171,8 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--interpolation",
         choices=INTERPOLATIONS,
         default=StereoSettings.interpolation,
-        help="how colours are looked up between pixels; cubic is sharper, and what auto takes in a denoised picture "
-        "(%(default)s)",
+        help="how passes are looked up between pixels; cubic is sharper, and what auto takes for the colour of a "
+        "denoised picture (%(default)s)",
     )
 
 

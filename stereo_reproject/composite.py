@@ -7,13 +7,9 @@ from numpy.typing import NDArray
 
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
-from .masks import dilate
 from .motion import Moving, standing_still, warp_motion
 from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered
 from .warp import Warp
-
-CUBIC_REACH = 2
-"""Pixels from the nearest one to the farthest that the cubic kernel takes something from."""
 
 
 def warp_passes(
@@ -23,10 +19,12 @@ def warp_passes(
     target_camera: Camera,
     *,
     interpolation: str,
+    colour_interpolation: str | None = None,
     motion: tuple[Moving, Moving] | None = None,
 ) -> Passes:
     """The source's passes as seen by the target, 0 (depth: +inf) where nothing landed.
 
+    interpolation is how `lookup` finds what may be mixed, colour_interpolation how it finds COLOUR_PASS, if otherwise.
     motion is that of the two eyes, of whom none moves without it; the Vector pass alone asks for it.
     """
     depth = source[DEPTH_PASS]
@@ -41,28 +39,11 @@ def warp_passes(
             eyes = motion or (standing_still(source_camera), standing_still(target_camera))
             warped[name] = warp_motion(image, depth, warp, *eyes, seen)
         elif filtered(name):
-            warped[name] = _interpolated(name, image, warp, interpolation)
+            how = colour_interpolation if name == COLOUR_PASS and colour_interpolation else interpolation
+            warped[name] = lookup(image, warp.x, warp.y, interpolation=how)
         else:
             warped[name] = lookup(image, warp.x, warp.y, interpolation="nearest")
     return warped
-
-
-def _interpolated(name: str, image: NDArray[np.float32], warp: Warp, interpolation: str) -> NDArray[np.float32]:
-    """(H, W, C), not below zero where nothing around it is, and with an alpha of 1 at most: the cubic kernel, which
-    keeps the sharpness, overshoots."""
-    looked_up = lookup(image, warp.x, warp.y, interpolation=interpolation)
-    if interpolation != "cubic":
-        return looked_up
-    below = image.min(axis=-1) < 0.0
-    if below.any():
-        reached = dilate(below, CUBIC_REACH)[..., None].astype(np.float32)
-        may_be = lookup(reached, warp.x, warp.y, interpolation="nearest") > 0.0
-        looked_up = np.where(may_be, looked_up, np.maximum(looked_up, 0.0))
-    else:
-        np.maximum(looked_up, 0.0, out=looked_up)
-    if name == COLOUR_PASS:
-        np.minimum(looked_up[..., 3], max(1.0, float(image[..., 3].max())), out=looked_up[..., 3])
-    return looked_up
 
 
 def _target_position(

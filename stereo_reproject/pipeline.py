@@ -156,6 +156,7 @@ def render_stereo_frame(
 
     watch.lap("warp")
     motion = renderer.motion
+    interpolation, colour_interpolation = _interpolations(settings.interpolation, denoised=denoising is not None)
     reprojection = reproject(
         source,
         source_camera,
@@ -163,7 +164,8 @@ def render_stereo_frame(
         accuracy=accuracy,
         invalid=invalid,
         grid_threshold=settings.grid_threshold,
-        interpolation=_interpolation(settings.interpolation, denoised=denoising is not None),
+        interpolation=interpolation,
+        colour_interpolation=colour_interpolation,
         lens=renderer.lens,
         volumes=renderer.volumes,
         motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
@@ -232,10 +234,11 @@ def _target_eye(
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
 
 
-def _interpolation(asked: str, *, denoised: bool) -> str:
+def _interpolations(asked: str, *, denoised: bool) -> tuple[str, str]:
+    """Of most passes, and of the colour, which is all that is denoised."""
     if asked != "auto":
-        return asked
-    return "cubic" if denoised else "linear"
+        return asked, asked
+    return "linear", "cubic" if denoised else "linear"
 
 
 def _all_reasons(

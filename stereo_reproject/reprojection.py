@@ -60,6 +60,7 @@ def reproject(
     invalid: NDArray[np.bool_],
     grid_threshold: float = 1.0,
     interpolation: str = "linear",
+    colour_interpolation: str | None = None,
     lens: Lens = PINHOLE,
     volumes: Sequence[NDArray] = (),
     motion: tuple[Moving, Moving] | None = None,
@@ -68,8 +69,8 @@ def reproject(
 
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
     whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
-    boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion is as for
-    `warp_passes`.
+    boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
+    interpolations are as for `warp_passes`.
     """
     depth = source[DEPTH_PASS][..., 0]
     grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
@@ -78,9 +79,18 @@ def reproject(
     warp = forward_warp(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
     )
-    warped = warp_passes(source, warp, source_camera, target_camera, interpolation=interpolation, motion=motion)
+    warped = warp_passes(
+        source,
+        warp,
+        source_camera,
+        target_camera,
+        interpolation=interpolation,
+        colour_interpolation=colour_interpolation,
+        motion=motion,
+    )
 
-    marking = Marking(source, source_camera, target_camera, disparity, steps, invalid, interpolation, lens, volumes)
+    cubic = "cubic" in (interpolation, colour_interpolation)
+    marking = Marking(source, source_camera, target_camera, disparity, steps, invalid, cubic, lens, volumes)
     return Reprojection(warped, marking.reasons(warped, warp, accuracy), grid, warp, marking)
 
 
@@ -94,7 +104,8 @@ class Marking:
     disparity: NDArray[np.float32]
     steps: Steps
     invalid: NDArray[np.bool_]
-    interpolation: str
+    cubic: bool
+    """Whether a pass was looked up so."""
     lens: Lens
     volumes: Sequence[NDArray]
 
@@ -121,7 +132,7 @@ class Marking:
             reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
         if self.invalid.any():
             # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
-            spoilt = dilate(self.invalid, 1) if self.interpolation == "cubic" else self.invalid
+            spoilt = dilate(self.invalid, 1) if self.cubic else self.invalid
             reasons[answered & touches(spoilt, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
         return reasons
 

@@ -95,8 +95,8 @@ class StereoSettings:
     """How the pair is made. Raises BadInputError.
 
     tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
-    grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic in a denoised picture, where
-    it is sharper and there is no noise to sharpen too, and linear elsewhere.
+    grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's
+    colour, where it is sharper and there is no noise to sharpen too, and linear for all else.
     """
 
     source: str = "left"

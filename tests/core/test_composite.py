@@ -131,6 +131,37 @@ def test_interpolation_does_not_make_negative_light_or_an_alpha_above_one():
     assert cubic["Combined"][..., 3].max() == 1.0
 
 
+def test_beside_a_bright_light_cubic_makes_nothing_darker_and_no_alpha_out_of_range():
+    rig = stereo_rig((9, 9))
+    x, y = pixel_centres(rig["left"])
+    image = spike(0.5)
+    image[:, 6, 0] = -0.25
+    source = {"Combined": image, "Depth": np.full((9, 9, 1), 2.0, np.float32)}
+    warp = warp_by_hand(x + 0.4, y + 0.3, np.ones(x.shape))
+    red, green, _, alpha = np.moveaxis(
+        warp_passes(source, warp, *rig.values(), interpolation="cubic")["Combined"], 2, 0
+    )
+    assert green.min() == 0.5
+    assert (alpha.min(), alpha.max()) == (0.0, 1.0)
+    assert -0.25 <= red.min() < 0.0, "what is negative may stay so"
+
+
+def test_the_colour_may_be_looked_up_otherwise_than_what_is_beside_it():
+    rig = stereo_rig((9, 9))
+    x, y = pixel_centres(rig["left"])
+    source = {"Combined": spike(0.5), "Mist": spike(0.5)[..., :1], "Depth": np.full((9, 9, 1), 2.0, np.float32)}
+    warp = warp_by_hand(x + 0.4, y, np.ones(x.shape))
+
+    def warped(**how):
+        return warp_passes(source, warp, rig["left"], rig["right"], **how)
+
+    both, cubic = warped(interpolation="linear", colour_interpolation="cubic"), warped(interpolation="cubic")
+    linear = warped(interpolation="linear")
+    np.testing.assert_array_equal(both["Combined"], cubic["Combined"])
+    np.testing.assert_array_equal(both["Mist"], linear["Mist"])
+    assert np.any(cubic["Mist"] != linear["Mist"])
+
+
 def test_what_is_negative_in_the_source_stays_so():
     rig = stereo_rig((9, 9))
     x, y = pixel_centres(rig["left"])

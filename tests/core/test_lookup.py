@@ -57,9 +57,11 @@ def test_linear_is_bilinear_between_four_pixels():
 
 
 def test_cubic_reproduces_quadratics_in_the_interior():
+    """Those without a peak between the pixels, which is beyond what it may give."""
+
     def quadratic(x, y):
-        u, v = (x - 15.0) / 10.0, (y - 75.0) / 50.0
-        return [u * u, 0.5 * v * v + u, u * u * v * v - u * v]
+        u, v = (x + 1.0) / 20.0, (y + 1.0) / 100.0
+        return [u * u, 0.5 * v * v + u, u * u * v * v + u * v]
 
     x, y = scattered(margin=1.5)
     got = lookup(picture(quadratic), x, y, interpolation="cubic")
@@ -69,13 +71,25 @@ def test_cubic_reproduces_quadratics_in_the_interior():
 
 def test_cubic_keeps_more_of_a_wave_than_linear():
     """What it is for: at four pixels per wave linear loses 29 % halfway between pixels, the spline 12 %."""
-    image = picture(lambda x, y: [np.sin(np.pi / 2 * (x - 0.5) + np.pi / 4) + 0.0 * y])
+    image = picture(lambda x, y: [np.sin(np.pi / 2 * (x - 0.5)) + 0.0 * y])
     x = np.arange(10, 20, dtype=np.float32)[None]
     y = np.full_like(x, 75.5)
-    wave = np.sin(np.pi / 2 * (x - 0.5) + np.pi / 4)
+    wave = np.sin(np.pi / 2 * (x - 0.5))
     kept = {how: lookup(image, x, y, interpolation=how)[..., 0] @ wave.T / np.sum(wave**2) for how in INTERPOLATIONS}
     assert kept["linear"] == pytest.approx(np.cos(np.pi / 4), abs=1e-4)
     assert kept["cubic"] == pytest.approx(np.cos(np.pi / 4) * 1.25, abs=1e-4)
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_nothing_leaves_the_range_of_the_pixels_around(interpolation):
+    """Each channel for itself: light in one must not let another go below what is there."""
+    image = np.random.default_rng(0).random((*SIZE[::-1], 3)).astype(np.float32) * np.float32([50.0, 1.0, 1e-3])
+    x, y = scattered(margin=2.0)
+    got = lookup(image, x, y, interpolation=interpolation)
+    rows, columns = (np.floor(at - 0.5).astype(int)[..., None] + np.arange(-1, 3) for at in (y, x))
+    around = image[rows[..., :, None], columns[..., None, :]]
+    assert np.all(got >= around.min(axis=(2, 3)))
+    assert np.all(got <= around.max(axis=(2, 3)))
 
 
 def test_nearest_takes_the_pixel_that_holds_the_position():

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from stereo_reproject import pipeline
 from stereo_reproject.accuracy import Accuracy
 from stereo_reproject.composite import contain
 from stereo_reproject.effects import Effect, EffectsPlan, Finding
@@ -266,21 +265,24 @@ def test_cubic_interpolation_comes_closer():
 
 
 @pytest.mark.parametrize("denoised", [False, True])
-def test_a_denoised_picture_is_looked_up_cubically_unless_told_otherwise(monkeypatch, denoised):
-    taken = []
+def test_of_a_denoised_picture_the_colour_is_looked_up_cubically_unless_told_otherwise(denoised):
+    """The colour alone: an AOV is not denoised, and may be no light at all."""
 
-    def reproject(source, *cameras, interpolation, **how):
-        taken.append(interpolation)
-        return pipeline_reproject(source, *cameras, interpolation=interpolation, **how)
+    def warped(asked):
+        renderer = caster()
+        if denoised:
+            renderer.denoise = lambda pictures: [picture[NOISY_PASS][..., :3] for picture in pictures]
+        renderer.spoil = lambda passes: passes.update(Checker=checker)
+        frame = render_stereo_frame(renderer, settings(interpolation=asked, accuracy="draft"))
+        return frame.eyes["right"], ~holes_of(frame)
 
-    pipeline_reproject = pipeline.reproject
-    monkeypatch.setattr(pipeline, "reproject", reproject)
-    renderer = caster()
-    if denoised:
-        renderer.denoise = lambda pictures: [picture[NOISY_PASS][..., :3] for picture in pictures]
-    for asked in ("auto", "linear", "cubic"):
-        render_stereo_frame(renderer, settings(interpolation=asked))
-    assert taken == ["cubic" if denoised else "linear", "linear", "cubic"]
+    checker = (np.indices(SIZE[::-1]).sum(axis=0) // 3 % 2).astype(np.float32)[..., None]
+    (auto, kept), (linear, kept_linear), (cubic, kept_cubic) = map(warped, ("auto", "linear", "cubic"))
+    both = kept & kept_linear & kept_cubic
+    for name, sharp in (("Checker", False), ("Combined", denoised)):
+        expected, other = (cubic, linear) if sharp else (linear, cubic)
+        np.testing.assert_array_equal(auto[name][both], expected[name][both])
+        assert np.any(auto[name][both] != other[name][both])
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 5.0])
