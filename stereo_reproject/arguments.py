@@ -130,11 +130,15 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_denoise(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument(
         "--denoise",
-        action=argparse.BooleanOptionalAction,
+        action="store_true",
         default=None,
-        help="denoise both eyes, or do not, whatever the scene says; with the scene's own denoiser",
+        help="denoise both eyes, whatever the scene says; with the scene's own denoiser",
+    )
+    either.add_argument(
+        "--no-denoise", dest="denoise", action="store_false", default=None, help="leave them noisy, whatever it says"
     )
 
 

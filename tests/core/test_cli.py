@@ -184,6 +184,14 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
     assert settings == StereoSettings("right", "exact", "card", 0.5, "cubic", True, overrides)
 
 
+@pytest.mark.parametrize(
+    ("options", "asked"), [([], None), (["--denoise"], True), (["--no-denoise", "--no-denoise"], False)]
+)
+def test_denoising_is_the_scene_s_own_unless_told(place, options, asked):
+    assert render(place, "success", *options) == 0
+    assert json.loads((notes(place) / "job").read_text())["settings"]["scene"]["denoise"] is asked
+
+
 def test_a_difference_does_not_outlive_the_pair_that_it_is_of(place):
     argv = ["render", str(place / "room.blend"), "--output", str(place / "out")]
     assert cli.main([*argv, "--compare"], host=cli.Host(worker_command=stub(place, "success"))) == 0
@@ -327,6 +335,8 @@ BAD_OPTIONS = [
     ("--accuracy perfect", "balanced"),
     ("--fill half", "packed"),
     ("--interpolation nearest", "cubic"),
+    ("--denoise --no-denoise", "--no-denoise: not allowed with argument --denoise"),
+    ("--no-denoise --denoise", "--denoise: not allowed with argument --no-denoise"),
     ("--grid-threshold nan", "--grid-threshold"),
     ("--grid-threshold -1", "--grid-threshold"),
     ("--samples", "--samples"),
