@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.price import WHOLE
-from ..stereo_reproject.report import IN_ORDER, OUTSIDE_TOTAL
+from ..stereo_reproject.report import IN_ORDER, OUTSIDE_TOTAL, more_seconds_text
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
@@ -111,12 +111,9 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
 def _price(price: Mapping[str, Any]) -> str:
     """What the next better accuracy would have cost."""
     better = "Rendering it whole" if price["accuracy"] == WHOLE else price["accuracy"].capitalize()
-    more = price["more_seconds"]
-    if price["accuracy"] == WHOLE and more == 0.0:
+    if price["more_seconds"] is None:
         return "It cannot be better: all of it was rendered"
-    if more < 0.05:
-        return f"{better} would take no longer"
-    return f"{better} would take {'' if price['complete'] else 'at least '}{more:.1f} s more"
+    return f"{better} would take {more_seconds_text(price)}"
 
 
 class IMAGE_PT_stereo_reproject_times(_Part):

@@ -197,7 +197,8 @@ def render_stereo_frame(
     told = None if refinement.whole else refinement.measured
     spent = accounts(renderer.plan.called_for, shown, reasons, target.traced, seconds, told)
     better = WHOLE if renderer.foreign else next_better(accuracy)
-    price = price_of(better, reprojection, refinement, means, seconds, fill, watched=watched)
+    whole = bool(target.traced.all())
+    price = price_of(better, reprojection, refinement, means, seconds, fill, watched=watched, whole=whole)
     watch.lap()
 
     return StereoFrame(

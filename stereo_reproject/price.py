@@ -20,11 +20,14 @@ WHOLE = "full"
 @dataclass(frozen=True)
 class Price:
     """Of the next better accuracy: the seconds of the whole frame at it, how many more than now, and the share of the
-    target that would be traced. complete: whether what probes would ask for is in it."""
+    target that would be traced. complete: whether what probes would ask for is in it.
+
+    more_seconds is None where nothing better can be had: the target was rendered whole.
+    """
 
     accuracy: str
     seconds: float
-    more_seconds: float
+    more_seconds: float | None
     traced: float
     complete: bool
 
@@ -45,16 +48,17 @@ def price_of(
     fill: FillChoice,
     *,
     watched: bool,
+    whole: bool = False,
 ) -> Price:
     """What the accuracy called `name` would have cost this frame.
 
     refinement holds what its probes have told, if it was `watched` by any; seconds are those of the stages, fill is how
-    its holes were traced. What would be traced is predicted to take as much longer or shorter than fills are said to as
-    this frame's own did, and to cost no less than it.
+    its holes were traced. whole: all of the target was. What would be traced is predicted to take as much longer or
+    shorter than fills are said to as this frame's own did, and to cost no less than it.
     """
     total = seconds["total"]
-    if refinement.whole:
-        return Price(WHOLE, total, 0.0, 1.0, complete=True)
+    if whole:
+        return Price(WHOLE, total, None, 1.0, complete=True)
     spent = seconds.get("fill", 0.0) + seconds.get("refine", 0.0)
     apart = total - spent
     if name == WHOLE:

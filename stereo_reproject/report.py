@@ -43,6 +43,9 @@ COMPARISONS = (
     "noise_flip",
 )
 
+SHOWN_SECONDS = 0.05
+"""Seconds that a figure with one decimal shows, at least."""
+
 # A sum of a few float32 fractions may pass 1 by rounding.
 FRACTION_SLACK = 1e-6
 
@@ -305,9 +308,18 @@ def _price_lines(report: Mapping[str, Any]) -> list[str]:
     price = report.get("price")
     if not price:
         return []
-    more = _number(price["more_seconds"], "+.1f")
-    at_least = "" if price["complete"] else " at least"
-    return [f"price         {price['accuracy']}:{at_least} {more} s, {100 * price['traced']:.1f} % traced, predicted"]
+    if price["more_seconds"] is None:
+        return ["price         nothing better can be had: the target was rendered whole"]
+    traced = f"{100 * price['traced']:.1f} % traced, predicted"
+    return [f"price         {price['accuracy']}: {more_seconds_text(price)}, {traced}"]
+
+
+def more_seconds_text(price: Mapping[str, Any]) -> str:
+    """What the next better accuracy costs above this one, as a person reads it; `price.Price` as JSON has it."""
+    more = price["more_seconds"]
+    if more < SHOWN_SECONDS:
+        return "less than 0.1 s more" + ("" if price["complete"] else ", but for what its probes ask for")
+    return f"{'' if price['complete'] else 'at least '}{_number(more, '.1f')} s more"
 
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:

@@ -254,6 +254,20 @@ def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
     ]
 
 
+@pytest.mark.parametrize(
+    ("accuracy", "more", "complete", "words"),
+    [
+        ("full", None, True, "It cannot be better: all of it was rendered"),
+        ("full", 0.0, True, "Rendering it whole would take less than 0.1 s more"),
+        ("high", 2.04, False, "High would take at least 2.0 s more"),
+    ],
+)
+def test_what_is_better_has_its_price(extension, accuracy, more, complete, words):
+    from stereo_reproject_extension.operators.image_panels import _price
+
+    assert _price({"accuracy": accuracy, "more_seconds": more, "complete": complete}) == words
+
+
 def test_a_check_says_what_is_to_be_gained(extension, scene):
     from stereo_reproject_extension.operators.panels import is_current
     from stereo_reproject_extension.operators.results import result_of

@@ -403,6 +403,17 @@ def test_a_full_fill_is_the_target_s_own_render():
     assert traced_fractions(frame)["rerendered"] == 1.0
 
 
+@pytest.mark.parametrize("foreign", [False, True])
+@pytest.mark.parametrize("accuracy", ["draft", "exact"])
+def test_a_target_that_was_rendered_whole_is_offered_nothing_better(foreign, accuracy):
+    renderer = caster(foreign=foreign)
+    renderer.unmatchable = lambda: "its light is odd"
+    whole = render_stereo_frame(renderer, settings(fill="full", accuracy=accuracy)).price
+    assert (whole.accuracy, whole.more_seconds) == ("full", None)
+    if not foreign:
+        assert render_stereo_frame(renderer, settings(accuracy=accuracy)).price.more_seconds is not None
+
+
 @pytest.mark.parametrize(
     ("blockers", "method"),
     [

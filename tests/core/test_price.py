@@ -24,9 +24,9 @@ def reprojection(share):
     return SimpleNamespace(reasons_at=lambda _: reasons)
 
 
-def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None):
+def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None, whole=False):
     means = Means("auto", COST, blockers or {})
-    return price_of(name, reprojection(share), refinement, means, SECONDS, fill, watched=watched)
+    return price_of(name, reprojection(share), refinement, means, SECONDS, fill, watched=watched, whole=whole)
 
 
 def test_more_pixels_cost_more_at_the_pace_of_this_frame():
@@ -58,5 +58,11 @@ def test_beyond_the_best_setting_is_a_full_render():
 
 
 def test_a_frame_that_was_rendered_whole_has_nothing_better():
-    told = price(refinement=Refinement(np.zeros(SIZE, bool), whole=True))
-    assert (told.accuracy, told.more_seconds) == (WHOLE, 0.0)
+    told = price(whole=True)
+    assert (told.accuracy, told.more_seconds, told.seconds, told.traced) == (WHOLE, None, 24.0, 1.0)
+
+
+def test_a_full_render_that_costs_nothing_more_is_better_all_the_same():
+    cheap = SourceCost(1.0, 0.0)
+    told = price_of(WHOLE, reprojection(0.2), NOTHING, Means("auto", cheap, {}), SECONDS, FILL, watched=False)
+    assert told.more_seconds == 0.0

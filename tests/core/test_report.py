@@ -234,7 +234,7 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     table = format_report_table(report)
     assert "noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
     assert "worst tiles 1.15, see estimate.png; at most 1.2 promised: kept" in table
-    assert "full: +9.8 s, 100.0 % traced, predicted" in table
+    assert "full: 9.8 s more, 100.0 % traced, predicted" in table
     assert "glossy                3.12 %    1.50 s" in table
     assert "hair" not in table
     report["estimate"] = {**ESTIMATE, "kept": False, "worst_tiles": 1.25}
@@ -242,7 +242,7 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     table = format_report_table(report)
     assert "at most 1.02 promised: kept" in table
     assert "worst tiles 1.25, see estimate.png; at most 1.2 promised: not kept" in table
-    assert "at least +9.8 s" in table
+    assert "full: at least 9.8 s more" in table
     report["estimate"] = {
         **ESTIMATE,
         "noise_ratio": 1.03,
@@ -253,6 +253,24 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     table = format_report_table(report)
     assert "at most 1.02 promised: not kept" in table
     assert "worst tiles" not in table
+
+
+@pytest.mark.parametrize(
+    ("price", "words"),
+    [
+        ({"more_seconds": 0.05}, "price         full: 0.1 s more, 100.0 % traced, predicted"),
+        ({"more_seconds": 0.049}, "price         full: less than 0.1 s more, 100.0 % traced, predicted"),
+        (
+            {"accuracy": "high", "more_seconds": 0.0, "traced": 0.08, "complete": False},
+            "price         high: less than 0.1 s more, but for what its probes ask for, 8.0 % traced, predicted",
+        ),
+        ({"more_seconds": None}, "price         nothing better can be had: the target was rendered whole"),
+    ],
+)
+def test_the_price_is_told_where_it_is_next_to_nothing_and_where_there_is_none(report, price, words):
+    report["price"] = {**PRICE, **price}
+    check_report(report)
+    assert words in format_report_table(report).splitlines()
 
 
 @pytest.mark.parametrize(
