@@ -33,10 +33,16 @@ ALBEDO_PASS = ".Guiding Albedo"
 NORMAL_PASS = ".Guiding Normal"
 
 LENGTH_PASS = ".Ray Length"
-"""(H, W, 1) mean over a source pixel's samples of the way from where its rays are clipped to what guides the denoiser.
-Where the picture is denoised; ours alone."""
+"""(H, W, 1) of a source that is denoised: mean over a pixel's samples of the way from where its rays are clipped to what
+guides the denoiser, over mirrors, what lies behind each times what it reflects."""
 
-OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, LENGTH_PASS)
+REFLECTANCE_PASS = ".Reflectance"
+"""(H, W, 3) of such a source, where anything is glossy: the share of the light that its gloss reflects."""
+
+OF_SOURCE = (LENGTH_PASS, REFLECTANCE_PASS)
+"""Passes that are asked for what the source sees, and never carried into the target."""
+
+OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *OF_SOURCE)
 
 _CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
 
@@ -61,7 +67,6 @@ _UNMIXED = frozenset(
         NOISY_PASS,
         ALBEDO_PASS,
         NORMAL_PASS,
-        LENGTH_PASS,
     }
 )
 """Passes of which a mean of two neighbours is neither of them; and a denoiser wants noise that is not smeared.
@@ -71,6 +76,25 @@ Whole names: an AOV may be called "Normal map"."""
 _CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
 """Passes that are another eye's only after a conversion."""
 
+
+_SEEN_IN_MIRRORS = frozenset(
+    {
+        COLOUR_PASS,
+        NOISY_PASS,
+        ALBEDO_PASS,
+        NORMAL_PASS,
+        "Noisy Image",
+        "Denoising Albedo",
+        "Denoising Normal",
+        "Denoising Depth",
+        # By their names in 4.5 and in 5.2.
+        "GlossDir",
+        "GlossInd",
+        "Glossy Direct",
+        "Glossy Indirect",
+    }
+)
+_LIGHT_GROUP = "Combined_"
 
 NO_SURFACE = 1e10
 """The depth that Blender gives to what has no surface, and that files have; inside the code it is infinite."""
@@ -98,6 +122,11 @@ def cryptomatte_of(name: str) -> str | None:
 def filtered(name: str) -> bool:
     """Whether a mean of two of the pass's values is a value of the pass."""
     return name not in _UNMIXED and name not in _CONVERTED and cryptomatte_of(name) is None
+
+
+def seen_in_mirrors(name: str) -> bool:
+    """Whether a pass has, where there is a mirror, what that shows."""
+    return name in _SEEN_IN_MIRRORS or name.startswith(_LIGHT_GROUP)
 
 
 def pass_letters(name: str, channels: int) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,11 @@ from .effects_pass import shows
 from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
-from .lookup import touches
+from .lookup import lookup, touches
 from .masks import dilate
+from .mirrors import WITHIN, images_in_mirrors
 from .motion import Moving
-from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
+from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, seen_in_mirrors
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
@@ -37,18 +39,41 @@ FUR = 3
 
 
 @dataclass(frozen=True)
+class InMirrors:
+    """What the target's mirrors show: shown (H, W) the pixels in which there is one, images what a warp of the images
+    has there, strayed (H, W) where that has something else, or is right beside it."""
+
+    shown: NDArray[np.bool_]
+    images: Reprojection
+    strayed: NDArray[np.bool_]
+
+    def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
+        """(H, W) flags of the pixels in which there is a mirror."""
+        reasons = self.images.reasons_at(accuracy)
+        reasons[(reasons == 0) & self.strayed] |= Reason.VIEW_DEPENDENT.bit
+        return np.where(self.shown, reasons, np.uint16(0))
+
+
+@dataclass(frozen=True)
 class Reprojection:
-    """The source's passes as the target sees them, and (H, W) `Reason` flags where they are not the answer."""
+    """The source's passes as the target sees them, and where they are not the answer. grid and warp are of surfaces."""
 
     passes: Passes
-    reasons: NDArray[np.uint16]
     grid: Grid
     warp: Warp
     marking: Marking
+    accuracy: Accuracy
+    mirrors: InMirrors | None = None
+
+    @cached_property
+    def reasons(self) -> NDArray[np.uint16]:
+        """(H, W) `Reason` flags."""
+        return self.reasons_at(self.accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
         """The flags that another accuracy would set, of the same warp."""
-        return self.marking.reasons(self.passes, self.warp, accuracy)
+        reasons = self.marking.reasons(self.passes, self.warp, accuracy)
+        return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
 
 def reproject(
@@ -70,28 +95,53 @@ def reproject(
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
     whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
     boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
-    interpolations are as for `warp_passes`.
+    interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands.
     """
-    depth = source[DEPTH_PASS][..., 0]
-    grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
-    disparity = _disparity(depth, source_camera, target_camera)
-    steps = disparity_steps(disparity)
-    warp = forward_warp(
-        depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
-    )
-    warped = warp_passes(
-        source,
-        warp,
-        source_camera,
-        target_camera,
-        interpolation=interpolation,
-        colour_interpolation=colour_interpolation,
-        motion=motion,
-    )
 
-    cubic = "cubic" in (interpolation, colour_interpolation)
-    marking = Marking(source, source_camera, target_camera, disparity, steps, invalid, cubic, lens, volumes)
-    return Reprojection(warped, marking.reasons(warped, warp, accuracy), grid, warp, marking)
+    def carried(passes: Passes) -> Reprojection:
+        depth = passes[DEPTH_PASS][..., 0]
+        grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
+        disparity = _disparity(depth, source_camera, target_camera)
+        steps = disparity_steps(disparity)
+        warp = forward_warp(
+            depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
+        )
+        warped = warp_passes(
+            {name: image for name, image in passes.items() if name not in OF_SOURCE},
+            warp,
+            source_camera,
+            target_camera,
+            interpolation=interpolation,
+            colour_interpolation=colour_interpolation,
+            motion=motion,
+        )
+        cubic = "cubic" in (interpolation, colour_interpolation)
+        marking = Marking(passes, source_camera, target_camera, disparity, steps, invalid, cubic, lens, volumes)
+        return Reprojection(warped, grid, warp, marking, accuracy)
+
+    seen = carried(source)
+    # What is out of focus mixes depths everywhere, and a volume has none.
+    if lens.aperture or len(volumes) or not isinstance(source_camera, PerspectiveCamera):
+        return seen
+    images = images_in_mirrors(source, source_camera, clip_start=lens.near)
+    if images is None or see_the_same(source_camera, target_camera):
+        return seen
+    in_mirrors = {name: image for name, image in source.items() if seen_in_mirrors(name)}
+    return _with_mirrors(seen, carried({**in_mirrors, DEPTH_PASS: images.depth[..., None]}), images.mirrors)
+
+
+def _with_mirrors(seen: Reprojection, images: Reprojection, mirrors: NDArray[np.bool_]) -> Reprojection:
+    """What was carried by surfaces, with what the source's mirrors (H, W) show carried by images."""
+    mask = mirrors[..., None].astype(np.float32)
+    shown = lookup(mask, seen.warp.x, seen.warp.y, interpolation="nearest")[..., 0] > 0.0
+    within = shown & (lookup(mask, images.warp.x, images.warp.y)[..., 0] >= WITHIN)
+    # Depth that is filtered as colours are has no sharp edge: along a mirror's, what is beside it may look alike.
+    strayed = dilate(~within, 1)
+    passes = {
+        name: np.where(shown[..., None], images.passes[name], image) if seen_in_mirrors(name) else image
+        for name, image in seen.passes.items()
+    }
+    return replace(seen, passes=passes, mirrors=InMirrors(shown, images, strayed))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_channels, write_channels
-from ..passes import ALBEDO_PASS, COLOUR_PASS, LENGTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from ..passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from .scene import CYCLES, changed, rendered_layer
 
 ALBEDO, NORMAL, DEPTH = "Denoising Albedo", "Denoising Normal", "Denoising Depth"
@@ -107,11 +107,9 @@ def guided_by(passes: Passes, *, keep: bool) -> Passes:
 
     Raises BadInputError where one is missing, which is how a full disk shows.
     """
-    if not {ALBEDO, NORMAL} <= set(passes):
+    if not {ALBEDO, NORMAL, DEPTH} <= set(passes):
         raise BadInputError("the render result has nothing to guide the denoiser: is the disk full?")
     ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
-    if DEPTH in passes:
-        ours[LENGTH_PASS] = passes[DEPTH]
     if keep:
         return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}
     return {name: image for name, image in passes.items() if name not in GUIDES} | ours

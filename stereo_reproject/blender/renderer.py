@@ -20,6 +20,7 @@ from .effects import plan_effects
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
 from .motion import eyes_in_motion, vector_pass_asked_for
+from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, rendered_layer
@@ -54,8 +55,10 @@ class BlenderRenderer:
         self.metadata: dict[str, str] = {}
         self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
         self.denoise: Denoise | None = None
+        self._rays: RayPasses | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
+            self._rays = RayPasses(scene, glossy=bool(self.plan.called_for & Effect.GLOSSY))
         self._traces = 0
 
     @property
@@ -67,7 +70,9 @@ class BlenderRenderer:
         return nullcontext() if self.denoise is None else left_noisy(self.scene)
 
     def _guided(self, passes: Passes) -> Passes:
-        return passes if self.denoise is None else guided_by(passes, keep=self._keeps_guides)
+        if self._rays is None:
+            return passes
+        return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
@@ -78,6 +83,8 @@ class BlenderRenderer:
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
         self.metadata.update(rendered.attributes)
         passes = self._guided(rendered.views[view])
+        if self._rays is not None:
+            passes |= self._rays.of(rendered.views[view])
         if not ours_too:
             return passes, cost_of(rendered)
         layer = rendered_layer(self.scene).name

@@ -141,7 +141,7 @@ class Scene:
         """As `pipeline.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, MATERIAL_PASS)}
-        warped = replace(self.warped, passes=passes, reasons=self.warped.reasons_at(accuracy))
+        warped = replace(self.warped, passes=passes, accuracy=accuracy)
         tracer, means = StoredTracer(once, again), Means("auto", COST, {})
         eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)
         if eye.wants_pilot:

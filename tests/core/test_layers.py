@@ -23,6 +23,7 @@ NUMERIC = {
     "holes",
     "lookup",
     "masks",
+    "mirrors",
     "silhouettes",
     "reprojection",
     "pixel_filter",
