@@ -103,6 +103,7 @@ _REQUIRED: dict[str, _Rule] = {
     **{f"seconds.{name}": _AMOUNT for name in (*STAGES, "total")},
     "memory.peak_mb": _MEASURE,
 }
+_REMARK: _Rule = (lambda value: value is None or _is_text(value), "a text or null")
 _FLAG: _Rule = (lambda value: isinstance(value, bool), "true or false")
 _VERDICT: _Rule = (lambda value: value is None or isinstance(value, bool), "true, false or null")
 _PARALLAX: _Rule = (
@@ -168,6 +169,7 @@ def check_report(report: Mapping[str, Any]) -> None:
     if report.get("compare") is not None:
         for name in COMPARISONS:
             _check(f"compare.{name}", _look_up(report, f"compare.{name}"), _MEASURE)
+        _check("compare.no_noise", report["compare"].get("no_noise"), _REMARK)
     _check_parts(report)
     _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
     warnings = report.get("warnings", [])
@@ -328,10 +330,11 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     if compare:
         figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARISONS}
         speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
+        why_none, error = compare.get("no_noise"), f"  error       {figures['rmse']}   root mean square, tone-mapped"
         return [
             f"gained        {speedup} {peer} ({multiview_seconds} s), measured",
-            f"  noise ratio {figures['noise_ratio']}   1 = as good as rendering it again",
-            f"  worst tiles {figures['worst_tiles']}",
+            f"  noise ratio {figures['noise_ratio']}   {why_none or '1 = as good as rendering it again'}",
+            error if why_none else f"  worst tiles {figures['worst_tiles']}",
             f"  FLIP        {figures['flip']}   of noise alone {figures['noise_flip']}",
         ]
     if report.get("predicted_speedup") is not None:

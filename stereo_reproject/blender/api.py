@@ -57,7 +57,7 @@ def render_frame(
 
 def compare(
     output: str | os.PathLike[str], settings: StereoSettings | None = None, *, scene: bpy.types.Scene | None = None
-) -> dict[str, float | None]:
+) -> dict[str, Any]:
     """The same, and Blender's multiview in the same run: `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene)["compare"]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -19,7 +21,7 @@ from .delivery import deliver_side_by_side
 from .pictures import read_png
 from .render import render_views
 from .renderer import shifted_seed
-from .scene import rendered_layer, working_scene
+from .scene import CYCLES, rendered_layer, working_scene
 
 PEER_SEED = 3_000_017
 """Added to the scene's seed for the peer: noise that ours has must not be measured as agreement."""
@@ -29,8 +31,9 @@ AGAIN_SEED = 2_000_003
 
 @dataclass(frozen=True)
 class Peer:
-    """Blender's multiview: its seconds, its target eye (H, W, 4), and that eye once more with another seed."""
+    """Blender's multiview: engine and seconds, its target eye (H, W, 4), and that eye once more with another seed."""
 
+    engine: str
     seconds: float
     reference: NDArray[np.float32]
     again: NDArray[np.float32]
@@ -57,14 +60,14 @@ def render_peer(
     """
     target = settings.target
     with working_scene(scene, settings.scene) as peer:
-        seed = peer.cycles.seed
+        engine, seed = peer.render.engine, peer.cycles.seed
         main = rendered_layer(peer).name
         _use_layers(peer, layers or [main])
         both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
         _use_layers(peer, [main])
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
     reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
-    return Peer(both.seconds, reference, repeated)
+    return Peer(engine, both.seconds, reference, repeated)
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
@@ -74,7 +77,7 @@ def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
 
 def compare_with_multiview(
     scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
-) -> tuple[dict[str, float | None], NDArray[np.float32]]:
+) -> tuple[dict[str, Any], NDArray[np.float32]]:
     """The `compare` part of the report, and multiview's target eye (H, W, 4).
 
     Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
@@ -86,11 +89,21 @@ def compare_with_multiview(
         "multiview_seconds": peer.seconds,
         "speedup": peer.seconds / pair.seconds["total"],
         "noise_rmse": peer.noise_rmse,
-        **peer.judge(ours),
+        **_told_of_noise(peer.judge(ours), peer.engine),
         "flip": flip,
         "noise_flip": noise_flip,
     }
     return fields, peer.reference
+
+
+def _told_of_noise(judged: Mapping[str, float], engine: str) -> dict[str, Any]:
+    """What `Peer.judge` has found, and why there is no ratio to the noise, if there is none."""
+    if judged["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(judged["noise_ratio"])):
+        return {**judged, "no_noise": None}
+    why = "two plain renders are the same, without noise to compare with"
+    if engine != CYCLES:
+        why = "EEVEE renders the same noise each time, and has none to compare with"
+    return {**judged, "noise_ratio": None, "worst_tiles": None, "no_noise": why}
 
 
 def _flips(

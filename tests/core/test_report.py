@@ -206,6 +206,17 @@ def test_table_shows_what_has_no_value(report):
     assert "FLIP        n/a" in table
 
 
+def test_table_says_why_there_is_no_ratio_to_noise(report):
+    compare = {**COMPARE, "noise_ratio": None, "worst_tiles": None, "no_noise": "two renders are the same"}
+    check_report({**report, "compare": compare})
+    lines = format_report_table({**report, "compare": compare}).splitlines()
+    assert "  noise ratio n/a   two renders are the same" in lines
+    assert "  error       0.021   root mean square, tone-mapped" in lines
+    assert not [line for line in lines if "worst tiles" in line]
+    with pytest.raises(StereoReprojectError, match=r"compare\.no_noise"):
+        check_report({**report, "compare": {**compare, "no_noise": 1.0}})
+
+
 def test_table_keeps_further_stages(report):
     assert "  refine              2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
 

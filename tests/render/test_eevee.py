@@ -168,6 +168,15 @@ def test_a_scene_of_eevees_is_as_it_was(room, tmp_path):
     assert report["warnings"] == []
 
 
+@pytest.mark.parametrize(("fill", "ratio"), [("packed", None), ("full", 1.0)])
+def test_a_comparison_with_eevee_says_why_it_has_no_ratio_to_noise(room, tmp_path, fill, ratio):
+    report, _ = render_files(room, StereoSettings(fill=fill, compare=True), tmp_path, files=["report.json"])
+    compare = report["compare"]
+    assert (compare["noise_ratio"], compare["worst_tiles"]) == (ratio, ratio)
+    assert ("EEVEE renders the same noise" in (compare["no_noise"] or "")) is (ratio is None)
+    assert (compare["rmse"] > 0.0) is (ratio is None)
+
+
 def test_eevee_in_place_of_cycles(room, tmp_path):
     room.render.engine = "CYCLES"
     before = everything()
