@@ -16,8 +16,8 @@ stdout   one JSON object per line:
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
-stderr   work/blender.log, whose last line is what a crash is reported with. As far as it counts the samples of a
-         render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
+stderr   work/blender.log, whose last line a crash is reported with, but for SIGKILL. As far as it counts the samples
+         of a render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
 work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
          which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
 
@@ -143,7 +143,7 @@ def run_worker(
         interrupts.check()
         with start_worker(command, work) as worker:
             worker.send(_message(job, work))
-            done = _listen(worker, on_event, on_tick, interrupts)
+            done = _listen(worker, on_event, on_tick, interrupts, kept=_kept_by(job))
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
@@ -182,8 +182,20 @@ def _message(job: Job, work: Path) -> bytes:
     return json.dumps(fields).encode() + b"\n"
 
 
+def _kept_by(job: Job) -> str:
+    """What becomes of files when the run fails, in words."""
+    if job.command == "animate":
+        return "frames that are finished are kept"
+    return "" if job.output is None else "nothing was written, and existing files are kept"
+
+
 def _listen(
-    worker: Worker, on_event: Callable[[Event], None], on_tick: Callable[[], None], interrupts: Interrupts
+    worker: Worker,
+    on_event: Callable[[Event], None],
+    on_tick: Callable[[], None],
+    interrupts: Interrupts,
+    *,
+    kept: str,
 ) -> Event:
     """Pass the worker's events on until it is done and has ended; return its "done" event."""
     stage: Event = {"stage": "start", "fraction": None}
@@ -198,7 +210,7 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise StereoReprojectError(crash_message(worker, str(stage["stage"])))
+            raise StereoReprojectError(crash_message(worker, str(stage["stage"]), kept=kept))
         event = _parse(line)
         match event.get("event"):
             case "stage":

@@ -24,6 +24,8 @@ LOG_TAIL_BYTES = 65536
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
 SAMPLES = re.compile(rb"Sample (\d+)/(\d+)")
+REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
+"""What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
 
 LIBRARIES = ("OpenEXR",)
 """What the worker needs that Blender does not bring."""
@@ -131,11 +133,11 @@ class Worker:
         return None
 
     def last_words(self) -> str:
-        """The last line in the log that is not empty."""
+        """The last line in the log that is neither empty nor a mere remark."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(0, os.fstat(log.fileno()).st_size - LOG_TAIL_BYTES))
             lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines()]
-            return next((line for line in reversed(lines) if line), "")[:LAST_WORDS_LENGTH]
+            return next((line for line in reversed(lines) if line and not REMARK.match(line)), "")[:LAST_WORDS_LENGTH]
         return ""
 
 
@@ -178,16 +180,26 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def crash_message(worker: Worker, stage: str) -> str:
+def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
+    """What became of a worker that said nothing of its end; kept is what became of its files, in words."""
     status = worker.wait(EXIT_SECONDS)
-    if status is None:
-        how = "its output ended"
-    elif status < 0:
-        how = f"signal {-status}"
-    else:
-        how = f"exit status {status:#x}" if status > 255 else f"exit status {status}"
-    message = f"Blender stopped unexpectedly ({how}) during {stage}"
-    if os.name == "posix" and status == -signal.SIGKILL:
-        message += ", perhaps for want of memory: render smaller, or free some"
+    killed = os.name == "posix" and status == -signal.SIGKILL
+    message = [f"Blender {_how_it_ended(status)} during {stage}"]
+    if killed:
+        message.append("memory may have run out: render smaller, or free some")
+    message.append(kept)
     words = worker.last_words()
-    return f"{message}; last words: {words}" if words else message
+    if words and not killed:
+        # Who is killed from outside has not seen it coming, and its log does not tell of it.
+        message.append(f"last in its log: {words}")
+    return "; ".join(filter(None, message))
+
+
+def _how_it_ended(status: int | None) -> str:
+    if status is None:
+        return "stopped unexpectedly (its output ended)"
+    if status >= 0:
+        return f"stopped unexpectedly (exit status {status:{'#x' if status > 255 else 'd'}})"
+    with contextlib.suppress(ValueError):
+        return f"was killed by signal {-status} ({signal.Signals(-status).name})"
+    return f"was killed by signal {-status}"

@@ -109,7 +109,13 @@ match behaviour:
 
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         print("Device 0 lost\n\n", file=sys.stderr, flush=True)
+        print("00:00.493  cycles   | WARNING CUEW initialization failed", file=sys.stderr, flush=True)
+        print('00:00.513  blend    | Read blend: "room.blend"', file=sys.stderr, flush=True)
+        print("Fra:1 Mem:8.00M | Sample 7/8", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGSEGV)
+    case "killed":
+        print("Saved: '/tmp/something.png'", file=sys.stderr, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
     case "exit 3":
         print("ModuleNotFoundError: No module named 'bpy'", file=sys.stderr)
         sys.exit(3)

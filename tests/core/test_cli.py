@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from stereo_reproject import cli, supervisor, work_folder
+from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parent.parent
@@ -266,13 +267,19 @@ def test_how_the_worker_ends_after_done_changes_nothing(place, monkeypatch, beha
     [
         ("error 1", 1, ["error: the source eye came out empty: check the scene"]),
         ("error 2", 2, ["error: room.blend has no camera; add one"]),
-        ("exit 3", 1, ["unexpectedly (exit status 3) during fill; last words: ModuleNotFoundError"]),
+        ("exit 3", 1, ["unexpectedly (exit status 3) during fill", "; last in its log: ModuleNotFoundError"]),
         ("incomplete", 1, ["did not write stereo.png"]),
         ("bad report", 1, ["samples in the report must be"]),
         pytest.param(
             "segmentation fault",
             1,
-            ["Blender stopped unexpectedly (signal 11) during fill; last words: Device 0 lost"],
+            ["(SIGSEGV) during fill; nothing was written, and existing files are kept; last in its log: Device 0"],
+            marks=posix,
+        ),
+        pytest.param(
+            "killed",
+            1,
+            ["signal 9 (SIGKILL) during fill; memory may have run out", "; nothing was written, and existing files"],
             marks=posix,
         ),
         pytest.param("descendant keeps the pipe", 1, ["exit status 4"], marks=posix),
@@ -285,6 +292,23 @@ def test_failure_is_one_line_and_leaves_nothing(place, capsys, behaviour, status
     printed = capsys.readouterr()
     assert printed.out == ""
     assert_one_line(printed.err, *parts)
+
+
+@posix
+@pytest.mark.parametrize(
+    ("command", "output", "words"),
+    [
+        ("render", "out", "; nothing was written, and existing files are kept"),
+        ("animate", "out", "; frames that are finished are kept"),
+        ("inspect", None, ""),
+    ],
+)
+def test_of_a_killed_blender_its_files_are_told_and_not_its_log(place, command, output, words):
+    job = supervisor.Job(place / "room.blend", output and place / output, StereoSettings(), command, files=())
+    with pytest.raises(StereoReprojectError) as raised:
+        supervisor.run_worker(job, lambda _: None, command=stub(place, "killed"))
+    told = "Blender was killed by signal 9 (SIGKILL) during fill; memory may have run out: render smaller, or free some"
+    assert str(raised.value) == told + words
 
 
 @posix
