@@ -106,6 +106,9 @@ def test_a_material_most_of_which_is_traced_is_traced_as_a_whole(part, whole):
     more = refinement._mostly_traced(measured, chosen, 0.0)
     assert more[mirror].all() == whole
     assert not np.delete(more, mirror).any()
+    # What was traced before counts too.
+    before = replace(measured, refined=chosen)
+    assert refinement._mostly_traced(before, np.zeros_like(chosen), 0.0)[mirror].all() == whole
     # Where there is no contrast, nothing can be seen to have moved.
     assert not refinement._mostly_traced(measured, chosen, 0.1).any()
     # Where colours are noisy, the probes tell of every tile what it needs.

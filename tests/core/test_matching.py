@@ -31,8 +31,8 @@ class Room:
         self.holes = np.zeros((HEIGHT, WIDTH), bool)
         self.holes[10:30, 15:45] = True
 
-    def matched(self, picture, *, doubted=None):
-        """The picture with its holes matched."""
+    def matched(self, picture, *, doubted=None, seen_at=None):
+        """The picture with its holes matched; seen_at (H, W) is its nearness, where that is not what is traced."""
         ring = ring_of(self.holes, np.ones_like(self.holes))
         domain = self.holes | ring
         fields = [self.light + self.seen, self.seen, self.albedo, 0.0 * self.albedo, self.normal]
@@ -41,7 +41,7 @@ class Room:
         doubted = np.zeros_like(domain) if doubted is None else doubted
         # What the picture shows in the holes must not matter.
         blind = np.where((self.holes & ~doubted)[..., None], 77.0, picture).astype(np.float32)
-        nearness = np.where(self.holes & ~doubted, 0.0, self.nearness)
+        nearness = np.where(self.holes & ~doubted, 0.0, self.nearness if seen_at is None else seen_at)
         result = picture.copy()
         result[domain] = match(blind, traced, domain, known=ring, doubted=doubted, nearness=nearness)
         return result
@@ -95,6 +95,22 @@ def test_what_the_tracer_cannot_tell_is_left_to_a_silhouette_that_shows_it():
     doubted[10:30, 29:31] = True
     off = [np.abs(tone(room.matched(strange, doubted=mask)) - tone(strange))[doubted] for mask in (None, doubted)]
     assert off[1].mean() < 0.5 * off[0].mean()
+
+
+def test_a_silhouette_that_shows_another_depth_is_believed_less():
+    """A wire of one pixel, of which the picture shows what is behind it."""
+    room = Room()
+    wire = np.zeros((HEIGHT, WIDTH), bool)
+    wire[10:30, 30] = True
+    behind = room.nearness.copy()
+    room.nearness[wire] = 2.0 * behind[wire]
+    room.light[wire] = 0.01
+    picture = room.light.copy()
+    picture[wire] = 1.0
+    shown = [
+        room.matched(picture, doubted=wire, seen_at=nearness)[wire].mean() for nearness in (room.nearness, behind)
+    ]
+    assert shown[1] < 0.7 * shown[0]
 
 
 def test_what_the_source_saw_beside_something_else_leaves_no_ghost():

@@ -80,6 +80,24 @@ def test_no_seam_shows(room, tmp_path, fill):
     assert frame.correction.mean > 0.05
 
 
+@pytest.mark.parametrize("pixels", [1.0, 1.6])
+def test_a_wire_is_whole_and_dark(room, tmp_path, pixels):
+    """Its rows, each by itself: darker than what is beside them, nearly as much as in EEVEE's own eye."""
+    per_pixel = 2.5 * 36.0 / room.camera.data.lens / 160
+    add_plane(room, diffuse("wire", (0.01, 0.01, 0.01)), size=(pixels * per_pixel, 4.0), location=(-0.35, 0, -2.5))
+    frame, plain = render(room, tmp_path)
+
+    def darkness(picture):
+        lines = tone(picture)[10:60, :, :3].mean(axis=-1)
+        middle = np.argmin(tone(plain)[10:60, :, :3].mean(axis=(0, 2)))
+        around = lines[:, middle - 6 : middle + 7]
+        return np.median(around, axis=1) - around.min(axis=1)
+
+    ours, theirs = darkness(frame.eyes["right"][COLOUR_PASS]), darkness(plain)
+    assert np.median(theirs) > 0.1
+    assert np.mean(ours > 0.5 * np.median(theirs)) > 0.9
+
+
 def test_the_sky_is_far_away_in_every_blender(room, tmp_path):
     add_camera(room, lens=8.0)
     with working_scene(room, SceneOverrides()) as working, renderer_of(working, tmp_path) as renderer:

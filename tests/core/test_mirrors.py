@@ -1,0 +1,176 @@
+"""A flat mirror's image is a world of its own behind it: held against a ray caster that looks through the mirror."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.mirrors import FLAT_STEP, LEAST, images_in_mirrors
+from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MATERIAL_PASS, REFLECTANCE_PASS
+from stereo_reproject.reprojection import reproject
+
+from .analytic import Plane, Sphere, World, pixel_centres, stereo_rig
+
+SIZE = (160, 90)
+CLIP = 0.1
+MIRROR = 1
+WALL, IMAGE = 3.0, 5.0
+"""Depths of a wall with a mirror in it, and of what the mirror shows, as far behind it as that is before it."""
+
+FRAME = World((Plane((0.0, 0.0, -WALL)),))
+SHOWN = World((Plane((0.0, 0.0, -IMAGE)),), waves=np.random.default_rng(3).normal(size=(3, 3)))
+
+
+def rig(**how):
+    return stereo_rig(SIZE, **{"ipd": 0.15, "convergence": 3.5, **how})
+
+
+def glass(eye):
+    """(H, W): where the wall has its mirror."""
+    x, y = pixel_centres(eye)
+    plane = eye.plane
+    place = WALL * (plane.left + (plane.right - plane.left) * x / eye.width) + eye.world_from_camera[0, 3]
+    up = WALL * (plane.top + (plane.bottom - plane.top) * y / eye.height)
+    return (np.abs(place) < 0.7) & (np.abs(up) < 0.4)
+
+
+def slant(eye):
+    x, y = pixel_centres(eye)
+    _, ray = eye.ray_from_px(x, y)
+    return np.sqrt(sum(np.square(part) for part in ray))
+
+
+def seen(eye, *, reflectance=1.0, image=IMAGE):
+    """What a renderer gives of the wall and its mirror."""
+    wall, shown = FRAME.render(eye), SHOWN.render(eye)
+    mirror = glass(eye)[..., None]
+    with np.errstate(invalid="ignore"):
+        farther = np.where(np.isfinite(image), reflectance * (image - WALL), 0.0) * mirror
+    length = (WALL + farther) * slant(eye)[..., None] - CLIP * slant(eye)[..., None]
+    return {
+        COLOUR_PASS: np.where(mirror, shown[COLOUR_PASS], wall[COLOUR_PASS]),
+        DEPTH_PASS: wall[DEPTH_PASS],
+        LENGTH_PASS: length.astype(np.float32),
+        REFLECTANCE_PASS: np.where(mirror, reflectance, 0.04).repeat(3, axis=-1).astype(np.float32),
+        MATERIAL_PASS: np.where(mirror, MIRROR, 0).astype(np.float32),
+        "Index": np.where(mirror, 5.0, 7.0).astype(np.float32),
+    }
+
+
+def images(source, eye):
+    return images_in_mirrors(source, eye, clip_start=CLIP)
+
+
+def carried(source, eyes, view="left", **how):
+    other = {"left": "right", "right": "left"}[view]
+    nothing = np.zeros(SIZE[::-1], bool)
+    return reproject(source, eyes[view], eyes[other], accuracy=SETTINGS["balanced"], invalid=nothing, **how)
+
+
+@pytest.mark.parametrize("reflectance", [1.0, 0.4])
+def test_the_image_stands_as_far_behind_as_its_rays_go_on(reflectance):
+    eye = rig()["left"]
+    found = images(seen(eye, reflectance=reflectance), eye)
+    np.testing.assert_array_equal(found.mirrors, glass(eye))
+    np.testing.assert_allclose(found.depth, np.where(glass(eye), IMAGE, WALL), rtol=1e-5)
+
+
+def test_a_part_of_a_mirror_that_shows_nothing_shows_the_sky():
+    eye = rig()["left"]
+    nothing = pixel_centres(eye)[0] < 70
+    found = images(seen(eye, image=np.where(nothing, np.inf, IMAGE)[..., None]), eye)
+    assert np.all(np.isposinf(found.depth[glass(eye) & nothing]))
+    assert np.all(np.isfinite(found.depth[~nothing]))
+
+
+@pytest.mark.parametrize("missing", [LENGTH_PASS, REFLECTANCE_PASS, MATERIAL_PASS])
+def test_without_one_of_the_passes_no_mirror_is_known(missing):
+    eye = rig()["left"]
+    source = seen(eye)
+    del source[missing]
+    assert images(source, eye) is None
+
+
+def test_a_matte_wall_a_dull_mirror_and_a_tiny_one_are_none():
+    eye = rig()["left"]
+    source = seen(eye)
+    assert images({**source, LENGTH_PASS: seen(eye, image=WALL)[LENGTH_PASS]}, eye) is None
+    assert images(seen(eye, reflectance=0.1), eye) is None
+    few = np.zeros(SIZE[::-1], bool)
+    side = int(np.sqrt(LEAST * few.size)) - 1
+    few[40 : 40 + side, 80 : 80 + side] = True
+    assert images({**source, MATERIAL_PASS: few[..., None].astype(np.float32)}, eye) is None
+
+
+@pytest.mark.parametrize("radius", [0.5, 5.0])
+def test_a_ball_has_its_image_elsewhere(radius):
+    eye = rig()["left"]
+    source = seen(eye)
+    ball = World((Sphere((0.0, 0.0, -WALL - radius), radius),)).render(eye)[DEPTH_PASS]
+    round_mirror = np.isfinite(ball) & glass(eye)[..., None]
+    assert round_mirror.sum() > 2 * LEAST * ball.size
+    depth, material = np.where(round_mirror, ball, source[DEPTH_PASS]), MIRROR * round_mirror
+    assert images({**source, DEPTH_PASS: depth, MATERIAL_PASS: material.astype(np.float32)}, eye) is None
+
+
+def test_a_bevelled_edge_is_no_part_of_the_mirror():
+    eye = rig()["left"]
+    source = seen(eye)
+    rows, columns = np.nonzero(glass(eye))
+    inner = np.zeros(SIZE[::-1], bool)
+    inner[rows.min() + 2 : rows.max() - 1, columns.min() + 2 : columns.max() - 1] = True
+    bevel = glass(eye) & ~inner
+    away = np.minimum(columns.max() - pixel_centres(eye)[0], pixel_centres(eye)[0] - columns.min())
+    depth = np.where(bevel, WALL + 0.02 * (3.0 - away), WALL)[..., None]
+    found = images({**source, DEPTH_PASS: depth.astype(np.float32)}, eye)
+    middle = np.zeros_like(inner)
+    middle[rows.min() + 3 : rows.max() - 2, columns.min() + 3 : columns.max() - 2] = True
+    assert found.mirrors[middle].all()
+    assert not found.mirrors[bevel][away[bevel] < 1.5].any()
+
+
+@pytest.mark.parametrize("view", ["left", "right"])
+@pytest.mark.parametrize("convergence", [3.5, 1e6])
+def test_what_a_mirror_shows_is_carried_by_its_image(view, convergence):
+    eyes = rig(convergence=convergence)
+    other = {"left": "right", "right": "left"}[view]
+    source = seen(eyes[view])
+    by_image = carried(source, eyes, view)
+    by_surface = carried({k: v for k, v in source.items() if k != LENGTH_PASS}, eyes, view)
+    truth = seen(eyes[other])
+    kept = by_image.mirrors.shown & (by_image.reasons == 0)
+    assert kept.sum() > 0.6 * glass(eyes[other]).sum()
+    errors = [np.abs(one.passes[COLOUR_PASS] - truth[COLOUR_PASS])[kept].mean() for one in (by_image, by_surface)]
+    assert errors[0] < 0.1 * errors[1]
+
+
+def test_a_mirror_keeps_its_own_depth_and_index():
+    eyes = rig()
+    result = carried(seen(eyes["left"]), eyes)
+    kept = result.mirrors.shown & (result.reasons == 0)
+    np.testing.assert_allclose(result.passes[DEPTH_PASS][kept], WALL, rtol=1e-5)
+    np.testing.assert_array_equal(result.passes["Index"][kept], 5.0)
+    assert not {LENGTH_PASS, REFLECTANCE_PASS} & set(result.passes)
+
+
+def test_where_the_other_eye_looks_farther_around_a_mirror_s_edge_is_a_hole():
+    """The image moves against its frame: on one side it comes out from behind it, where the source has nothing."""
+    eyes = rig()
+    result = carried(seen(eyes["left"]), eyes)
+    mirror = glass(eyes["right"])
+    row, columns = SIZE[1] // 2, np.nonzero(mirror[SIZE[1] // 2])[0]
+    shift = round(0.15 * (1.0 / WALL - 1.0 / IMAGE) / (eyes["left"].plane.right - eyes["left"].plane.left) * SIZE[0])
+    assert shift >= 3
+    holes = result.reasons[row] > 0
+    ends = holes[columns[1 : shift - 1]].all(), holes[columns[-shift + 1 : -1]].all()
+    assert sorted(ends) == [False, True]
+    assert not holes[columns[shift + 3 : -shift - 3]].any()
+
+
+def test_another_accuracy_has_its_holes_in_mirrors_too():
+    eyes = rig()
+    result = carried(seen(eyes["left"]), eyes)
+    for setting in ("draft", "exact"):
+        reasons = result.reasons_at(SETTINGS[setting])
+        assert (reasons > 0)[result.mirrors.shown].mean() > 0.0
+    wide, narrow = (result.reasons_at(SETTINGS[setting]) > 0 for setting in ("exact", "draft"))
+    assert wide[result.mirrors.shown].sum() > narrow[result.mirrors.shown].sum()
