@@ -33,8 +33,8 @@ ALBEDO_PASS = ".Guiding Albedo"
 NORMAL_PASS = ".Guiding Normal"
 
 LENGTH_PASS = ".Ray Length"
-"""(H, W, 1) of a source that is denoised: mean over a pixel's samples of the way from where its rays are clipped to what
-guides the denoiser, over mirrors, what lies behind each times what it reflects."""
+"""(H, W, 1) of a source that is denoised: the way of a pixel's rays from where they are clipped to what guides the
+denoiser, the mean of its samples: on over mirrors, each part times what the mirrors before it reflect."""
 
 REFLECTANCE_PASS = ".Reflectance"
 """(H, W, 3) of such a source, where anything is glossy: the share of the light that its gloss reflects."""

@@ -156,7 +156,7 @@ def render_stereo_frame(
 
     watch.lap("warp")
     motion = renderer.motion
-    interpolation, colour_interpolation = _interpolations(settings.interpolation, denoised=denoising is not None)
+    interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=denoising is not None)
     reprojection = reproject(
         source,
         source_camera,
@@ -235,7 +235,7 @@ def _target_eye(
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
 
 
-def _interpolations(asked: str, *, denoised: bool) -> tuple[str, str]:
+def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
     """Of most passes, and of the colour, which is all that is denoised."""
     if asked != "auto":
         return asked, asked

@@ -198,7 +198,7 @@ def _listen(
     kept: str,
 ) -> Event:
     """Pass the worker's events on until it is done and has ended; return its "done" event."""
-    stage: Event = {"stage": "start", "fraction": None}
+    stage: Event = {"event": "stage", "stage": "start", "fraction": None}
     while True:
         interrupts.check()
         on_tick()

@@ -70,9 +70,7 @@ def forward_warp(
     return surface.warp()
 
 
-def without_area(
-    depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def without_area(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W): source pixels all of whose quads are torn: what is as narrow as they are is drawn nowhere.
 
     depth, cut_right and cut_down are as for `forward_warp`. A pixel without a depth is not one.

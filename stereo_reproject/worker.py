@@ -50,12 +50,10 @@ def _open_events() -> Emit:
     """Events go where standard output went; what Blender prints goes to standard error, which is its log."""
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    lock = threading.Lock()
 
     def emit(event: str, **fields: Any) -> None:
-        with lock:
-            stream.write(json.dumps({"event": event, **fields}) + "\n")
-            stream.flush()
+        stream.write(json.dumps({"event": event, **fields}) + "\n")
+        stream.flush()
 
     return emit
 

@@ -23,7 +23,7 @@ EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
-SAMPLES = re.compile(rb"Sample (\d+)/(\d+)")
+SAMPLES = re.compile(rb"Sample (\d+)/(\d+)\D")
 REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
 """What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
 

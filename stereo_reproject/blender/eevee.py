@@ -170,4 +170,3 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
 
 def _numbers(values: NDArray) -> NDArray[np.float32]:
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
-

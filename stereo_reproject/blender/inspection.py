@@ -22,6 +22,7 @@ from ..fill import SourceCost, check_fill, choose_fill
 from ..inspection import INSPECTION_SCHEMA, effects_rows
 from ..matched_eye import foreseen_fill
 from ..passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from ..pipeline import interpolations_of
 from ..prediction import (
     Prediction,
     Sketch,
@@ -231,15 +232,18 @@ def _warp_sketch(
     source, invalid = contain(passes)
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 
+    interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))
+
     def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
-        threshold = settings.grid_threshold
         return reproject(
             source,
             source_camera,
             target_camera,
             accuracy=accuracy,
             invalid=invalid,
-            grid_threshold=threshold,
+            grid_threshold=settings.grid_threshold,
+            interpolation=interpolation,
+            colour_interpolation=colour_interpolation,
             lens=renderer.lens,
             volumes=renderer.volumes,
         ).reasons

@@ -27,8 +27,11 @@ class RayPasses:
         """What a render's passes, as Blender has them, tell of the rays, by our names."""
         if not self._follows:
             return {}
-        reflectance = {REFLECTANCE_PASS: rendered[name] for name in GLOSSY_COLOUR if name in rendered}
-        return {LENGTH_PASS: rendered[DEPTH], **reflectance}
+        told = {LENGTH_PASS: rendered[DEPTH]}
+        for name in GLOSSY_COLOUR:
+            if name in rendered:
+                told[REFLECTANCE_PASS] = rendered[name]
+        return told
 
     def without_added(self, passes: Passes) -> Passes:
         """The passes without the one that was switched on."""

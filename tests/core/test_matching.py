@@ -107,9 +107,7 @@ def test_a_silhouette_that_shows_another_depth_is_believed_less():
     room.light[wire] = 0.01
     picture = room.light.copy()
     picture[wire] = 1.0
-    shown = [
-        room.matched(picture, doubted=wire, seen_at=nearness)[wire].mean() for nearness in (room.nearness, behind)
-    ]
+    shown = [room.matched(picture, doubted=wire, seen_at=nearness)[wire].mean() for nearness in (room.nearness, behind)]
     assert shown[1] < 0.7 * shown[0]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.mirrors import FLAT_STEP, LEAST, images_in_mirrors
+from stereo_reproject.mirrors import LEAST, images_in_mirrors
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MATERIAL_PASS, REFLECTANCE_PASS
 from stereo_reproject.reprojection import reproject
 
