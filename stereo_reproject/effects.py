@@ -55,7 +55,10 @@ OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
 PROBED = "probes measure how wrong its warped pixels are, the worst tiles are traced (draft: all is warped)"
 
 HANDLING: dict[Effect, str] = {
-    Effect.GLOSSY: f"reflections are warped with the surface that shows them; {PROBED}",
+    Effect.GLOSSY: (
+        "reflections are warped with the surface that shows them, in a denoised picture those in flat mirrors by where "
+        f"their image stands; {PROBED}"
+    ),
     Effect.TRANSMISSION: (
         "what is seen through it is traced where it may lie far behind and has contrast, else warped with its surface; "
         f"{PROBED}"

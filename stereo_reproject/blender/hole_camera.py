@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from ..camera import Camera, PerspectiveCamera
 from ..errors import StereoReprojectError
 from ..exr import write_table
 from ..motion import motion_from_directions
+from ..packing import Packing, pack
 from ..passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
@@ -101,13 +101,12 @@ def trace_packed(
     scene: bpy.types.Scene, target: Camera, view: str, places: NDArray[np.intp], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
     """Trace the target pixels at `places` (N, 2), row and column, of which some may be the same; passes as (N, C)."""
-    rows, columns = places.T
-    width = max(4, math.ceil(math.sqrt(rows.size)))
-    height = max(4, math.ceil(rows.size / width))
-    with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, width, height, Path(tables)) as path:
-        write_table(path, _table(rows, columns, width, height))
+    packing = pack(places)
+    size = packing.width, packing.height
+    with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, *size, Path(tables)) as path:
+        write_table(path, _table(places, packing))
         rendered = render_views(scene, (view,), folder, seed=seed)
-    flat = {name: image.reshape(-1, image.shape[2])[: rows.size] for name, image in rendered.views[view].items()}
+    flat = {name: image.reshape(-1, image.shape[2])[packing.at] for name, image in rendered.views[view].items()}
     return rendered, _as_plain_camera_has_them(flat, target, places, frame_region(scene.render))
 
 
@@ -128,13 +127,13 @@ def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.i
     return converted
 
 
-def _table(rows: NDArray, columns: NDArray, width: int, height: int) -> NDArray[np.float32]:
-    """(height, width, 4): target column and row of each packed pixel, -1 past the last; then the table's own row."""
-    table = np.full((height * width, 4), -1.0, np.float32)
-    table[: rows.size, 0] = columns
-    table[: rows.size, 1] = rows
-    table = table.reshape(height, width, 4)
-    table[..., 2] = np.arange(height)[:, None]
+def _table(places: NDArray[np.intp], packing: Packing) -> NDArray[np.float32]:
+    """(height, width, 4): target column and row of each packed pixel, -1 where there is none; then the table's own
+    row."""
+    table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
+    table[packing.at, :2] = places[:, ::-1]
+    table = table.reshape(packing.height, packing.width, 4)
+    table[..., 2] = np.arange(packing.height)[:, None]
     return table
 
 

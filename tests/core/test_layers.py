@@ -24,6 +24,7 @@ NUMERIC = {
     "lookup",
     "masks",
     "mirrors",
+    "packing",
     "silhouettes",
     "reprojection",
     "pixel_filter",
