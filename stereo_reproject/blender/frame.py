@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ def render_files(
     pair, report = render_pair(scene, settings, work, on_stage=on_stage)
     on_stage("write")
     start = time.perf_counter()
-    _write_pictures(scene, settings, pair, out, report["frame"], files)
+    _write_pictures(scene, settings, pair, out, report, files)
     report["seconds"].update(load=load_seconds, write=time.perf_counter() - start)
     if settings.compare:
         on_stage("compare")
@@ -167,13 +167,14 @@ def _write_pictures(
     settings: StereoSettings,
     pair: StereoPair,
     out: Path,
-    number: int,
+    report: Mapping[str, Any],
     files: Sequence[str],
 ) -> None:
     frame, eyes = pair.main_frame, {view: pair.eyes[view] for view in VIEWS}
     pictures = {view: colour(layers[pair.main]) for view, layers in eyes.items()}
     target = pictures[settings.target]
-    estimates = estimate_map(frame.refinement, frame.traced)
+    estimates, number = estimate_map(frame.refinement, frame.traced), report["frame"]
+    why_none = report["estimate"]["from"] if frame.refinement.estimate is None else None
     writers: dict[str, Callable[[Path], None]] = {
         "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=pair.metadata),
         "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=pair.metadata),
@@ -184,7 +185,7 @@ def _write_pictures(
             else deliver_side_by_side(scene, pictures, path, frame=number)
         ),
         "holes.png": lambda path: write_holes(path, target, frame.reasons),
-        "estimate.png": lambda path: write_estimate(path, target, estimates),
+        "estimate.png": lambda path: write_estimate(path, target, estimates, why_none=why_none),
         "estimate.exr": lambda path: write_eye(path, {pair.main: _estimate_passes(estimates)}, view=settings.target),
         "grid.png": lambda path: write_grid(path, pictures[settings.source], frame.grid),
     }

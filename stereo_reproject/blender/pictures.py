@@ -71,16 +71,19 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
     _write_with_legend(path, picture, legend)
 
 
-def write_estimate(path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32]) -> None:
+def write_estimate(
+    path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32], *, why_none: str | None = None
+) -> None:
     """The target eye, dimmed, with the tiles in colour whose noise ratio is above 1 beyond chance, and how far.
 
-    estimates (H, W, 3) as `estimates.estimate_map` gives them.
+    estimates (H, W, 3) as `estimates.estimate_map` gives them; why_none is why there are none, if so.
     """
     backdrop = (display(target) * 0.35 + 20).astype(np.uint8)
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
-    shown = [(f"no probe tells: {100.0 * np.mean(unknown):.1f} %", WITHOUT_PROBES, unknown)] if unknown.any() else []
+    told = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
+    shown = [(told, WITHOUT_PROBES, unknown)] if unknown.any() else []
     if (~unknown & (ratio != 1.0)).any():
         ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
         for (limit, colour), end in zip(ABOVE, ends, strict=True):
@@ -141,21 +144,22 @@ def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) ->
 def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tuple[str, tuple[int, int, int]]]) -> None:
     size = 16.0
     blf.size(FONT, size)
-    entries = [(text, colour, blf.dimensions(FONT, text)[0]) for text, colour in legend]
     height, width = picture.shape[:2]
     line, margin, square = 26, 10, 14
     places = []
     x, y = margin, 0
-    for text, colour, length in entries:
-        needed = square + 8 + int(length) + 2 * margin
-        if x + needed > width and x > margin:
-            x, y = margin, y + line
-        places.append((text, colour, x, y))
-        x += needed
+    for text, colour in legend:
+        for part, words in enumerate(_wrapped(text, width - square - 8 - 2 * margin)):
+            needed = square + 8 + int(_length(words)) + 2 * margin
+            if part or (x + needed > width and x > margin):
+                x, y = margin, y + line
+            places.append((words, None if part else colour, x, y))
+            x += needed
     canvas = np.full((height + y + line + 6, width, 3), 24, np.uint8)
     canvas[:height] = picture
     for _, colour, x, y in places:
-        canvas[height + y + 9 : height + y + 9 + square, x : x + square] = colour
+        if colour is not None:
+            canvas[height + y + 9 : height + y + 9 + square, x : x + square] = colour
     _write_png(path, canvas)
     image = imbuf.load(str(path))
     blf.color(FONT, 0.92, 0.92, 0.92, 1.0)
@@ -167,6 +171,23 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
     imbuf.write(image, filepath=str(path))
     image.free()
     check_png(path)
+
+
+def _wrapped(text: str, room: int) -> list[str]:
+    """The text in lines of at most so many pixels, as far as its words are short enough."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".lstrip()
+        if lines[-1] and _length(longer) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def _length(text: str) -> float:
+    """In pixels, as the font is set."""
+    return blf.dimensions(FONT, text)[0]
 
 
 def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:

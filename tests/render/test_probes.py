@@ -26,6 +26,9 @@ from tests.blender.toolbox import (
 
 SIZE = (160, 90)
 
+THREE_LINES = 3 * 26
+"""Of a legend, in pixels."""
+
 CORRELATION = 0.05
 """Of the noise of two traces of the same pixel: five standard errors of the correlation over a frame's 14 400."""
 
@@ -91,6 +94,8 @@ def test_the_estimate_is_told_tile_by_tile(scene, tmp_path):
     assert colours[wrong].mean() > 2.0 * colours[~wrong & ~holes].mean()
 
     told, _, holes = told_by_files(scene, tmp_path / "draft", accuracy="draft")
+    legend = read_png(tmp_path / "draft" / "out" / "estimate.png")[SIZE[1] :]
+    assert len(legend) > THREE_LINES, "it says why there is no estimate, and that is a sentence"
     assert np.isnan(told["Noise Ratio High"][~holes]).all()
     assert (told["Noise Ratio High"][holes] == 1.0).all()
 
