@@ -86,7 +86,7 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
             _row(column, "Moved to match EEVEE", f"{100.0 * report['correction']['mean']:.0f} % of the brightness")
         compare = report.get("compare")
         if compare:
-            if compare["no_noise"] is not None:
+            if compare.get("no_noise"):
                 paragraph(column, context, f"No noise ratio: {compare['no_noise']}")
             for words, name in (("Noise ratio", "noise_ratio"), ("Worst tiles", "worst_tiles"), ("Error", "rmse")):
                 if compare[name] is not None:

@@ -73,9 +73,15 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def _spread_bits(number: NDArray[np.intp]) -> NDArray[np.int64]:
     """The bits of a number, each followed by a zero."""
-    return sum(((number.astype(np.int64) >> bit) & 1) << 2 * bit for bit in range(BITS))
+    result = np.zeros(number.shape, np.int64)
+    for bit in range(BITS):
+        result |= (number.astype(np.int64) >> bit & 1) << 2 * bit
+    return result
 
 
 def _every_second_bit(number: NDArray[np.intp]) -> NDArray[np.int64]:
     """The other way round."""
-    return sum(((number.astype(np.int64) >> 2 * bit) & 1) << bit for bit in range(BITS))
+    result = np.zeros(number.shape, np.int64)
+    for bit in range(BITS):
+        result |= (number.astype(np.int64) >> 2 * bit & 1) << bit
+    return result

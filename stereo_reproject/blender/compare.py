@@ -99,7 +99,7 @@ def compare_with_multiview(
 def _told_of_noise(judged: Mapping[str, float], engine: str) -> dict[str, Any]:
     """What `Peer.judge` has found, and why there is no ratio to the noise, if there is none."""
     if judged["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(judged["noise_ratio"])):
-        return {**judged, "no_noise": None}
+        return dict(judged)
     why = "two plain renders are the same, without noise to compare with"
     if engine != CYCLES:
         why = "EEVEE renders the same noise each time, and has none to compare with"
