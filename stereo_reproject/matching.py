@@ -44,6 +44,12 @@ ELSEWHERE = 0.5
 """Of that share, how much where the picture shows another depth than the tracer: the one may have the near side of an
 edge there and the other the far one, or not have what is a pixel wide."""
 
+REFRACTING = 0.5
+"""Share of the picture in a silhouette of what refracts, at least: one engine shows there what the other may not."""
+
+NEAR = 3
+"""Pixels each way from which the colours are that such a pixel may have."""
+
 PRIOR_PIXELS = 0.5
 """As many pixels of the ring outweigh that both engines are taken to see the same light."""
 
@@ -54,7 +60,8 @@ class Traced:
 
     colour (N, 3); seen (N, 3): the light in it that comes straight from what shines, lamps and sky, which every engine
     shows alike; albedo and specular (N, 3), that light left out; normal (N, 3) in any frame, 0 where there is none;
-    nearness (N,) at the pixel's centre, 0 for the sky, and mean_depth (N,) over the pixel, of whatever is not sky.
+    nearness (N,) at the pixel's centre, 0 for the sky, and mean_depth (N,) over the pixel, of whatever is not sky;
+    refracts (N,): what is told of its albedo is light that it refracts.
     """
 
     colour: NDArray[np.float32]
@@ -64,6 +71,7 @@ class Traced:
     normal: NDArray[np.float32]
     nearness: NDArray[np.float32]
     mean_depth: NDArray[np.float32]
+    refracts: NDArray[np.bool_]
 
     def features(self) -> NDArray[np.float32]:
         """(N, 3, K): what a surface's look is made of. Light from all around has no sharper shape than its reflection
@@ -102,7 +110,7 @@ def match(
     shows the right surface and mixes it with the wrong background: it counts as far as the tracer cannot tell.
     """
     at = nearness[domain]
-    same = np.abs(at - traced.nearness) <= SAME_DEPTH * np.maximum(at, traced.nearness)
+    same = _same_depth(at, traced.nearness)
     kept = known[domain] & same
     base = _learned(traced, picture[domain] - traced.seen, kept) + traced.seen
     gap = np.zeros((*domain.shape, 3), np.float32)
@@ -115,10 +123,17 @@ def match(
     share = TRUST + (1.0 - TRUST) * unexplained / (unexplained + UNEXPLAINED**2)
     share *= np.where(same, 1.0, ELSEWHERE)[:, None]
     mixed = doubted & _beside_edges(traced, domain, nearness)
-    share = np.where(mixed[domain][:, None], share, 0.0).astype(np.float32)
+    share = np.where(mixed[domain][:, None], share, 0.0)
+    refracts = np.zeros_like(domain)
+    refracts[domain] = traced.refracts
+    refracts = dilate(refracts, 1)[domain]
+    share = np.where((refracts & doubted[domain])[:, None], np.maximum(share, REFRACTING), share).astype(np.float32)
     # Mixed as they are seen: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
-    return np.where(share > 0.0, untone(toned), result)
+    if refracts.any():
+        seen = known | doubted
+        toned[refracts] = _within_both_sides(toned[refracts], traced, domain, refracts, tone(picture), nearness, seen)
+    return np.where((share > 0.0) | refracts[:, None], untone(toned), result)
 
 
 def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correction:
@@ -181,14 +196,55 @@ def _beside_edges(traced: Traced, domain: NDArray[np.bool_], nearness: NDArray) 
     return dilate(edges, 1)
 
 
-def _mixed(correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(N, 3): at an edge of depth, the correction of either side by the share that it has of the pixel."""
+def _within_both_sides(
+    toned: NDArray[np.float32],
+    traced: Traced,
+    domain: NDArray[np.bool_],
+    chosen: NDArray[np.bool_],
+    picture: NDArray[np.float32],
+    nearness: NDArray,
+    seen: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Colours (K, 3) of the `chosen` pixels (N,) of the domain, within the range of the picture (H, W, 3) around.
+
+    Of what it shows as `seen` (H, W) of the near and of the far side of their edge; where only one of the two is near,
+    they are left as they are.
+    """
+    rows, columns = (place[chosen] for place in np.nonzero(domain))
+    sides = [side[chosen] for side in _sides(traced, domain)[:2]]
+    low, high = np.full_like(toned, np.inf), np.full_like(toned, -np.inf)
+    met = np.zeros((2, rows.size), bool)
+    picture, nearness, seen = (
+        np.pad(image, [(NEAR, NEAR), (NEAR, NEAR), (0, 0)][: image.ndim]) for image in (picture, nearness, seen)
+    )
+    for down, right in np.ndindex(2 * NEAR + 1, 2 * NEAR + 1):
+        there = rows + down, columns + right
+        same = np.array([seen[there] & _same_depth(nearness[there], 1.0 / side) for side in sides])
+        met |= same
+        either = same.any(axis=0)[:, None]
+        low = np.where(either, np.minimum(low, picture[there]), low)
+        high = np.where(either, np.maximum(high, picture[there]), high)
+    return np.where(met.all(axis=0)[:, None], np.clip(toned, low, high), toned)
+
+
+def _same_depth(a: NDArray, b: NDArray) -> NDArray[np.bool_]:
+    """Whether two nearnesses are of the same surface."""
+    return np.abs(a - b) <= SAME_DEPTH * np.maximum(a, b)
+
+
+def _sides(traced: Traced, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+    """(N,) least and greatest depth around each pixel, and (N, 9) all of them, not a number where it is not traced."""
     depth = np.full(domain.shape, np.nan, np.float32)
     with np.errstate(divide="ignore"):
         depth[domain] = 1.0 / traced.nearness
+    around = _windows(depth, np.nonzero(domain))
+    return np.fmin.reduce(around, axis=1), np.fmax.reduce(around, axis=1), around
+
+
+def _mixed(correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(N, 3): at an edge of depth, the correction of either side by the share that it has of the pixel."""
+    near, far, around = _sides(traced, domain)
     places = np.nonzero(domain)
-    around = _windows(depth, places)
-    near, far = np.fmin.reduce(around, axis=1), np.fmax.reduce(around, axis=1)
     edge = np.nonzero(far > (1.0 + BENT) * near)[0]
     near, far, around = near[edge], far[edge], around[edge]
     share = _near_share(traced, domain, edge, near, far, np.isinf(around))

@@ -111,16 +111,19 @@ class EeveeRenderer(BlenderRenderer):
     def traced_features(self, passes: Passes) -> Traced:
         nothing = np.zeros_like(passes[ALBEDO])
         seen = sum((passes[name] for name in SEEN if name in passes), nothing)
+        albedo = _numbers(passes[ALBEDO] - seen)
         depth = passes[DEPTH_PASS][:, 0]
         known = np.isfinite(depth) & (depth > 0.0)
         return Traced(
             colour=_numbers(passes[COLOUR_PASS][:, :3]),
             seen=_numbers(seen),
-            albedo=np.clip(_numbers(passes[ALBEDO] - seen), 0.0, 1.0),
+            albedo=np.clip(albedo, 0.0, 1.0),
             specular=np.clip(_numbers(passes.get(SPECULAR, nothing)), 0.0, 1.0),
             normal=_numbers(passes[NORMAL]),
             nearness=np.divide(1.0, depth, out=np.zeros_like(depth), where=known),
             mean_depth=_numbers(passes[MEAN_DEPTH][:, 0]),
+            # No surface reflects more than there is: Cycles follows what is sharp to the light behind it.
+            refracts=albedo.max(axis=-1) > 1.0,
         )
 
     def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -47,7 +47,7 @@ class Matcher:
         some = np.full_like(colour, 0.5)
         normal = np.tile(np.float32((0, 0, 1)), (len(colour), 1))
         depth = passes[DEPTH_PASS][:, 0]
-        return Traced(colour, 0.0 * colour, some, 0.0 * colour, normal, 1.0 / depth, depth)
+        return Traced(colour, 0.0 * colour, some, 0.0 * colour, normal, 1.0 / depth, depth, depth < 0.0)
 
     def clean(self, colour):
         return colour

@@ -30,6 +30,7 @@ class Room:
         self.seen = np.zeros((HEIGHT, WIDTH, 3))
         self.holes = np.zeros((HEIGHT, WIDTH), bool)
         self.holes[10:30, 15:45] = True
+        self.refracts = np.zeros_like(self.holes)
 
     def matched(self, picture, *, doubted=None, seen_at=None):
         """The picture with its holes matched; seen_at (H, W) is its nearness, where that is not what is traced."""
@@ -37,7 +38,9 @@ class Room:
         domain = self.holes | ring
         fields = [self.light + self.seen, self.seen, self.albedo, 0.0 * self.albedo, self.normal]
         depth = np.divide(1.0, self.nearness, out=np.zeros_like(self.nearness), where=self.nearness > 0.0)
-        traced = Traced(*(field[domain].astype(np.float32) for field in (*fields, self.nearness, depth)))
+        traced = Traced(
+            *(field[domain].astype(np.float32) for field in (*fields, self.nearness, depth)), self.refracts[domain]
+        )
         doubted = np.zeros_like(domain) if doubted is None else doubted
         # What the picture shows in the holes must not matter.
         blind = np.where((self.holes & ~doubted)[..., None], 77.0, picture).astype(np.float32)
@@ -109,6 +112,23 @@ def test_a_silhouette_that_shows_another_depth_is_believed_less():
     picture[wire] = 1.0
     shown = [room.matched(picture, doubted=wire, seen_at=nearness)[wire].mean() for nearness in (room.nearness, behind)]
     assert shown[1] < 0.7 * shown[0]
+
+
+def test_what_refracts_is_no_brighter_than_what_is_beside_it():
+    """Light from behind it that is taken for its albedo, in single pixels of a rim that the source has seen."""
+    room = Room()
+    rim = np.zeros((HEIGHT, WIDTH), bool)
+    rim[10:30, 30] = True
+    room.nearness[:, 30:] = 0.5
+    picture = room.light.copy()
+    room.albedo[rim], room.light[rim] = 1.0, 5.0
+    band = np.zeros_like(rim)
+    band[10:30, 29:31] = True
+    shown = []
+    for refracts in (False, True):
+        room.refracts = rim & refracts
+        shown.append(room.matched(picture, doubted=band)[rim].max())
+    assert shown[1] <= picture.max() < 0.5 * shown[0]
 
 
 def test_what_the_source_saw_beside_something_else_leaves_no_ghost():
