@@ -119,21 +119,27 @@ def match(
     weight[domain] = kept
     correction = spread(gap, weight, domain, _bonds(traced, domain))
     result = np.maximum(base + _mixed(correction, traced, domain), 0.0)
-    unexplained = np.mean(np.abs(tone(result) - tone(base)), axis=-1, keepdims=True) ** 2
-    share = TRUST + (1.0 - TRUST) * unexplained / (unexplained + UNEXPLAINED**2)
-    share *= np.where(same, 1.0, ELSEWHERE)[:, None]
-    mixed = doubted & _beside_edges(traced, domain, nearness)
-    share = np.where(mixed[domain][:, None], share, 0.0)
     refracts = np.zeros_like(domain)
     refracts[domain] = traced.refracts
     refracts = dilate(refracts, 1)[domain]
-    share = np.where((refracts & doubted[domain])[:, None], np.maximum(share, REFRACTING), share).astype(np.float32)
+    mixed = (doubted & _beside_edges(traced, domain, nearness))[domain]
+    share = np.where(mixed, _trusted(tone(result) - tone(base), same), 0.0)
+    share[refracts & doubted[domain]] = np.maximum(share, REFRACTING)[refracts & doubted[domain]]
+    share = share.astype(np.float32)[:, None]
     # Mixed as they are seen: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
     if refracts.any():
         seen = known | doubted
         toned[refracts] = _within_both_sides(toned[refracts], traced, domain, refracts, tone(picture), nearness, seen)
     return np.where((share > 0.0) | refracts[:, None], untone(toned), result)
+
+
+def _trusted(unexplained: NDArray, same: NDArray[np.bool_]) -> NDArray:
+    """(N,): the share of the picture in a silhouette, by what (N, 3) no law explains, and where it shows the same depth
+    (N,)."""
+    squared = np.mean(np.abs(unexplained), axis=-1) ** 2
+    share = TRUST + (1.0 - TRUST) * squared / (squared + UNEXPLAINED**2)
+    return np.where(same, share, ELSEWHERE * share)
 
 
 def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correction:
@@ -197,14 +203,14 @@ def _beside_edges(traced: Traced, domain: NDArray[np.bool_], nearness: NDArray) 
 
 
 def _within_both_sides(
-    toned: NDArray[np.float32],
+    toned: NDArray,
     traced: Traced,
     domain: NDArray[np.bool_],
     chosen: NDArray[np.bool_],
     picture: NDArray[np.float32],
     nearness: NDArray,
     seen: NDArray[np.bool_],
-) -> NDArray[np.float32]:
+) -> NDArray:
     """Colours (K, 3) of the `chosen` pixels (N,) of the domain, within the range of the picture (H, W, 3) around.
 
     Of what it shows as `seen` (H, W) of the near and of the far side of their edge; where only one of the two is near,
@@ -214,9 +220,9 @@ def _within_both_sides(
     sides = [side[chosen] for side in _sides(traced, domain)[:2]]
     low, high = np.full_like(toned, np.inf), np.full_like(toned, -np.inf)
     met = np.zeros((2, rows.size), bool)
-    picture, nearness, seen = (
-        np.pad(image, [(NEAR, NEAR), (NEAR, NEAR), (0, 0)][: image.ndim]) for image in (picture, nearness, seen)
-    )
+    border = (NEAR, NEAR)
+    picture = np.pad(picture, (border, border, (0, 0)))
+    nearness, seen = np.pad(nearness, (border, border)), np.pad(seen, (border, border))
     for down, right in np.ndindex(2 * NEAR + 1, 2 * NEAR + 1):
         there = rows + down, columns + right
         same = np.array([seen[there] & _same_depth(nearness[there], 1.0 / side) for side in sides])
