@@ -120,14 +120,23 @@ def reproject(
         return Reprojection(warped, grid, warp, marking, accuracy)
 
     seen = carried(source)
-    # What is out of focus mixes depths everywhere, and a volume has none.
-    if lens.aperture or len(volumes) or not isinstance(source_camera, PerspectiveCamera):
-        return seen
-    images = images_in_mirrors(source, source_camera, clip_start=lens.near)
+    images = None
+    if (
+        _is_one_length(lens, volumes)
+        and accuracy.silhouette_radius > 0
+        and isinstance(source_camera, PerspectiveCamera)
+    ):
+        images = images_in_mirrors(source, source_camera, clip_start=lens.near)
     if images is None or see_the_same(source_camera, target_camera):
         return seen
     in_mirrors = {name: image for name, image in source.items() if seen_in_mirrors(name)}
     return _with_mirrors(seen, carried({**in_mirrors, DEPTH_PASS: images.depth[..., None]}), images.mirrors)
+
+
+def _is_one_length(lens: Lens, volumes: Sequence[NDArray]) -> bool:
+    """Whether the length of a pixel's rays is that of its way to some surface: what is out of focus mixes depths
+    everywhere, and a volume has none."""
+    return not (lens.aperture or len(volumes))
 
 
 def _with_mirrors(seen: Reprojection, images: Reprojection, mirrors: NDArray[np.bool_]) -> Reprojection:
@@ -197,9 +206,8 @@ class Marking:
         """(H, W) source pixels: what their depth misses shows, where it moves, as a silhouette would."""
         length, depth = self.source.get(LENGTH_PASS), self.source[DEPTH_PASS][..., 0]
         camera, other = self.source_camera, self.target_camera
-        # What is out of focus mixes depths everywhere, and a volume has none.
-        mixed = self.lens.aperture or len(self.volumes)
-        wanted = accuracy.silhouette_radius > 0 and not mixed and not see_the_same(camera, other)
+        known = _is_one_length(self.lens, self.volumes)
+        wanted = accuracy.silhouette_radius > 0 and known and not see_the_same(camera, other)
         if length is None or not wanted or not isinstance(camera, PerspectiveCamera):
             return np.zeros(depth.shape, bool)
         edges = self.steps.beside(min(accuracy.silhouette_step, THRESHOLD))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.frustum import Lens
 from stereo_reproject.mirrors import LEAST, images_in_mirrors
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MATERIAL_PASS, REFLECTANCE_PASS
 from stereo_reproject.reprojection import reproject
@@ -174,3 +175,17 @@ def test_another_accuracy_has_its_holes_in_mirrors_too():
         assert (reasons > 0)[result.mirrors.shown].mean() > 0.0
     wide, narrow = (result.reasons_at(SETTINGS[setting]) > 0 for setting in ("exact", "draft"))
     assert wide[result.mirrors.shown].sum() > narrow[result.mirrors.shown].sum()
+
+
+def test_where_the_paper_s_method_is_asked_for_all_is_carried_by_surfaces():
+    eyes = rig()
+    alone = SETTINGS["draft"].__class__(silhouette_step=1.0, silhouette_radius=0, colour_tolerance=0.0)
+    nothing = np.zeros(SIZE[::-1], bool)
+    assert reproject(seen(eyes["left"]), eyes["left"], eyes["right"], accuracy=alone, invalid=nothing).mirrors is None
+
+
+def test_out_of_focus_and_among_volumes_no_length_is_one():
+    eyes = rig()
+    assert carried(seen(eyes["left"]), eyes, lens=Lens(aperture=0.1)).mirrors is None
+    everywhere = [np.full((8, 3), np.inf)]
+    assert carried(seen(eyes["left"]), eyes, volumes=everywhere).mirrors is None
