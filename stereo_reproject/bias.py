@@ -20,7 +20,7 @@ REACHES = (4, 2, 1)
 """Tiles each way whose probes tell what a tile is off by: slow changes by many, and what is left of faster ones by the
 nearest, as far as those are sure of it."""
 
-DOUBT = 8.0
+DOUBT = 5.0
 """How many times its own variance is taken off the square of what is told: less is left where it may be chance."""
 
 BY_CONTRAST = 0.5
@@ -29,6 +29,18 @@ pixel aside. Probes lie in one place in each tile, and along an edge they are al
 
 FACTOR = 2.0
 """How many times brighter or darker a colour may become: bright ones are a hair from white after tone mapping."""
+
+
+@dataclass(frozen=True)
+class SourceNoise:
+    """What noise does to a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
+
+    shift (N, 3): how much brighter than without it is, on average. It is darker: most samples of a dim corner are black
+    and a few are bright, of which `tone` makes little. variance (N,): of one pixel.
+    """
+
+    shift: NDArray[np.float64]
+    variance: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -82,19 +94,28 @@ class Bias:
 
 
 def bias_of(
-    probes: Probes, w: NDArray, a: NDArray, b: NDArray, risk: NDArray[np.float32], shown: NDArray[np.integer]
+    probes: Probes,
+    w: NDArray,
+    a: NDArray,
+    b: NDArray,
+    risk: NDArray[np.float32],
+    shown: NDArray[np.integer],
+    *,
+    noise: SourceNoise,
 ) -> Bias:
     """w, a, b (N, >= 3) as for `probes.measure`; risk (H, W) is the contrast around each pixel, as `risk.Contrast` has
-    it, and shown (H, W) a number for what each shows.
+    it, and shown (H, W) a number for what each shows. noise is what the source's own pixels have around each.
 
     A probe with a value that is no number says nothing.
     """
     known = (np.isfinite(w) & np.isfinite(a) & np.isfinite(b)).all(axis=-1)
     w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
     numbers = shown[probes.rows, probes.columns]
-    residual, variance = 0.5 * (a + b) - w, np.mean((a - b) ** 2, axis=-1) / 4.0
+    residual, variance = 0.5 * (a + b) - w - noise.shift, np.mean((a - b) ** 2, axis=-1) / 4.0
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
+    # A few probes may all have been spared what makes others bright, and seem to be sure that it is dark.
+    nearby = np.maximum(nearby, 0.5 * noise.variance)
     weight = known / (nearby + BY_CONTRAST * risk[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
     for reach in REACHES:

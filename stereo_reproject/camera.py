@@ -136,6 +136,12 @@ def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
     return np.sqrt(sum(np.square(part) for part in direction))
 
 
+def depth_from_ray_length(camera: Camera, length: Array, clip_start: float) -> Array:
+    """The depth (H, W) of what is so far (H, W) along the pixels' rays from where they are clipped."""
+    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    return length / ray_length_per_depth(camera, x, y) + clip_start
+
+
 def target_from_source(source: Camera, target: Camera) -> Array:
     """The transform (4, 4) from source camera space to target camera space, free of the world's own offset.
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bias import bias_of
+from .bias import SourceNoise, bias_of
 from .denoising import Denoising, guided
-from .metrics import squared_error
+from .metrics import squared_error, tone, untone
 from .passes import COLOUR_PASS, NOISY_PASS, Passes
 from .probes import FirstTold, Probes
 from .risk import box_sum
@@ -29,13 +29,16 @@ MOST = 0.75
 NOISE_REACH = (4, 4)
 """Pixels, down and across, over which the source's noise is averaged."""
 
+NOISE_TILES = 2
+"""Tiles each way over which all pixels tell what noise does to the probes'."""
+
 NOISELESS = 1e-12
 
 
 @dataclass(frozen=True)
 class Look:
-    """The colour (H, W, C) with its bias taken away, that of the probes' pixels (N, 3) as if their own had not been
-    heard, and what the first traces tell."""
+    """The colour (H, W, C) with its bias taken away; what a trace of the probes is then expected to have (N, 3),
+    as if their own had not been heard; and what the first traces tell."""
 
     colour: NDArray[np.float32]
     at_probes: NDArray[np.float32]
@@ -62,7 +65,8 @@ def look(
     """
     once, again = traces
     kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
-    bias = bias_of(probes, before, once, again, risk, kinds)
+    noise_there = _source_noise(probes, passes[COLOUR_PASS], noisy, warped)
+    bias = bias_of(probes, before, once, again, risk, kinds, noise=noise_there)
     colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
     target, source = _denoised_probes(probes, passes, (once, noisy[probes.rows, probes.columns]), denoising)
     # A detail finer than a tile shows in one of the two, an error in both.
@@ -72,12 +76,25 @@ def look(
     error = np.maximum(told - np.quantile(told / noise, MOST) * noise, 0.0)
     own, by_material = error * probes.in_tiles(warped), _by_material(probes, error, np.where(warped, risk, 0.0), kinds)
     likely = BELIEVED * own + (1.0 - BELIEVED) * by_material
-    return Look(
-        colour, bias.at_probes(before, without_own=True), FirstTold(likely, _source_noise(probes, passes, warped))
-    )
+    expected = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
+    return Look(colour, expected, FirstTold(likely, _seen_noise(probes, passes, warped)))
 
 
-def _source_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _source_noise(
+    probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]
+) -> SourceNoise:
+    """By the warped pixels (H, W) that are no probes, whose denoised colour (H, W, C) is known beside the noisy one."""
+    known = warped & ~probes.mask
+    change = np.where(known[..., None], tone(noisy).astype(np.float64) - tone(colour), 0.0)
+    near = probes.rows, probes.columns
+    reach = NOISE_TILES * probes.spacing, NOISE_TILES * probes.spacing
+    pixels = np.maximum(box_sum(known, reach)[near], 1.0)
+    shift = np.stack([box_sum(change[..., channel], reach)[near] / pixels for channel in range(3)], axis=-1)
+    squares = box_sum(np.mean(change**2, axis=-1), reach)[near] / pixels
+    return SourceNoise(shift, np.maximum(squares - np.mean(shift**2, axis=-1), 0.0))
+
+
+def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
     """(N,): how far the source's pixels are from their denoised ones around each probe, in the mean of squares."""
     warped = warped & ~probes.mask
     squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)

@@ -118,7 +118,8 @@ def match(
     weight = np.zeros(domain.shape, np.float32)
     weight[domain] = kept
     correction = spread(gap, weight, domain, _bonds(traced, domain))
-    result = np.maximum(base + _mixed(correction, traced, domain), 0.0)
+    sides = _sides(traced, domain)
+    result = np.maximum(base + _mixed(correction, traced, domain, sides), 0.0)
     refracts = np.zeros_like(domain)
     refracts[domain] = traced.refracts
     refracts = dilate(refracts, 1)[domain]
@@ -130,7 +131,10 @@ def match(
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
     if refracts.any():
         seen = known | doubted
-        toned[refracts] = _within_both_sides(toned[refracts], traced, domain, refracts, tone(picture), nearness, seen)
+        both = [1.0 / depth[refracts] for depth in sides[:2]]
+        toned[refracts] = _within_both_sides(
+            toned[refracts], np.argwhere(domain)[refracts], both, tone(picture), nearness, seen
+        )
     return np.where((share > 0.0) | refracts[:, None], untone(toned), result)
 
 
@@ -204,20 +208,18 @@ def _beside_edges(traced: Traced, domain: NDArray[np.bool_], nearness: NDArray) 
 
 def _within_both_sides(
     toned: NDArray,
-    traced: Traced,
-    domain: NDArray[np.bool_],
-    chosen: NDArray[np.bool_],
+    places: NDArray[np.intp],
+    sides: Sequence[NDArray],
     picture: NDArray[np.float32],
     nearness: NDArray,
     seen: NDArray[np.bool_],
 ) -> NDArray:
-    """Colours (K, 3) of the `chosen` pixels (N,) of the domain, within the range of the picture (H, W, 3) around.
+    """Colours (K, 3) of the pixels at places (K, 2), held within the range of the picture (H, W, 3) around.
 
-    Of what it shows as `seen` (H, W) of the near and of the far side of their edge; where only one of the two is near,
-    they are left as they are.
+    Of what it shows as `seen` (H, W) of the near and of the far side of their edge, whose nearness (K,) is in `sides`;
+    where only one of the two is near, they are left as they are.
     """
-    rows, columns = (place[chosen] for place in np.nonzero(domain))
-    sides = [side[chosen] for side in _sides(traced, domain)[:2]]
+    rows, columns = places.T
     low, high = np.full_like(toned, np.inf), np.full_like(toned, -np.inf)
     met = np.zeros((2, rows.size), bool)
     border = (NEAR, NEAR)
@@ -225,7 +227,7 @@ def _within_both_sides(
     nearness, seen = np.pad(nearness, (border, border)), np.pad(seen, (border, border))
     for down, right in np.ndindex(2 * NEAR + 1, 2 * NEAR + 1):
         there = rows + down, columns + right
-        same = np.array([seen[there] & _same_depth(nearness[there], 1.0 / side) for side in sides])
+        same = np.array([seen[there] & _same_depth(nearness[there], side) for side in sides])
         met |= same
         either = same.any(axis=0)[:, None]
         low = np.where(either, np.minimum(low, picture[there]), low)
@@ -247,9 +249,11 @@ def _sides(traced: Traced, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray,
     return np.fmin.reduce(around, axis=1), np.fmax.reduce(around, axis=1), around
 
 
-def _mixed(correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(N, 3): at an edge of depth, the correction of either side by the share that it has of the pixel."""
-    near, far, around = _sides(traced, domain)
+def _mixed(
+    correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.bool_], sides: tuple[NDArray, NDArray, NDArray]
+) -> NDArray[np.float32]:
+    """(N, 3): at an edge of depth, the correction of either of its `_sides` by the share that it has of the pixel."""
+    near, far, around = sides
     places = np.nonzero(domain)
     edge = np.nonzero(far > (1.0 + BENT) * near)[0]
     near, far, around = near[edge], far[edge], around[edge]
@@ -260,9 +264,9 @@ def _mixed(correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.b
     known = ~np.isnan(around)
     places = (places[0][edge], places[1][edge])
     values = np.stack([np.nan_to_num(_windows(correction[..., k], places)) for k in range(3)], axis=-1)
-    sides = [_mean_of(values, chosen & known) for chosen in (is_near, ~is_near)]
+    of_near, of_far = (_mean_of(values, chosen & known) for chosen in (is_near, ~is_near))
     result = correction[domain]
-    result[edge] = share[:, None] * sides[0] + (1.0 - share[:, None]) * sides[1]
+    result[edge] = share[:, None] * of_near + (1.0 - share[:, None]) * of_far
     return result
 
 

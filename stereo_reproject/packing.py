@@ -59,16 +59,17 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
     """(N,): which comes first."""
     rows, columns = places.T
     along = _spread_bits(columns) | _spread_bits(rows) << 1
-    again = np.ones(len(places), bool)
-    again[np.unique(along, return_index=True)[1]] = False
-    largest = np.ones(len(places), np.intp)
+    by_curve = np.argsort(along, kind="stable")
+    along = along[by_curve]
+    again = np.concatenate([[False], along[1:] == along[:-1]])[: along.size]
+    largest = np.ones(along.size, np.intp)
     size = 2
-    while size <= BLOCK:
-        _, block, pixels = np.unique(along // size**2, return_inverse=True, return_counts=True)
-        pixels = np.bincount(block[~again], minlength=pixels.size)
-        largest[pixels[block] == size**2] = size
+    while size <= BLOCK and along.size:
+        starts = np.concatenate([[0], 1 + np.nonzero(np.diff(along // size**2))[0]])
+        pixels = np.add.reduceat(~again, starts, dtype=np.intp)
+        largest[np.repeat(pixels == size**2, np.diff(starts, append=along.size))] = size
         size *= 2
-    return np.lexsort((along, -largest, again))
+    return by_curve[np.lexsort((-largest, again))]
 
 
 def _spread_bits(number: NDArray[np.intp]) -> NDArray[np.int64]:

@@ -39,7 +39,13 @@ denoiser, the mean of its samples: on over mirrors, each part times what the mir
 REFLECTANCE_PASS = ".Reflectance"
 """(H, W, 3) of such a source, where anything is glossy: the share of the light that its gloss reflects."""
 
-OF_SOURCE = (LENGTH_PASS, REFLECTANCE_PASS)
+SURFACE_NORMAL_PASS = ".Surface Normal"
+"""(H, W, 3) of the same: the normal by which what is seen first reflects, bumps and all."""
+
+ROUGHNESS_PASS = ".Roughness"
+"""(H, W, 1) of the same, from Blender 5 on: of what is glossy of what is seen first."""
+
+OF_SOURCE = (LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS, ROUGHNESS_PASS)
 """Passes that are asked for what the source sees, and never carried into the target."""
 
 OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *OF_SOURCE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,13 @@ from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
 from .lookup import lookup, touches
 from .masks import dilate
-from .mirrors import WITHIN, images_in_mirrors
+from .mirrors import Images, images_in_mirrors, of_one_mirror
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, seen_in_mirrors
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
-from .thin import THRESHOLD, landings, thin_things
+from .thin import THRESHOLD, landings, sparse, thin_things
 from .warp import Warp, forward_warp, without_area
 
 PINHOLE = Lens()
@@ -120,32 +121,28 @@ def reproject(
         return Reprojection(warped, grid, warp, marking, accuracy)
 
     seen = carried(source)
-    images = None
-    if (
-        _is_one_length(lens, volumes)
-        and accuracy.silhouette_radius > 0
-        and isinstance(source_camera, PerspectiveCamera)
-    ):
-        images = images_in_mirrors(source, source_camera, clip_start=lens.near)
-    if images is None or see_the_same(source_camera, target_camera):
+    if not (accuracy.silhouette_radius > 0 and _lengths_tell(source_camera, target_camera, lens, volumes)):
+        return seen
+    found = images_in_mirrors(source, cast("PerspectiveCamera", source_camera), clip_start=lens.near)
+    if found is None:
         return seen
     in_mirrors = {name: image for name, image in source.items() if seen_in_mirrors(name)}
-    return _with_mirrors(seen, carried({**in_mirrors, DEPTH_PASS: images.depth[..., None]}), images.mirrors)
+    return _with_mirrors(seen, carried({**in_mirrors, DEPTH_PASS: found.depth[..., None]}), found)
 
 
-def _is_one_length(lens: Lens, volumes: Sequence[NDArray]) -> bool:
-    """Whether the length of a pixel's rays is that of its way to some surface: what is out of focus mixes depths
-    everywhere, and a volume has none."""
-    return not (lens.aperture or len(volumes))
+def _lengths_tell(camera: Camera, other: Camera, lens: Lens, volumes: Sequence[NDArray]) -> bool:
+    """Whether the lengths of a perspective camera's rays tell what moves otherwise than its depth says: what is out of
+    focus mixes depths everywhere, and a volume has none."""
+    mixed = lens.aperture or len(volumes)
+    return isinstance(camera, PerspectiveCamera) and not mixed and not see_the_same(camera, other)
 
 
-def _with_mirrors(seen: Reprojection, images: Reprojection, mirrors: NDArray[np.bool_]) -> Reprojection:
-    """What was carried by surfaces, with what the source's mirrors (H, W) show carried by images."""
-    mask = mirrors[..., None].astype(np.float32)
+def _with_mirrors(seen: Reprojection, images: Reprojection, found: Images) -> Reprojection:
+    """What was carried by surfaces, with what the source's mirrors show carried by images."""
+    mask = found.mirrors[..., None].astype(np.float32)
     shown = lookup(mask, seen.warp.x, seen.warp.y, interpolation="nearest")[..., 0] > 0.0
-    within = shown & (lookup(mask, images.warp.x, images.warp.y)[..., 0] >= WITHIN)
     # Depth that is filtered as colours are has no sharp edge: along a mirror's, what is beside it may look alike.
-    strayed = dilate(~within, 1)
+    strayed = dilate(~of_one_mirror(seen.marking.source, found, seen.warp, images.warp), 1)
     passes = {
         name: np.where(shown[..., None], images.passes[name], image) if seen_in_mirrors(name) else image
         for name, image in seen.passes.items()
@@ -199,17 +196,17 @@ class Marking:
         """(H, W) target pixels: what has no area in the grid shows on either side of where it lands."""
         depth = self.source[DEPTH_PASS][..., 0]
         alone = without_area(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
-        landed = landings(alone & blurred, depth, self.source_camera, self.target_camera, warp)
+        landed = landings(sparse(alone) & blurred, depth, self.source_camera, self.target_camera, warp)
         return dilate(landed, accuracy.silhouette_radius)
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
         """(H, W) source pixels: what their depth misses shows, where it moves, as a silhouette would."""
         length, depth = self.source.get(LENGTH_PASS), self.source[DEPTH_PASS][..., 0]
         camera, other = self.source_camera, self.target_camera
-        known = _is_one_length(self.lens, self.volumes)
-        wanted = accuracy.silhouette_radius > 0 and known and not see_the_same(camera, other)
-        if length is None or not wanted or not isinstance(camera, PerspectiveCamera):
+        tell = accuracy.silhouette_radius > 0 and _lengths_tell(camera, other, self.lens, self.volumes)
+        if length is None or not tell:
             return np.zeros(depth.shape, bool)
+        camera = cast("PerspectiveCamera", camera)
         edges = self.steps.beside(min(accuracy.silhouette_step, THRESHOLD))
         return thin_things(length[..., 0], depth, camera, other, edges=edges, clip_start=self.lens.near)
 

@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from .camera import (
     Camera,
     PerspectiveCamera,
+    depth_from_ray_length,
     disparity_per_nearness,
-    ray_length_per_depth,
     target_from_source,
     target_px_from_source_px,
 )
 from .masks import dilate
+from .risk import box_sum
 from .warp import Warp
 
 THRESHOLD = 0.1
@@ -34,8 +35,19 @@ THIN = 1
 LEAST_COVERED = 0.1
 """Share of a pixel that something thin is taken to cover at least, and so how near it may be: less hardly shows."""
 
+NEAR, FEW = 3, 1.0 / 3.0
+"""Pixels each way among which those of a wire are few, and what share of them that is: two wires that cross have two
+sevenths."""
+
 FARTHEST = 8
 """Pixels, at most, by which it is looked for aside."""
+
+
+def sparse(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of (H, W) around which there are few: where there are many, depth is noise (of what moves while the shutter
+    is open) or a thicket, of which probes tell."""
+    around = box_sum(pixels, (NEAR, NEAR)) / (2 * NEAR + 1) ** 2
+    return pixels & (around <= FEW)
 
 
 def landings(
@@ -73,9 +85,7 @@ def thin_things(
     """
     behind = depth.astype(np.float64)
     surface = np.isfinite(behind)
-    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    slant = ray_length_per_depth(camera, columns, rows)
-    before = np.where(surface, behind - (length / slant + clip_start), 0.0)
+    before = np.where(surface, behind - depth_from_ray_length(camera, length, clip_start), 0.0)
 
     def moves(covered: float) -> NDArray[np.float64]:
         """Pixels by which what covers so much of a pixel moves from what is behind it."""

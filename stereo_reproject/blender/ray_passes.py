@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import bpy
 
-from ..passes import LENGTH_PASS, REFLECTANCE_PASS, Passes
+from ..passes import LENGTH_PASS, REFLECTANCE_PASS, ROUGHNESS_PASS, SURFACE_NORMAL_PASS, Passes
 from .denoise import DEPTH
 from .scene import rendered_layer
 
-GLOSSY_COLOUR = ("Glossy Color", "GlossCol")
-"""The pass by its names in Blender 5 and in 4.5."""
+GLOSSY_COLOUR = "Glossy Color" if bpy.app.version >= (5, 0, 0) else "GlossCol"
+NORMAL, ROUGHNESS = "Normal", "Denoising Roughness"
+
+SWITCHES = {"use_pass_glossy_color": GLOSSY_COLOUR, "use_pass_normal": NORMAL}
+"""Properties of a view layer, and the passes that they switch on."""
 
 
 class RayPasses:
@@ -19,20 +22,23 @@ class RayPasses:
         layer = rendered_layer(scene)
         # Without, a ray's length is the depth of what it meets first, and says nothing of a mirror.
         self._follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
-        self._added = () if layer.use_pass_glossy_color else GLOSSY_COLOUR
-        # It stays on: with other passes for the next render, Cycles would begin anew.
-        layer.use_pass_glossy_color |= glossy
+        self._added = {name for switch, name in SWITCHES.items() if glossy and not getattr(layer, switch)}
+        # They stay on: with other passes for the next render, Cycles would begin anew.
+        for switch in SWITCHES if glossy else ():
+            setattr(layer, switch, True)
 
     def of(self, rendered: Passes) -> Passes:
         """What a render's passes, as Blender has them, tell of the rays, by our names."""
         if not self._follows:
             return {}
-        told = {LENGTH_PASS: rendered[DEPTH]}
-        for name in GLOSSY_COLOUR:
-            if name in rendered:
-                told[REFLECTANCE_PASS] = rendered[name]
-        return told
+        ours = {
+            LENGTH_PASS: DEPTH,
+            REFLECTANCE_PASS: GLOSSY_COLOUR,
+            SURFACE_NORMAL_PASS: NORMAL,
+            ROUGHNESS_PASS: ROUGHNESS,
+        }
+        return {name: rendered[theirs] for name, theirs in ours.items() if theirs in rendered}
 
     def without_added(self, passes: Passes) -> Passes:
-        """The passes without the one that was switched on."""
+        """The passes without those that were switched on."""
         return {name: image for name, image in passes.items() if name not in self._added}

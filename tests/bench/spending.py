@@ -35,7 +35,7 @@ from stereo_reproject.composite import contain
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.fill import SourceCost
 from stereo_reproject.metrics import noise_ratio, worst_tiles
-from stereo_reproject.passes import COLOUR_PASS, MATERIAL_PASS, Passes
+from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.reprojection import Reprojection, reproject
 from stereo_reproject.settings import StereoSettings
 from stereo_reproject.tracing import Means, TargetEye
@@ -140,7 +140,7 @@ class Scene:
     def _finished(self, accuracy: Accuracy, seed: int) -> tuple[TargetEye, float]:
         """As `pipeline.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
-        passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, MATERIAL_PASS)}
+        passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
         warped = replace(self.warped, passes=passes, accuracy=accuracy)
         tracer, means = StoredTracer(once, again), Means("auto", COST, {})
         eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)

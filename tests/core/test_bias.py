@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.bias import FACTOR, bias_of
+from stereo_reproject.bias import FACTOR, SourceNoise, bias_of
+from stereo_reproject.denoised_probes import _source_noise
 from stereo_reproject.metrics import squared_error
 from stereo_reproject.probes import place_regular_probes
 from stereo_reproject.risk import contrast_of
@@ -38,7 +39,11 @@ class Warped:
         a, b = self.traces()
         if spoil:
             spoil(a, b)
-        return bias_of(self.probes, self.colour[self.probes.mask], a, b, contrast(self.colour), self.shown)
+        count = self.probes.rows.size
+        # Small enough for `tone` to be a line.
+        noise = SourceNoise(np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()))
+        colour = self.colour[self.probes.mask]
+        return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
 
     def corrected(self, bias):
         return bias.corrected(self.colour, np.ones(SIZE, bool), self.shown)
@@ -116,3 +121,25 @@ def test_an_edge_that_is_a_pixel_aside_is_no_slow_error():
     warped.colour[:, edge, :3] = 0.5
     change = np.abs(warped.corrected(warped.bias()) - warped.colour)[..., :3].mean(axis=(0, 2))
     assert change.max() < 0.02 * (0.5 - 0.1)
+
+
+def test_a_dim_corner_with_a_few_bright_samples_is_not_taken_for_dark():
+    """One trace in forty is bright. Most probes see none of those, and all are sure of the same."""
+    size, mean, share = (180, 240), 0.3, 1.0 / 40.0
+    rng = np.random.default_rng(4)
+
+    def traced(*shape):
+        return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
+
+    denoised, noisy = np.full((*size, 4), mean, np.float32), traced(*size)
+    probes = place_regular_probes(np.ones(size, bool), spacing=SPACING, seed=1)
+    a, b = (traced(probes.rows.size) for _ in range(2))
+    shown = np.zeros(size, int)
+
+    def brightness(noise):
+        bias = bias_of(probes, denoised[probes.mask], a, b, contrast(denoised), shown, noise=noise)
+        return bias.corrected(denoised, np.ones(size, bool), shown)[..., :3].mean() / mean
+
+    nothing = SourceNoise(np.zeros((probes.rows.size, 3)), np.zeros(probes.rows.size))
+    assert brightness(nothing) < 0.7
+    assert abs(brightness(_source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02

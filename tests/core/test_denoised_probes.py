@@ -35,7 +35,7 @@ class Frame:
         self.truth = np.repeat(waves[..., None], 4, axis=2).astype(np.float32)
         self.warped = self.noisy(np.sqrt(LEFT) * NOISE)
         self.off = np.zeros(SIZE, np.float32)
-        self.off[MIRROR] = bias * np.sign(np.sin(x[MIRROR] / 12.0))
+        self.off[MIRROR] = bias * np.sign(np.sin(x[MIRROR] / 5.0))
         self.warped[..., :3] += self.off[..., None]
         self.shown = np.zeros(SIZE, int)
         self.shown[MIRROR] = 1

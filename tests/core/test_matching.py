@@ -129,6 +129,8 @@ def test_what_refracts_is_no_brighter_than_what_is_beside_it():
         room.refracts = rim & refracts
         shown.append(room.matched(picture, doubted=band)[rim].max())
     assert shown[1] <= picture.max() < 0.5 * shown[0]
+    # Of one side alone nothing follows.
+    assert room.matched(picture, doubted=rim)[rim].max() > picture.max()
 
 
 def test_what_the_source_saw_beside_something_else_leaves_no_ghost():
