@@ -43,6 +43,9 @@ as a mirror is, is so where its picture is too faint or too fine for the probes,
 ROUGHLY = 0.5
 """Standard error, as a share of it, of what denoised probes say of a tile."""
 
+NEXT_TO_NONE = 0.01
+"""Share of the frame's mean noise that a tile has at least when its error is held against it."""
+
 SURE = 0.5
 """Standard errors by which the estimate must be within the promise before refinement stops."""
 
@@ -215,13 +218,15 @@ def tile_estimates(measured: Measured) -> NDArray[np.float64]:
 def _over_noise(measured: Measured) -> tuple[NDArray, NDArray]:
     """(N,) likely excess of each tile over the noise of two plain renders, and its standard error; 0 where refined.
 
-    As in `metrics.worst_tiles`, what is quieter than most counts as noisy as those.
+    As in `metrics.worst_tiles`, what is quieter than most is as noisy as those; where most is sky, as a hundredth
+    of the mean.
     """
     noise = local_noise(measured)
     floor = float(np.median(noise))
     if not floor:
         # Most of the frame is noiseless: black, or nothing but light.
         floor = float(np.median(noise[noise > 0.0])) if noise.any() else measured.mean_noise
+    floor = max(floor, NEXT_TO_NONE * measured.mean_noise)
     per_noise = np.where(measured.refined, 0.0, 0.5 / np.maximum(noise, floor))
     likely, error = _likely(measured, NEAREST)
     return per_noise * likely, per_noise * error

@@ -260,7 +260,7 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     if not estimate or estimate["noise_ratio"] is None:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
-    interval = f" ({low} to {high})" if estimate["low"] is not None else ""
+    interval = f" ({low} to {high})" if _is_number(estimate["low"]) and math.isfinite(estimate["low"]) else ""
     told = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
     unsure = estimate["kept"] is None
     lines = [told + _promised(estimate["noise_ratio"], estimate["promise"], unsure=unsure)]
