@@ -50,22 +50,21 @@ def _lookup_band(texels: NDArray, size: tuple[int, int], x: NDArray, y: NDArray,
     columns, weights_x = kernel(np.where(answered, x, 0.5).ravel())
     rows, weights_y = kernel(np.where(answered, y, 0.5).ravel())
     total = np.zeros((columns[0].size, texels.shape[1]), np.float32)
-    lowest, highest = np.full_like(total, np.inf), np.full_like(total, -np.inf)
-    overshoots = kernel is _cubic_taps
+    limits = (np.full_like(total, np.inf), np.full_like(total, -np.inf)) if kernel is _cubic_taps else None
     for row, weight_y in zip(rows, weights_y, strict=True):
         base = np.clip(row, 0, height - 1) * width
         for column, weight_x in zip(columns, weights_x, strict=True):
             weight = weight_x * weight_y
             if np.any(weight):
                 taken = texels[base + np.clip(column, 0, width - 1)]
-                if overshoots:
+                if limits:
                     # A mask takes its time.
                     looked_at = True if weight.all() else (weight != 0.0)[:, None]
-                    np.minimum(lowest, taken, out=lowest, where=looked_at)
-                    np.maximum(highest, taken, out=highest, where=looked_at)
+                    for limit, extreme in zip(limits, (np.minimum, np.maximum), strict=True):
+                        extreme(limit, taken, out=limit, where=looked_at)
                 total += taken * weight[:, None]
-    if overshoots:
-        np.clip(total, lowest, highest, out=total)
+    if limits:
+        np.clip(total, *limits, out=total)
     total[~answered.ravel()] = 0.0
     return total.reshape(*x.shape, -1)
 

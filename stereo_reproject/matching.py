@@ -125,8 +125,7 @@ def match(
     refracts = dilate(refracts, 1)[domain]
     mixed = (doubted & _beside_edges(traced, domain, nearness))[domain]
     share = np.where(mixed, _trusted(tone(result) - tone(base), same), 0.0)
-    share[refracts & doubted[domain]] = np.maximum(share, REFRACTING)[refracts & doubted[domain]]
-    share = share.astype(np.float32)[:, None]
+    share = np.where(refracts & doubted[domain], np.maximum(share, REFRACTING), share).astype(np.float32)[:, None]
     # Mixed as they are seen: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
     if refracts.any():

@@ -126,14 +126,15 @@ def _flat(
     return result
 
 
-def of_one_mirror(source: Passes, images: Images, once: Warp, again: Warp) -> NDArray[np.bool_]:
-    """(H, W): where two warps show the same of the source's mirrors, as far as materials and normals tell.
+def seen_in_both(source: Passes, images: Images, once: Warp, again: Warp) -> tuple[NDArray[np.bool_], ...]:
+    """(H, W) each: where a warp shows a mirror of the source, and where another shows the same one.
 
-    Where two mirrors meet, the image in the one would be seen in the other.
+    As far as materials and normals tell: where two mirrors meet, the image in the one would be seen in the other.
     """
     mask = images.mirrors[..., None].astype(np.float32)
     within = lookup(mask, again.x, again.y)[..., 0] >= WITHIN
     what = np.concatenate([source[SURFACE_NORMAL_PASS], source[MATERIAL_PASS], mask], axis=-1)
     one, other = (lookup(what, warp.x, warp.y, interpolation="nearest") for warp in (once, again))
     parallel = np.linalg.norm(one[..., :3] - other[..., :3], axis=-1) <= PARALLEL
-    return within & parallel & (one[..., 3] == other[..., 3]) & (one[..., 4] > 0.0)
+    shown = one[..., 4] > 0.0
+    return shown, shown & within & parallel & (one[..., 3] == other[..., 3])

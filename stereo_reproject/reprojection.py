@@ -19,9 +19,9 @@ from .effects_pass import shows
 from .frustum import Lens, covered_by
 from .grid import Grid, build_grid
 from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
-from .lookup import lookup, touches
+from .lookup import touches
 from .masks import dilate
-from .mirrors import Images, images_in_mirrors, of_one_mirror
+from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, seen_in_mirrors
 from .refracted import seen_through
@@ -139,10 +139,9 @@ def _lengths_tell(camera: Camera, other: Camera, lens: Lens, volumes: Sequence[N
 
 def _with_mirrors(seen: Reprojection, images: Reprojection, found: Images) -> Reprojection:
     """What was carried by surfaces, with what the source's mirrors show carried by images."""
-    mask = found.mirrors[..., None].astype(np.float32)
-    shown = lookup(mask, seen.warp.x, seen.warp.y, interpolation="nearest")[..., 0] > 0.0
+    shown, same = seen_in_both(seen.marking.source, found, seen.warp, images.warp)
     # Depth that is filtered as colours are has no sharp edge: along a mirror's, what is beside it may look alike.
-    strayed = dilate(~of_one_mirror(seen.marking.source, found, seen.warp, images.warp), 1)
+    strayed = dilate(~same, 1)
     passes = {
         name: np.where(shown[..., None], images.passes[name], image) if seen_in_mirrors(name) else image
         for name, image in seen.passes.items()
