@@ -15,7 +15,7 @@ SCRIPTS = Path(bpy.utils.system_resource("SCRIPTS"))
 # bpy has no `blender --command extension`; this file is what that calls.
 EXTENSION_COMMAND = SCRIPTS / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
 VALID_TAGS = SCRIPTS / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-SHIPPED = {"__init__.py", "LICENSE", "blender_manifest.toml", "operators", "stereo_reproject", "wheels"}
+SHIPPED = {"__init__.py", "LICENSE", "blender_manifest.toml", "docs/farm", "operators", "stereo_reproject", "wheels"}
 
 
 def run(*command: str | Path) -> None:
@@ -31,9 +31,13 @@ def download(wheel: Path) -> None:
         sys.exit(f"blender_manifest.toml names {wheel.name}, and pip downloaded another file into {wheel.parent}")
 
 
+def is_shipped(name: str) -> bool:
+    return any(name == shipped or name.startswith(f"{shipped}/") for shipped in SHIPPED)
+
+
 def check_content(archive: Path) -> None:
     with zipfile.ZipFile(archive) as content:
-        strays = sorted({name.partition("/")[0] for name in content.namelist()} - SHIPPED)
+        strays = [name for name in content.namelist() if not name.endswith("/") and not is_shipped(name)]
     if strays:
         sys.exit(f"{archive.name} holds {', '.join(strays)}: add to paths_exclude_pattern in blender_manifest.toml")
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.animation import ANIMATION_FILES, folders_of, frames_to_render
+from ..stereo_reproject.animation_settings import AnimationSettings
+from ..stereo_reproject.blender.animation import ANIMATION_FILES
+from ..stereo_reproject.blender.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.delivery import deliver_to_result
 from ..stereo_reproject.blender.rig import frame_region
-from ..stereo_reproject.blender.scene import SMALLEST, layers_to_render, scene_frames
+from ..stereo_reproject.blender.scene import SMALLEST, layers_to_render
 from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings
@@ -59,20 +61,25 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
     bl_label = "Render Stereo Animation (Reprojected)"
 
     def start(self, scene: bpy.types.Scene) -> Run:
-        wanted = frames_to_render(scene, scene_frames(scene))
-        pairs = len(wanted) * len(layers_to_render(scene))
+        options = AnimationSettings(existing=existing_as_set(scene))
+        options, output = output_of(scene, options)
+        pairs = len(output.files) * len(layers_to_render(scene))
         progress = Progress(time.monotonic(), USUAL["animate"], frames=pairs)
         settings = settings_of(scene, preview=False)
-        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=folders_of(wanted))
+        asked = AnimationSettings(existing=options.existing)
+        written = folders_of(output)
+        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
 
     def take(self, scene: bpy.types.Scene, run: Run) -> str:
-        assert run.report is not None
-        # What its File Output nodes write was written with each frame.
-        _deliver(scene, run, frame=run.report["frames"][-1]["frame"], to_look_at=True)
-        rows, there = run.report["frames"], len(run.report["there_already"])
+        report = run.report
+        assert report is not None
+        if report["last"] is not None:
+            # What its File Output nodes write was written with each frame.
+            _deliver(scene, run, frame=report["last"], to_look_at=True)
         run.close()
+        there = len(report["there_already"])
         skipped = f", {there} were there already" if there else ""
-        return f"{len(rows)} stereo frames rendered{skipped}: {run.report['files'][-1]}"
+        return f"{report['rendered']} stereo frames rendered{skipped}: {report['files'][-1]}"
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):

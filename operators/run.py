@@ -14,19 +14,25 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.animation_settings import AnimationSettings
 from ..stereo_reproject.blender.devices import devices_in_use
+from ..stereo_reproject.blender.processes import UNSAVED, module_in_blender, save_copy
 from ..stereo_reproject.blender.scene import layers_to_render, scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
-from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
+from ..stereo_reproject.supervisor import (
+    Event,
+    Interrupts,
+    Job,
+    RunInterruptedError,
+    Session,
+    run_animation,
+    run_worker,
+)
 from ..stereo_reproject.work_folder import remove_abandoned, work_folder
 
-WORKER = f"from {StereoSettings.__module__.split('.')[-2]}.worker import main; main()"
 POLL_SECONDS = 0.1
-
-UNSAVED = "Unsaved.blend"
-"""What Blender's path templates call a file that was never saved."""
 
 
 class _Cancel(Interrupts):
@@ -51,8 +57,9 @@ class Run:
         progress: Progress,
         *,
         written: Sequence[Path] = (),
+        animation: AnimationSettings | None = None,
     ) -> None:
-        """written are the folders into which the job itself writes."""
+        """written are the folders into which the job itself writes, animation says how the frames of one are made."""
         if not scene.users:
             raise BadInputError(f"scene {scene.name!r} is shown in no window, and would not be saved with the file")
         self.uid = scene.session_uid
@@ -66,6 +73,7 @@ class Run:
         self._place = work_folder(temporary_folder(), ())
         self._files = self._place.__enter__()
         self._written = written
+        self._frames: Event | None = None
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
@@ -80,8 +88,8 @@ class Run:
                 chosen.use_scripts,
                 tuple(layers_to_render(scene)),
             )
-            job = Job(self._blend, output, settings, command, files=tuple(files), session=session)
-            self._thread = threading.Thread(target=self._work, args=(job, worker_command()), daemon=True)
+            job = Job(self._blend, output, settings, command, files=tuple(files), session=session, animation=animation)
+            self._thread = threading.Thread(target=self._work, args=(job, module_in_blender("worker")), daemon=True)
             self._thread.start()
         except BaseException:
             self._place.__exit__(None, None, None)
@@ -103,6 +111,8 @@ class Run:
         """How much is done, from 0 to 1, and the seconds that remain, if that can be told."""
         now = time.monotonic()
         with self._lock:
+            if self._frames is not None:
+                return self._frames["done"] / self._frames["total"], self._frames["remaining"]
             return self.progress.fraction(now), self.progress.remaining(now)
 
     def cancel(self) -> None:
@@ -131,19 +141,13 @@ class Run:
             caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
             if caches.is_dir() and not link_folder(caches, blend.with_name(caches.name)):
                 self.warnings.append(f"baked simulations in {caches} are not found from where the copy is rendered")
-        try:
-            bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
-        except RuntimeError as error:
-            reason = " ".join(str(error).split()).removeprefix("Error: ")
-            raise BadInputError(
-                f"no copy of the file can be saved in {self._files.parent} ({reason}): free some space there, or set"
-                " another folder for temporary files in the preferences"
-            ) from error
+        save_copy(self._files)
         return blend
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
         try:
-            self.report = run_worker(job, self._on_event, interrupts=self._cancel, command=command)
+            run = run_worker if job.animation is None else run_animation
+            self.report = run(job, self._on_event, interrupts=self._cancel, command=command)
         except StereoReprojectError as error:
             self.error = error
         except Exception as error:  # noqa: BLE001 - nobody else hears of what goes wrong in a thread
@@ -155,6 +159,12 @@ class Run:
     def _on_event(self, event: Event) -> None:
         if event["event"] == "warning":
             self.warnings.append(str(event.get("message")))
+            return
+        if event["event"] == "frame":
+            with self._lock:
+                self._frames = event
+            return
+        if event["event"] != "stage":
             return
         now = time.monotonic()
         with self._lock:
@@ -185,14 +195,6 @@ def link_folder(folder: Path, link: Path) -> bool:
         return link.is_dir()
     except OSError:
         return False
-
-
-def worker_command() -> list[str] | None:
-    """This very Blender without a window and without add-ons; None where Blender is a Python module."""
-    if not bpy.app.binary_path:
-        return None
-    environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
-    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", WORKER]
 
 
 def seconds_of(report: Mapping[str, Any], stages: Mapping[str, float]) -> dict[str, float]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from .accuracy import SETTINGS
+from .animation_settings import AnimationSettings, read_every, read_frames
+from .delivery.layouts import LAYOUTS
 from .errors import BadInputError
 from .settings import (
     ACCURACIES,
@@ -59,6 +62,74 @@ def add_render_arguments(parser: argparse.ArgumentParser) -> None:
         "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
     )
     _add_quiet(parser)
+
+
+def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettings:
+    """Which frames are rendered, and where they go. Raises BadInputError."""
+    if arguments.frame is not None and arguments.frames is not None:
+        raise BadInputError("--frame and --frames each say which frames are rendered: leave one of them out")
+    frames = arguments.frames if arguments.frame is None else (arguments.frame,)
+    return AnimationSettings(
+        frames=frames,
+        existing="resume" if arguments.resume else "overwrite" if arguments.overwrite else "refuse",
+        output=str(output),
+        layout=arguments.layout,
+        file_format=arguments.format,
+        movie=arguments.movie,
+        holes=arguments.holes,
+        compare_every=arguments.every,
+    )
+
+
+def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    _add_frames(parser)
+    _add_delivery(parser)
+    _add_pair(parser)
+    parser.add_argument(
+        "--compare",
+        metavar="every=N",
+        dest="every",
+        type=_read_by(read_every),
+        help="also render each N-th frame, from the scene's first on, with Blender's multiview, and measure against it",
+    )
+    _add_quiet(parser)
+    parser.set_defaults(compare=False)
+
+
+def _add_frames(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--frames",
+        metavar="A-B[:STEP]",
+        type=_read_by(read_frames),
+        help="frames to render, such as 1-24, 1-24:2 or 1-10,15; without it those of the scene",
+    )
+    existing = parser.add_mutually_exclusive_group()
+    existing.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep frames that are there, whole and of this scene and settings, and render the rest; as many processes "
+        "as you like may do so in one folder",
+    )
+    existing.add_argument("--overwrite", action="store_true", help="render all anew, whatever is there")
+
+
+def _add_delivery(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--movie",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="make a movie of all frames when they are there; in DIR and named after its layout, if FILE is left out",
+    )
+    parser.add_argument(
+        "--layout", choices=LAYOUTS, metavar="LAYOUT", help=f"how a frame holds both eyes: {', '.join(LAYOUTS)}"
+    )
+    parser.add_argument("--format", metavar="FORMAT", help="of the frames, by Blender's name, such as PNG or OPEN_EXR")
+    parser.add_argument(
+        "--holes", action="store_true", help="also a picture for each frame of what was traced, and why"
+    )
 
 
 def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
@@ -198,6 +269,18 @@ def _size(text: str) -> tuple[int, int]:
         raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
     width, height = re.split("[xX]", text)
     return int(width), int(height)
+
+
+def _read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A converter for argparse whose own complaint is the one that is shown."""
+
+    def convert(text: str) -> Any:
+        try:
+            return read(text)
+        except BadInputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return convert
 
 
 def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:

@@ -1,4 +1,4 @@
-"""What the charts of a price list share: their canvas, colours, titles and notes."""
+"""What the charts share: their canvas, colours, titles and notes."""
 
 from __future__ import annotations
 
@@ -48,14 +48,19 @@ def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -
 
 
 def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: str) -> None:
-    """The title and what was rendered above the axes, the notes below, each at its distance from the edge."""
-    height = figure.get_figheight()
+    """What a chart of a price list is of, what was rendered, and the notes."""
     width, rows = prices["size"]
     frame = f", frame {prices['frame']}" if "frame" in prices else ""
     details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
+    write_texts(figure, f"{prices['scene']}: {what}", details, notes)
+
+
+def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
+    """The title and the details above the axes, the notes below, each at its distance from the edge."""
+    height = figure.get_figheight()
     # A file's name may hold dollar signs, which are no formula.
     plain: dict[str, Any] = {"parse_math": False}
-    figure.text(0.02, 1.0 - 0.17 / height, f"{prices['scene']}: {what}", size=13, weight="bold", va="top", **plain)
+    figure.text(0.02, 1.0 - 0.17 / height, title, size=13, weight="bold", va="top", **plain)
     figure.text(0.02, 1.0 - 0.44 / height, details, size=9, color=GREY, va="top", **plain)
     figure.text(0.02, 0.10 / height, notes, size=7.5, color=GREY, va="bottom", linespacing=1.35, **plain)
 

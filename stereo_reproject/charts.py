@@ -1,6 +1,7 @@
-"""The two charts of a price list as files. Only the charts use matplotlib, which is no part of the Blender extension.
+"""The charts of a price list and of an animation as files.
 
-Drawn on canvases of their own, without pyplot: nothing that a caller does with matplotlib changes them, nor they it.
+Only the charts use matplotlib, which is no part of the Blender extension. Drawn on canvases of their own, without
+pyplot: nothing that a caller does with matplotlib changes them, nor they it.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from .animation_chart import draw_animation
 from .chart_canvas import BLACK, DPI, GREY, PALE
 from .errors import BadInputError
+from .report import whole_file
 from .stages_chart import draw_stages
 from .tradeoff_chart import draw_tradeoff
 
@@ -51,3 +54,14 @@ def _style() -> Iterator[None]:
     }
     with matplotlib.style.context(["default", ours]):
         yield
+
+
+def draw_animation_chart(report: Mapping[str, Any], path: Path) -> None:
+    """Write path.svg and path.png of what animation.json holds. Raises OSError."""
+    with _style():
+        figure = draw_animation(report)
+        # Several runs on the same frames may end at once.
+        with whole_file(path.with_name(f"{path.name}.svg")) as beside:
+            figure.savefig(beside, format="svg", metadata={"Date": None})
+        with whole_file(path.with_name(f"{path.name}.png")) as beside:
+            figure.savefig(beside, format="png", dpi=DPI)

@@ -16,10 +16,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .animation_report import format_animation
 from .arguments import (
+    add_animate_arguments,
     add_inspect_arguments,
     add_render_arguments,
     add_tradeoff_arguments,
+    animation_of,
     overrides_of,
     settings_of,
 )
@@ -28,7 +31,7 @@ from .errors import BadInputError, StereoReprojectError
 from .inspection import format_inspection
 from .report import format_report_table, to_json
 from .settings import StereoSettings
-from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_worker
+from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_animation, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
 from .work_folder import pair_files
 
@@ -76,6 +79,21 @@ def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     return _run(job, arguments, console, host, format_report_table)
 
 
+def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    settings = settings_of(arguments)
+    job = _scene_job(arguments, settings, command="animate", files=())
+    assert job.output is not None
+    if arguments.movie:
+        named = arguments.movie.endswith(("/", os.sep))
+        arguments.movie = f"{_absolute(arguments.movie)}{os.sep if named else ''}"
+    job = replace(job, animation=animation_of(arguments, job.output))
+    console.quiet = arguments.quiet
+    report = _have_done(job, console, host, console.on_event, run=run_animation)
+    console.show(format_animation(report))
+    console.show(f"files         {job.output}{os.sep}")
+    return 0
+
+
 def _tradeoff(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
     job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES, only=tuple(arguments.only))
@@ -91,14 +109,27 @@ def _run(
 ) -> int:
     """Have the job done, and show the table of what it reports and the files that it made."""
     console.quiet = arguments.quiet
-    with Interrupts() as interrupts:
-        report = run_worker(
-            host.job(job), console.on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
-        )
-    console.end_stage()
+    report = _have_done(job, console, host, console.on_event)
     console.show(table(report))
     console.show(f"files         {job.output}{os.sep}\n  {', '.join(job.files)}")
     return 0
+
+
+def _have_done(
+    job: Job,
+    console: Console,
+    host: Host,
+    on_event: Callable[[Event], None],
+    *,
+    run: Callable[..., dict[str, Any]] = run_worker,
+) -> dict[str, Any]:
+    """The report of the job, once the host's worker has done it."""
+    with Interrupts() as interrupts:
+        report = run(
+            host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
+        )
+    console.end_stage()
+    return report
 
 
 def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
@@ -110,11 +141,7 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
         if event["event"] == "warning" or not arguments.json:
             console.on_event(event)
 
-    with Interrupts() as interrupts:
-        inspection = run_worker(
-            host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
-        )
-    console.end_stage()
+    inspection = _have_done(job, console, host, on_event)
     console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
     return 0
 
@@ -193,6 +220,15 @@ COMMANDS = (
         "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
         add_render_arguments,
         _render,
+    ),
+    Command(
+        "animate",
+        "Render the stereo pairs of many frames, in any number of processes, and go on where an earlier run ended.",
+        "  %(prog)s shot.blend --output frames\n"
+        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --movie shot.mp4 --layout side-by-side-half\n"
+        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --compare every=24\n",
+        add_animate_arguments,
+        _animate,
     ),
     Command(
         "inspect",

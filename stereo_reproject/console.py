@@ -11,7 +11,8 @@ import time
 from typing import Any, TextIO
 
 from .errors import StereoReprojectError
-from .supervisor import Event
+from .progress import clock
+from .supervisor import FRAME, Event
 
 PROGRAM = "stereo_reproject"
 BAR_LENGTH = 24
@@ -48,13 +49,43 @@ class Console:
             sys.stderr.flush()
 
     def on_event(self, event: Event) -> None:
-        """Show a "stage" or "warning" event of the worker."""
-        if event["event"] == "warning":
-            self.complain(str(event.get("message")), kind="warning")
+        """Show an event of the worker."""
+        match event["event"]:
+            case "warning":
+                self.complain(str(event.get("message")), kind="warning")
+            case "note":
+                self._note(one_line(str(event.get("message"))))
+            case "frame":
+                self._on_frame(event)
+            case "stage" if not self.quiet and _is_terminal(sys.stdout):
+                self._on_stage(event)
+
+    def _note(self, text: str) -> None:
+        if self._line is not None:
+            self._line.erase()
+        self.show(text)
+        if sys.stdout is not None:
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+
+    def _on_frame(self, event: Event) -> None:
+        """A frame is done: on a terminal the bar goes on, elsewhere there is a line for it, as logs want it."""
+        if not _is_terminal(sys.stdout):
+            self._note(_frame_text(event))
+        elif not self.quiet:
+            self._animation_line().advance(event)
+
+    def _animation_line(self) -> _AnimationLine:
+        if not isinstance(self._line, _AnimationLine):
+            self.end_stage()
+            self._line = _AnimationLine(sys.stdout)
+        return self._line
+
+    def _on_stage(self, event: Event) -> None:
+        stage, detail = str(event.get("stage")), str(event.get("detail") or "")
+        if detail.startswith(FRAME):
+            self._animation_line().update(event.get("fraction"), f"{detail}: {stage.replace('_', ' ')}")
             return
-        if self.quiet or not _is_terminal(sys.stdout):
-            return
-        stage = str(event.get("stage"))
         if self._line is None or self._line.stage != stage:
             self.end_stage()
             self._line = _StageLine(stage, sys.stdout)
@@ -138,6 +169,46 @@ class _StageLine:
             self._stream.write("\r" + text.ljust(self._length) + end)
             self._stream.flush()
         self._length = len(text)
+
+
+class _AnimationLine(_StageLine):
+    """The progress line of all frames."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__("frames", stream)
+        self._event: Event = {"done": 0, "total": 0}
+
+    def advance(self, event: Event) -> None:
+        self._event = event
+        self.draw()
+
+    def close(self) -> None:
+        self._detail = ""
+        self._write(self._text(), end="\n")
+
+    def _text(self) -> str:
+        done, total = self._event["done"], self._event["total"]
+        filled = BAR_LENGTH * done // max(total, 1)
+        bar = f"[{'#' * filled}{'-' * (BAR_LENGTH - filled)}]"
+        each = self._event.get("each")
+        pace = [f"{each:.1f} s per frame"] if isinstance(each, (int, float)) else []
+        told = [*pace, *_told({**self._event, "seconds": None})] if total else []
+        return "  ".join(filter(None, (bar, *told, self._detail)))
+
+
+def _frame_text(event: Event) -> str:
+    return "  ".join([f"frame {event.get('frame')}", *_told(event)])
+
+
+def _told(event: Event) -> list[str]:
+    """What a finished frame took, and how far the animation is."""
+    seconds, traced = event.get("seconds"), event.get("traced")
+    return [
+        *([f"{seconds:.1f} s"] if isinstance(seconds, (int, float)) else []),
+        *([f"{100 * traced:.0f} % traced"] if isinstance(traced, (int, float)) else []),
+        f"{event.get('done')} of {event.get('total')}",
+        f"{clock(float(event.get('remaining') or 0.0))} left",
+    ]
 
 
 def one_line(text: str) -> str:

@@ -1,5 +1,7 @@
 """The two ways in which a run ends early, each with the exit status that a command line gives it."""
 
+import traceback
+
 
 class StereoReprojectError(Exception):
     """The run failed; the message says what, where and what to do, on one line."""
@@ -11,3 +13,20 @@ class BadInputError(StereoReprojectError):
     """What was asked for cannot be done as asked: the message is for whoever asked."""
 
     exit_status = 2
+
+
+class OutputError(BadInputError):
+    """Where the result belongs, nothing can be written: no use in going on with other frames."""
+
+
+def as_told(error: Exception) -> StereoReprojectError:
+    """Whatever has gone wrong, in one line; what nobody has foreseen is logged in full."""
+    match error:
+        case StereoReprojectError():
+            return error
+        case MemoryError():
+            return StereoReprojectError("out of memory: render smaller, or free some")
+        case OSError():
+            return BadInputError(f"{error.strerror or error}: {error.filename or 'while writing'}")
+    traceback.print_exception(error)
+    return StereoReprojectError(f"a defect of stereo_reproject: {type(error).__name__}: {error}")

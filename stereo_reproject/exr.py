@@ -60,6 +60,37 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
     return {name: from_blender(name, _stack(channels)) for name, channels in found.items()}, attributes
 
 
+def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
+    """What a file of Blender's that holds both views shows, (H, W, 4) by view: its composite, or else its only layer,
+    or that called `main`; nothing where it does not hold views. Raises BadInputError when the file is not whole or has
+    no such picture."""
+    try:
+        parts = _read_parts(path)
+    except (OSError, RuntimeError) as error:
+        raise BadInputError(f"{path} is not whole: {error}") from error
+    found: dict[str, dict[str, dict[str, NDArray]]] = {view: {} for view in VIEWS}
+    for part in parts:
+        # Blender 4.5 has both views in one part, the first of them without its name.
+        unnamed = part.header.get("view") or next(iter(part.header.get("multiView") or ()), None)
+        for name, channel in part.channels.items():
+            *names, letter = name.split(".")
+            view = next((part_name for part_name in names if part_name in VIEWS), unnamed)
+            prefix = ".".join(part_name for part_name in names if part_name not in VIEWS)
+            if view in VIEWS and letter in "RGBA":
+                found[view].setdefault(prefix, {})[letter] = channel.pixels
+    if not any(found.values()):
+        return {}
+    wanted = (f"Composite.{COLOUR_PASS}", "", f"{main}.{COLOUR_PASS}")
+    result = {}
+    for view, pictures in found.items():
+        prefix = next((prefix for prefix in wanted if prefix in pictures), None)
+        if prefix is None:
+            raise BadInputError(f"{path} holds no picture of the {view} eye")
+        stacked = _stack({"A": np.ones_like(pictures[prefix]["R"]), **pictures[prefix]})
+        result[view] = from_blender(COLOUR_PASS, stacked)
+    return result
+
+
 def _read_parts(path: Path) -> list[Any]:
     """The parts of a file, with their pixels. Raises RuntimeError when the file was cut off.
 
@@ -107,7 +138,14 @@ def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
     return {name: np.asarray(channel.pixels, np.float32) for name, channel in part.channels.items()}
 
 
-def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str, metadata: Mapping[str, str] = NOTHING) -> None:
+def write_eye(
+    path: Path,
+    layers: Mapping[str, Passes],
+    *,
+    view: str,
+    metadata: Mapping[str, str] = NOTHING,
+    compressed: bool = True,
+) -> None:
     """One eye in one part, every view layer and pass, 32 bit float, scene-linear; the first layer is the main one.
 
     Its colour is R, G, B, A and its other passes are Pass.C; those of the other layers are Layer.Pass.C. metadata are
@@ -120,7 +158,8 @@ def write_eye(path: Path, layers: Mapping[str, Passes], *, view: str, metadata: 
             prefix = _joined("" if layer == main else layer, "" if (layer, name) == (main, COLOUR_PASS) else name)
             channels.update(_channels(name, image, prefix))
     texts = _cryptomattes(metadata, layers, {layer: "" if layer == main else layer for layer in layers})
-    header = {"compression": _openexr().ZIP_COMPRESSION, "view": view, MAIN_LAYER: main, **texts}
+    compression = _openexr().ZIP_COMPRESSION if compressed else _openexr().NO_COMPRESSION
+    header = {"compression": compression, "view": view, MAIN_LAYER: main, **texts}
     _write(path, channels, header)
 
 

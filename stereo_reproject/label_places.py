@@ -1,6 +1,9 @@
-"""Where the labels of a chart's points go, so that none covers another, a point, or more of a line than it must."""
+"""Where the labels of a chart's points go, so that none covers another, a point, or more of a line than it must; and
+where those of its lines go, one below the other."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,3 +133,21 @@ def _cross(a: NDArray, b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.bool_]:
 
     a, b, c, d = a[:, None], b[:, None], c[None], d[None]
     return (side(a, b, c) != side(a, b, d)) & (side(c, d, a) != side(c, d, b))
+
+
+def spread(places: Sequence[float], distance: float, height: float) -> NDArray[np.float64]:
+    """Places as near to these as they can be with this distance from each to the next, between 0 and height.
+
+    They keep their order; of equal ones the first is the lowest. Solved as a monotone regression, by its min-max
+    formula.
+    """
+    if not places:
+        return np.zeros(0)
+    order = np.argsort(places, kind="stable")
+    steps = distance * np.arange(len(places))
+    free = np.asarray(places)[order] - steps
+    count = range(len(places))
+    moved = [max(min(free[j : k + 1].mean() for k in count[i:]) for j in count[: i + 1]) for i in count]
+    found = np.empty(len(places))
+    found[order] = np.clip(moved, 0.0, max(height - steps[-1], 0.0)) + steps
+    return found

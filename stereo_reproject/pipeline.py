@@ -126,12 +126,14 @@ def render_stereo_frame(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     accuracy: Accuracy | None = None,
+    decided_by: Callable[[SourceCost], SourceCost] = lambda cost: cost,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
     on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine, composite,
     denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy takes the
-    place of the one that the settings name. Raises BadInputError when the settings cannot be met for this scene, and
+    place of the one that the settings name; decided_by is told what the source has cost, and answers with what the fill
+    methods are chosen by. Raises BadInputError when the settings cannot be met for this scene, and
     StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
@@ -173,7 +175,7 @@ def render_stereo_frame(
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
-    means = Means(settings.fill, cost, blockers)
+    means = Means(settings.fill, decided_by(cost), blockers)
     target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
         watch.lap("pilot")

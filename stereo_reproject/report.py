@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
-from collections.abc import Callable, Mapping
+import secrets
+from collections.abc import Callable, Iterator, Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS
+from .work_folder import flush
 
 REPORT_SCHEMA = 1
 
@@ -213,16 +214,25 @@ def to_json(data: Mapping[str, Any]) -> str:
     return json.dumps(_strict(data), indent=2, allow_nan=False)
 
 
-def write_json(path: Path | str, data: Mapping[str, Any]) -> None:
-    """Write `data` as strict JSON under `path`, whole or not at all. Raises OSError."""
-    path = Path(path)
+def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
+    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is as `whole_file` has it. Raises
+    OSError."""
     text = to_json(data) + "\n"
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with whole_file(Path(path), until_whole=until_whole) as beside:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
+    """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
+
+    until_whole is the folder, on the same drive, that it is in before; without one it is the file's own.
+    """
+    # A process of another machine, on a shared drive, may have the same number.
+    beside = (until_whole or path.parent) / f".{path.name}.{secrets.token_hex(8)}.tmp"
     try:
-        with beside.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
+        yield beside
+        flush(beside)
         beside.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -19,6 +19,7 @@ INTERPOLATIONS = ("auto", "linear", "cubic")
 MAX_SIZE = 65536
 MAX_SAMPLES = 1 << 24
 MAX_SEED = (1 << 31) - 1
+MAX_FRAME = 1048574
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
@@ -69,7 +70,7 @@ class SceneOverrides:
     denoise: bool | None = None
 
     def __post_init__(self) -> None:
-        _check_int("frame", self.frame, -1048574, 1048574)
+        _check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
         if self.size is not None:
             if not isinstance(self.size, tuple) or len(self.size) != 2:
                 raise BadInputError(f"the size must be a width and a height, not {self.size!r}")

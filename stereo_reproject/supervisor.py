@@ -8,11 +8,13 @@ The worker (`python -m stereo_reproject.worker`)
 ------------------------------------------------
 stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
          "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
-         Session as a dict}.
+         Session as a dict, "animation": AnimationSettings as a dict, or null}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
            {"event": "warning", "message": "..."}
+           {"event": "note", "message": "..."}
+           {"event": "frame", "frame": 13, "seconds": 3.5, "traced": 0.08, "done": 12, "total": 24, "remaining": 42.0}
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
@@ -33,11 +35,13 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from .animation import FAILURES_IN_A_ROW, KEPT
+from .animation_settings import AnimationSettings
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
@@ -48,6 +52,9 @@ _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP
 _SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
 Event = dict[str, Any]
+
+FRAME = "frame "
+"""What the detail of an animation's stages begins with; its number follows."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,8 @@ class Job:
     """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
 
     files are those that the command (one of `worker.COMMANDS`) is to make, the one that vouches for the others last;
-    without any, output may be None. only names the runs that a price list is to have; without any it has all.
+    without any, output may be None. only names the runs that a price list is to have; without any it has all. animation
+    is how the frames of one are rendered.
     """
 
     blend: Path
@@ -82,14 +90,20 @@ class Job:
     files: tuple[str, ...] = FILES
     only: tuple[str, ...] = ()
     session: Session = field(default_factory=Session)
+    animation: AnimationSettings | None = None
 
 
 class RunInterruptedError(StereoReprojectError):
     """A signal ended the run."""
 
-    def __init__(self, signum: int) -> None:
-        super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; no result was written")
+    def __init__(self, signum: int, kept: str = "no result was written") -> None:
+        super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; {kept}")
+        self.signum = signum
         self.exit_status = 128 + signum
+
+
+class WorkerCrashedError(StereoReprojectError):
+    """Blender ended without a word."""
 
 
 class Interrupts:
@@ -149,11 +163,59 @@ def run_worker(
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
         if job.command == "render":
             check_report(report)
+        files = tuple(done.get("files") or ()) if job.command == "animate" else job.files
         if job.output is not None:
-            check_complete(work / "out", done.get("files"), job.files)
+            check_complete(work / "out", done.get("files"), files)
             superseded = superseded_by(job.files) if job.command == "render" else ()
-            publish(work, job.output, job.files, superseded=superseded, between_steps=interrupts.check)
+            publish(work, job.output, files, superseded=superseded, between_steps=interrupts.check)
     return report
+
+
+def run_animation(
+    job: Job,
+    on_event: Callable[[Event], None],
+    *,
+    on_tick: Callable[[], None] = lambda: None,
+    interrupts: Interrupts | None = None,
+    command: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """`run_worker` for an animation, which goes on with the other frames when Blender ends on one of them.
+
+    It does so until several have ended one after the other without a frame that was finished in between.
+    """
+    animation = job.animation
+    assert animation is not None
+    done: list[int] = []
+    at: int | None = None
+    crashes = 0
+
+    def watch(event: Event) -> None:
+        nonlocal at, crashes
+        if event["event"] == "frame":
+            done.append(event["frame"])
+            crashes = 0
+        elif event["event"] == "stage":
+            detail = str(event.get("detail"))
+            at = int(detail.removeprefix(FRAME)) if detail.startswith(FRAME) else None
+        on_event(event)
+
+    while True:
+        at = None
+        try:
+            return run_worker(
+                replace(job, animation=animation), watch, on_tick=on_tick, interrupts=interrupts, command=command
+            )
+        except RunInterruptedError as error:
+            raise RunInterruptedError(error.signum, KEPT) from None
+        except WorkerCrashedError as error:
+            crashes += 1
+            if at is None or crashes >= FAILURES_IN_A_ROW:
+                raise
+            # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
+            existing = "resume" if animation.existing == "refuse" else animation.existing
+            skip = {**animation.skip, at: str(error)}
+            animation = replace(animation, skip=skip, finished=tuple(done), existing=existing)
+            on_event({"event": "warning", "message": f"frame {at} is left out: {error}"})
 
 
 @contextlib.contextmanager
@@ -178,6 +240,7 @@ def _message(job: Job, work: Path) -> bytes:
         "files": list(job.files),
         "only": list(job.only),
         "session": asdict(job.session),
+        "animation": None if job.animation is None else asdict(job.animation),
     }
     return json.dumps(fields).encode() + b"\n"
 
@@ -210,14 +273,15 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise StereoReprojectError(crash_message(worker, str(stage["stage"]), kept=kept))
+            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), kept=kept))
         event = _parse(line)
         match event.get("event"):
             case "stage":
                 stage = {"stage": "", "fraction": None, **event}
                 worker.begin_stage()
                 on_event(stage)
-            case "warning":
+            case "warning" | "note" | "frame":
+                worker.trim_log()
                 on_event(event)
             case "error":
                 kind = BadInputError if event.get("status") == BadInputError.exit_status else StereoReprojectError

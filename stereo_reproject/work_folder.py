@@ -19,6 +19,7 @@ import shutil
 import sys
 import tempfile
 import time
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,7 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
             remove_abandoned(output)
             work = _make_private(output)
             _own.add(os.path.realpath(work))
-            (work / "pid").write_text(f"{os.getpid()}\n{platform.node()}\n", encoding="utf-8")
+            (work / "pid").write_text(f"{os.getpid()}\n{machine()}\n", encoding="utf-8")
             for name in ("out", "tmp", "old"):
                 (work / name).mkdir()
         except OSError as error:
@@ -88,6 +89,8 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
         if work is not None:
             _remove_tree(work)
             _own.discard(os.path.realpath(work))
+            # Of those that worked beside this one, some may have been killed meanwhile.
+            remove_abandoned(output)
         for folder in reversed(created):
             with contextlib.suppress(OSError):
                 folder.rmdir()
@@ -104,9 +107,10 @@ def _make_private(output: Path) -> Path:
 
 def _make_folders(folder: Path, created: list[Path]) -> None:
     """Make `folder` and its missing parents; what was made is added to `created`, also when it fails half-way."""
-    if folder.is_dir():
-        return
+    # In this order: another run may make it between two looks.
     if os.path.lexists(folder):
+        if folder.is_dir():
+            return
         raise BadInputError(f"{folder} is not a folder; choose another output folder")
     if folder.parent != folder:
         _make_folders(folder.parent, created)
@@ -129,10 +133,15 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
-    if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)):
+    if tells_full_disk(error):
         return BadInputError(f"{output}: the disk is full; free some space or choose another output folder")
     reason = error.strerror or str(error)
     return BadInputError(f"{output} cannot be written ({reason}); choose another output folder")
+
+
+def tells_full_disk(error: OSError) -> bool:
+    """Whether it is for lack of room that something could not be written."""
+    return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
 def _remove_tree(folder: Path) -> None:
@@ -157,16 +166,27 @@ def _is_abandoned(folder: Path) -> bool:
     try:
         pid, _, host = (folder / "pid").read_text(encoding="utf-8").partition("\n")
         # A shared drive: whether a process of another machine lives cannot be known here.
-        if host.strip() not in ("", platform.node()):
+        if host.strip() not in ("", machine()):
             return False
-        return not _is_running(int(pid))
+        return not is_running(int(pid))
     except (OSError, ValueError):
         with contextlib.suppress(OSError):
             return time.time() - folder.stat().st_mtime > NAMELESS_SECONDS
         return False
 
 
-def _is_running(pid: int) -> bool:
+def machine() -> str:
+    """What process numbers are told apart by: two containers may have the same name and count their processes anew."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{platform.node()} {boot} {Path('/proc/self/ns/pid').readlink()}"
+    except OSError:
+        # Where there is no such thing. It is drawn anew in each process that has no network, as containers may.
+        return f"{platform.node()} {uuid.getnode():x}"
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process of this machine lives; never oneself, whose number may have been a dead one's before."""
     # In a container the number of a dead run is soon one's own.
     if pid <= 0 or pid == os.getpid():
         return False
@@ -239,3 +259,16 @@ def flush(path: Path) -> None:
     """Have a file on the disk, and not only on its way there."""
     with path.open("r+b") as file:
         os.fsync(file.fileno())
+
+
+def flush_folder(folder: Path) -> None:
+    """Have on the disk what a folder's files are called, as far as the system lets one ask for that."""
+    if sys.platform == "win32":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        # Some network drives cannot.
+        with contextlib.suppress(OSError):
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

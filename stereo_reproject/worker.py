@@ -11,12 +11,12 @@ import os
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .errors import StereoReprojectError
+from .animation_settings import AnimationSettings
+from .errors import as_told
 from .settings import SceneOverrides, StereoSettings
 
 Emit = Callable[..., None]
@@ -29,19 +29,10 @@ def main() -> None:
     status = 0
     try:
         run_job(job, emit)
-    except StereoReprojectError as error:
-        status = error.exit_status
-        emit("error", status=status, message=str(error))
-    except MemoryError:
-        status = 1
-        emit("error", status=status, message="out of memory: render smaller, or free some")
-    except OSError as error:
-        status = 2
-        emit("error", status=status, message=f"{error.strerror or error}: {error.filename or 'while writing'}")
-    except Exception as error:  # noqa: BLE001 - whatever else goes wrong is told in one line, and logged in full
-        status = 1
-        traceback.print_exc()
-        emit("error", status=status, message=f"a defect of stereo_reproject: {type(error).__name__}: {error}")
+    except Exception as error:  # noqa: BLE001 - whatever goes wrong is told in one line
+        told = as_told(error)
+        status = told.exit_status
+        emit("error", status=status, message=str(told))
     # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
     os._exit(status)
 
@@ -88,13 +79,30 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
 
 def _animate(job: dict[str, Any], emit: Emit) -> None:
-    """Render the pairs of the scene's frames into its own output files. Which frame it is, is a stage's detail."""
+    """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
+    from .animation_progress import Told
     from .blender.animation import render_animation_files
+    from .supervisor import Session
 
-    work = Path(job["work"])
     scene, _ = _open(job, emit)
-    report = render_animation_files(scene, _settings(job["settings"]), work, on_stage=_on_stage(emit))
-    _finish(report, job["files"], emit)
+    told = Told(
+        _on_stage(emit),
+        lambda event: emit("frame", **event),
+        lambda text: emit("note", message=text),
+        lambda text: emit("warning", message=text),
+    )
+    report = render_animation_files(
+        scene,
+        _settings(job["settings"]),
+        _animation(job["animation"]),
+        Path(job["work"]),
+        Path(job["blend"]),
+        Session(**job["session"]),
+        files=job["files"],
+        told=told,
+    )
+    # Without a frame of its own to render, a run leaves none.
+    emit("done", report=report, files=job["files"] if report["last"] is not None else [])
 
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
@@ -137,21 +145,12 @@ COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
 
 def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
     """The job's scene, and the seconds that loading it took."""
-    from .blender.devices import use_devices
-    from .blender.output_paths import write_beside
-    from .blender.scene import open_blend
+    from .blender.opening import open_session
+    from .supervisor import Session
 
     start = time.perf_counter()
     emit("stage", stage="load")
-    session = job["session"]
-    scene = open_blend(Path(job["blend"]), session["scene"], scripts=session["scripts"])
-    if session["devices"] is not None:
-        use_devices(session["devices"])
-    if session["layers"] is not None:
-        for layer in scene.view_layers:
-            layer.use = layer.name in session["layers"]
-    if session["original"]:
-        write_beside(scene, Path(session["original"]))
+    scene = open_session(Path(job["blend"]), Session(**job["session"]))
     return scene, time.perf_counter() - start
 
 
@@ -166,6 +165,16 @@ def _settings(fields: dict[str, Any]) -> StereoSettings:
     if scene.get("size") is not None:
         scene["size"] = tuple(scene["size"])
     return StereoSettings(**{**fields, "scene": SceneOverrides(**scene)})
+
+
+def _animation(fields: dict[str, Any]) -> AnimationSettings:
+    frames, skip = fields["frames"], fields["skip"]
+    as_they_were = {
+        "frames": None if frames is None else tuple(frames),
+        "skip": {int(frame): why for frame, why in skip.items()},
+        "finished": tuple(fields["finished"]),
+    }
+    return AnimationSettings(**{**fields, **as_they_were})
 
 
 def _on_stage(emit: Emit) -> Callable[..., None]:

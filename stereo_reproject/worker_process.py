@@ -21,11 +21,14 @@ from .errors import StereoReprojectError
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
+LOG_MOST_BYTES = 1 << 22
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
 SAMPLES = re.compile(rb"Sample (\d+)/(\d+)\D")
 REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
 """What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
+
+PACKAGE = (__package__ or "").rpartition(".")[2]
 
 LIBRARIES = ("OpenEXR",)
 """What the worker needs that Blender does not bring."""
@@ -36,9 +39,14 @@ _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | _NO_WINDO
 
 
 def own_worker() -> list[str]:
-    # In an extension this package lies below Blender's own packages; the worker finds it by its folder.
+    return module_command("worker")
+
+
+def module_command(name: str) -> list[str]:
+    """What runs one of this package's modules in a Python of its own, in a `worker_environment`."""
+    # In an extension this package lies below Blender's own packages; the module is found by its folder.
     # Not from the folder in which it is started, where another package may have this name.
-    return [sys.executable, "-P", "-m", f"{(__package__ or '').rpartition('.')[2]}.worker"]
+    return [sys.executable, "-P", "-m", f"{PACKAGE}.{name}"]
 
 
 def start_worker(command: Sequence[str] | None, work: Path) -> Worker:
@@ -122,6 +130,14 @@ class Worker:
         with contextlib.suppress(OSError):
             self._stage_begins = self.log.stat().st_size
 
+    def trim_log(self) -> None:
+        """Empty a log that has grown large: of thousands of frames it would fill the drive."""
+        with contextlib.suppress(OSError):
+            if self.log.stat().st_size > LOG_MOST_BYTES:
+                # The worker appends.
+                os.truncate(self.log, 0)
+                self._stage_begins = 0
+
     def samples_done(self) -> float | None:
         """Of the render that this stage is at, from 0 to 1; None where the log does not say (5.2 does not)."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
@@ -142,12 +158,18 @@ class Worker:
 
 
 def _environment(work: Path, *, own_python: bool) -> dict[str, str]:
+    environment = worker_environment(own_python=own_python)
+    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
+    return environment
+
+
+def worker_environment(*, own_python: bool = True) -> dict[str, str]:
+    """The environment in which another process finds this package and its libraries."""
     environment = dict(os.environ)
     if not own_python:
         # What is set for the caller's Python, or installed for a user's, is not for Blender's.
         environment = {name: value for name, value in environment.items() if not name.startswith("PYTHON")}
         environment["PYTHONNOUSERSITE"] = "1"
-    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
     # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
     # libraries that an extension brings along.
     homes = [Path(__file__).resolve().parent.parent, *_folders_of(LIBRARIES)]

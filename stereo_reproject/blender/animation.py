@@ -1,208 +1,242 @@
-"""The frames of a scene, one after the other, into the files that the scene's own output settings ask for."""
+"""The frames of a scene, one after the other, into the files that the scene's own output settings ask for.
+
+Which frames, and that each is rendered once, is `animation`'s; `frame_maker` renders them and has them written.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..animation import FramePlan, failed_output, plan_frames, render_frames, spelled
+from ..animation_progress import AnimationProgress, Told
+from ..animation_report import report_path, write_animation_report
+from ..animation_settings import AnimationSettings
+from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
-from ..exr import VIEWS, read_eye, write_eye
-from ..passes import COLOUR_PASS, Passes
-from ..report import write_json
+from ..journal import Fingerprints, FrameState, Journal, digest
+from ..runs import run_at_work
 from ..settings import StereoSettings
-from ..stereo_pair import StereoPair
+from ..supervisor import Session
 from ..work_folder import flush, work_folder
-from .compositor import is_composited
-from .delivery import Eyes, EyesAt, deliver_frames
-from .frame import render_pair, value_warnings
-from .image_settings import writes_half_floats
-from .output_paths import check_file_outputs, output_files
-from .scene import scene_frames
+from ..writer_process import WriterOrder
+from .animation_output import Output, output_of
+from .fingerprint import scene_fingerprints
+from .frame_maker import Belonging, BlenderFrameMaker
+from .frame_writer import holes_name
+from .movie import movie_warnings, try_movie, write_movie
+from .rig import frame_region
 from .scene_warnings import scene_warnings
 
-ANIMATION_FILES = ("left.exr", "right.exr", "report.json")
-"""What is left of an animation besides its own files: the last frame's eyes, and what became of each frame."""
-
-OF_A_FRAME = ("seconds", "fractions", "fill", "estimate", "correction", "layers")
-"""What of a pair's report an animation's has for each frame."""
-
-
-def frames_to_render(scene: bpy.types.Scene, frames: range) -> dict[int, list[Path]]:
-    """Those whose files are not there yet, or all when the scene's Overwrite is on, with their files.
-
-    Raises BadInputError when there are none, or when their files cannot be written.
-    """
-    if not isinstance(frames, range):
-        raise BadInputError(f"frames must be a range, not {frames!r}")
-    if not frames or frames.step < 0:
-        raise BadInputError(f"frames {frames.start} to {frames.stop - 1} are none: name at least one, in rising order")
-    check_file_outputs(scene)
-    paths = {frame: output_files(scene, frame, span=frames) for frame in frames}
-    kept = not scene.render.use_overwrite
-    missing = {frame: files for frame, files in paths.items() if not (kept and all(path.exists() for path in files))}
-    if not missing:
-        raise BadInputError(f"{paths[frames[0]][0]} and all others are there already: switch on Overwrite in Output")
-    for folder in folders_of(missing):
-        # Made and removed again: whether it can be is known before anything is rendered.
-        with work_folder(folder, ()):
-            pass
-    for path in dict.fromkeys(path for files in missing.values() for path in files):
-        _check_can_be_written(path)
-    return paths if scene.render.is_movie_format else missing
-
-
-def folders_of(files: Mapping[int, list[Path]]) -> list[Path]:
-    """The folders that the files of these frames lie in, each once."""
-    return list(dict.fromkeys(of_frame[0].parent for of_frame in files.values()))
+ANIMATION_FILES = ("left.exr", "right.exr")
+"""What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
 
 
 def render_animation_files(
     scene: bpy.types.Scene,
     settings: StereoSettings,
+    options: AnimationSettings,
     work: Path,
+    blend: Path,
+    session: Session,
     *,
-    frames: range | None = None,
-    on_stage: Callable[[str, str], None] = lambda _stage, _detail: None,
+    files: Sequence[str] = (),
+    told: Told | None = None,
 ) -> dict[str, Any]:
-    """Render the pair of each frame, and have Blender write it to the scene's output path, format and layout.
+    """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
 
-    A file appears under its final name when it is whole; a frame whose files are there is left out when the scene's
-    Overwrite is off. The last frame's eyes and the report are left in work/out. work is a private folder. on_stage is
-    told a stage's name and which frame it is of. Raises BadInputError and StereoReprojectError; frames that are
+    A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`, left in work/out; work is
+    a private folder; blend and session are the file that the scene is in, as it was saved, for the writer to open.
+    Returns the animation's report, and raises BadInputError and StereoReprojectError; frames that are
     finished stay.
     """
-    frames = scene_frames(scene) if frames is None else frames
-    wanted = frames_to_render(scene, frames)
-    (work / "out").mkdir(exist_ok=True)
-    writer = (_Movie if scene.render.is_movie_format else _Stills)(scene, frames, work)
-    rows, warnings = [], list[str]()
-    for frame in wanted:
-        where = f"frame {frame} of {frames[0]} to {frames[-1]}"
-        row, more = _render_frame(scene, settings, work, frame, writer, lambda stage, of=where: on_stage(stage, of))
-        rows.append(row)
-        warnings += more
-    on_stage("write", "")
-    report = {
-        "schema": 1,
-        "scene": Path(bpy.data.filepath).stem or scene.name,
-        "frames": rows,
-        "there_already": [frame for frame in frames if frame not in wanted],
-        "files": [str(path) for path in writer.finish()],
-        "warnings": [*scene_warnings(scene), *dict.fromkeys(warnings)],
-    }
-    write_json(work / "out" / "report.json", report)
-    return report
+    said: list[str] = []
+    told = _also_kept(told or Told(), said)
+    for_movie_alone = scene.render.is_movie_format and options.output is None
+    options, output = output_of(scene, options)
+    told.on_stage("plan", "")
+    journal = Journal(output.folder, output.name)
+    wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene))
+    with _folder_for(output.folder, work) as private, ExitStack() as stack:
+        stack.enter_context(_told_of_output(output.folder))
+        journal.make()
+        token = stack.enter_context(run_at_work(journal.runs))
+        plan = _plan(journal, output, wanted, options)
+        _say_plan(plan, options, told)
+        if options.movie is not None and plan.todo:
+            _try_movie(scene, settings, Path(options.movie), output, private / "tried")
+        failed, last = dict(options.skip), None
+        if plan.todo:
+            progress = AnimationProgress(plan, len(output.files), told, failed)
+            order = _order(blend, session, output, options, private)
+            belonging = Belonging(journal, wanted, token)
+            keeps_last = bool(files)
+            with closing(
+                BlenderFrameMaker(
+                    scene, settings, options, order, belonging, work, told.on_stage, keeps_last=keeps_last
+                )
+            ) as maker:
+                try:
+                    render_frames(plan, journal, wanted, token, maker, progress.told)
+                except StereoReprojectError:
+                    with contextlib.suppress(OSError):
+                        write_animation_report(journal, options, failed, said)
+                    raise
+                last = maker.leave(work / "out")
+        told.on_stage("write", "")
+        report = write_animation_report(journal, options, failed, [*scene_warnings(scene), *said])
+    _check_all_rendered(failed, len(output.files))
+    movies = _movie(scene, options, output, told)
+    written = [*([] if for_movie_alone else output.all_files), *movies]
+    if for_movie_alone:
+        _remove_waiting(journal, output, movies[0])
+    done = {"rendered": len(plan.todo), "there_already": sorted(plan.kept), "last": last}
+    return {**report, "files": [str(path) for path in written], **done}
 
 
-def _render_frame(
-    scene: bpy.types.Scene,
-    settings: StereoSettings,
-    work: Path,
-    frame: int,
-    writer: _Stills | _Movie,
-    on_stage: Callable[[str], None],
-) -> tuple[dict[str, Any], list[str]]:
-    """The frame's row of the report, and what is to be said of it."""
-    of_this = replace(settings, compare=False, scene=replace(settings.scene, frame=frame))
-    pair, report = render_pair(scene, of_this, work, on_stage=on_stage)
-    on_stage("write")
-    writer.write(frame, pair)
-    for view in VIEWS:
-        write_eye(work / "out" / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
-    return {"frame": frame, **{key: report[key] for key in OF_A_FRAME if key in report}}, [
-        *report["warnings"],
-        *value_warnings(pair, half=writes_half_floats(scene)),
-    ]
+def _also_kept(told: Told, said: list[str]) -> Told:
+    """The same, with its warnings kept for the report as well."""
+
+    def warn(text: str) -> None:
+        said.append(text)
+        told.warn(text)
+
+    return replace(told, warn=warn)
 
 
-class _Stills:
-    """Each frame in files of its own, as soon as it is there."""
-
-    def __init__(self, scene: bpy.types.Scene, _frames: range, _work: Path) -> None:
-        self._scene = scene
-        self._files: list[Path] = []
-
-    def write(self, frame: int, pair: StereoPair) -> None:
-        eyes = pair.eyes
-        self._files += _write(self._scene, lambda _: eyes, range(frame, frame + 1), pair.metadata)
-
-    def finish(self) -> list[Path]:
-        return self._files
+def _plan(journal: Journal, output: Output, wanted: Fingerprints, options: AnimationSettings) -> FramePlan:
+    untouched = {*options.skip, *options.finished}
+    files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
+    for frame, paths in files.items() if options.holes else ():
+        paths.append(output.folder / holes_name(journal, frame))
+    plan = plan_frames(journal, files, wanted, options.existing)
+    movie_is_there = options.movie is None or Path(options.movie).exists()
+    if options.existing == "keep" and not plan.todo and not untouched and movie_is_there:
+        there = output.all_files[0]
+        raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
+    return plan
 
 
-class _Movie:
-    """All frames in one file, or one for each eye, when the last of them is there."""
-
-    def __init__(self, scene: bpy.types.Scene, frames: range, work: Path) -> None:
-        self._scene, self._frames, self._folder = scene, frames, work / "tmp"
-        self._read: tuple[int, Eyes] | None = None
-        self._metadata: dict[str, str] = {}
-
-    def write(self, frame: int, pair: StereoPair) -> None:
-        # Blender has one set of them for all that it writes in one call: of what changes, the last is told.
-        self._metadata.update(pair.metadata)
-        for view, eye in pair.eyes.items():
-            layers = eye if is_composited(self._scene) else _picture_alone(eye)
-            write_eye(self._eye(frame, view), layers, view=view)
-
-    def finish(self) -> list[Path]:
-        return _write(self._scene, self._eyes_at, self._frames, self._metadata)
-
-    def _eyes_at(self, frame: int) -> Eyes:
-        # Blender asks several times in a row.
-        if self._read is None or self._read[0] != frame:
-            self._read = frame, {view: read_eye(self._eye(frame, view)) for view in VIEWS}
-        return self._read[1]
-
-    def _eye(self, frame: int, view: str) -> Path:
-        return self._folder / f"{view}.{frame}.exr"
+def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
+    if failed:
+        frame, why = next(iter(failed.items()))
+        raise StereoReprojectError(f"{len(failed)} of {frames} frames failed ({spelled(failed)}); frame {frame}: {why}")
 
 
-def _picture_alone(layers: Mapping[str, Passes]) -> dict[str, Passes]:
-    """All that a movie shows where no compositor runs."""
-    main = next(iter(layers))
-    return {main: {COLOUR_PASS: layers[main][COLOUR_PASS]}}
-
-
-def _write(scene: bpy.types.Scene, eyes_at: EyesAt, frames: range, metadata: Mapping[str, str]) -> list[Path]:
-    """Have Blender write the frames beside where they belong, and put them there."""
-    folder = output_files(scene, frames[0], span=frames)[0].parent
-    with work_folder(folder, ()) as beside:
-        deliver_frames(scene, eyes_at, beside / "out", frames=frames, metadata=metadata)
-        return _put_in_place(beside / "out", folder)
-
-
-def _check_can_be_written(path: Path) -> None:
-    """Raises BadInputError when something is in the way of a file, or holds it."""
-    if path.is_dir():
-        raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
+@contextmanager
+def _told_of_output(folder: Path) -> Iterator[None]:
+    """What goes wrong with the files of an animation in this folder, in a line."""
     try:
-        with contextlib.suppress(FileNotFoundError), path.open("r+b"):
-            pass
+        yield
     except OSError as error:
-        raise BadInputError(f"{path} cannot be written ({error.strerror}): is it in use?") from error
+        raise failed_output(folder, error) from error
 
 
-def _put_in_place(folder: Path, final: Path) -> list[Path]:
-    """Move finished files from a folder on the same drive to where they belong; each appears there whole."""
-    placed = []
-    for path in sorted(folder.iterdir()):
-        destination = final / path.name
-        flush(path)
-        try:
-            path.replace(destination)
-        except OSError as error:
-            spare = destination.with_stem(f"{destination.stem}-new-{path.stat().st_mtime_ns}")
-            with contextlib.suppress(OSError):
-                path.replace(spare)
-            where = f"the new one is {spare.name}" if spare.exists() else "the new one is lost"
-            raise BadInputError(f"{destination} cannot be replaced ({error.strerror}): {where}") from error
-        placed.append(destination)
-    if not placed:
-        raise StereoReprojectError(f"Blender wrote no file for {final}: check the output settings")
-    return placed
+@contextmanager
+def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
+    """A private folder on the same drive as the frames: within the run's own where that lies there."""
+    if work.parent == frames:
+        private = work / "frames"
+        private.mkdir(exist_ok=True)
+        yield private
+    else:
+        with work_folder(frames, ()) as beside:
+            yield beside / "tmp"
+
+
+def _settings_digest(settings: StereoSettings, output: Output) -> str:
+    fields = asdict(replace(settings, compare=False, scene=replace(settings.scene, frame=None)))
+    return digest({"settings": fields, "output": output.values})
+
+
+def _scene_prints(scene: bpy.types.Scene) -> dict[str, str]:
+    """The scene's fingerprints; another Blender renders another picture of it, too."""
+    return {"Blender": ".".join(map(str, bpy.app.version[:2])), **scene_fingerprints(scene)}
+
+
+def _say_plan(plan: FramePlan, options: AnimationSettings, told: Told) -> None:
+    by_state: dict[FrameState, list[int]] = {}
+    for frame, state in plan.todo.items():
+        by_state.setdefault(state, []).append(frame)
+    if plan.kept:
+        told.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
+    for state in (FrameState.DAMAGED, FrameState.UNKNOWN, FrameState.OTHER_SETTINGS):
+        if options.existing != "overwrite" and state in by_state:
+            told.note(f"rendered again, for being {state.value}: {spelled(by_state[state])}")
+    others = [frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE]
+    if others:
+        told.warn(f"kept, for Overwrite is off, though not of the scene and settings as they are: {spelled(others)}")
+
+
+def _order(blend: Path, session: Session, output: Output, options: AnimationSettings, private: Path) -> WriterOrder:
+    return WriterOrder(
+        blend=str(blend),
+        # The writer renders nothing.
+        session=replace(session, devices=None),
+        private=str(private),
+        folder=str(output.folder),
+        name=output.name,
+        output=options.output,
+        layout=options.layout,
+        file_format=options.file_format,
+    )
+
+
+def _movie(scene: bpy.types.Scene, options: AnimationSettings, output: Output, told: Told) -> list[Path]:
+    """The movie of all frames, in its place; or several, or none."""
+    if options.movie is None:
+        return []
+    path = Path(options.movie)
+    told.on_stage("movie", "")
+    for warning in movie_warnings(path, output.movie_layout):
+        told.warn(warning)
+    with work_folder(path.parent, ()) as beside:
+        made = write_movie(
+            scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
+        )
+        return [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
+
+
+def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:
+    region = frame_region(scene.render)
+    width, height = settings.scene.size or (region.width, region.height)
+    layout = LAYOUTS[output.movie_layout or "individual"]
+    with work_folder(path.parent, ()):
+        pass
+    try_movie(scene, path, layout.across * width, layout.down * height, folder)
+
+
+def _remove_waiting(journal: Journal, output: Output, movie: Path) -> None:
+    """Remove the frames that only waited for their movie, and what is known of them; the report stays beside the movie.
+    Nothing of it while another run is at work there, and nothing that is not of this animation."""
+    if journal.runs.any_lives():
+        return
+    with contextlib.suppress(OSError):
+        for kind in (".json", ".png", ".svg"):
+            report = report_path(journal).with_suffix(kind)
+            if report.exists():
+                report.replace(movie.with_name(f"{movie.stem}_animation{kind}"))
+        for path in output.all_files:
+            path.unlink(missing_ok=True)
+        shutil.rmtree(journal.folder, ignore_errors=True)
+        output.folder.rmdir()
+
+
+def _put_in_place(made: Path, destination: Path) -> Path:
+    """Move a finished file on the same drive to where it belongs, where it appears whole."""
+    flush(made)
+    try:
+        return made.replace(destination)
+    except OSError as error:
+        spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
+        with contextlib.suppress(OSError):
+            made.replace(spare)
+        where = f"the new one is {spare.name}" if spare.exists() else "the new one is lost"
+        raise BadInputError(f"{destination} cannot be replaced ({error.strerror}): {where}") from error

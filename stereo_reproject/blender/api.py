@@ -12,18 +12,25 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..animation_progress import Told
+from ..animation_settings import AnimationSettings
 from ..errors import BadInputError, StereoReprojectError
 from ..settings import SceneOverrides, StereoSettings
+from ..supervisor import Session
 from ..work_folder import pair_files, publish, superseded_by, work_folder
 from .animation import render_animation_files
+from .animation_output import existing_as_set
 from .frame import render_files
 from .inspection import inspect_scene
+from .processes import save_copy
+from .scene import layers_to_render, scene_key
 
 __all__ = (
     "BadInputError",
@@ -66,16 +73,56 @@ def compare(
 def render_animation(
     settings: StereoSettings | None = None,
     *,
-    frames: range | None = None,
+    frames: Iterable[int] | None = None,
     scene: bpy.types.Scene | None = None,
+    output: str | os.PathLike[str] | None = None,
+    existing: str | None = None,
+    movie: str | os.PathLike[str] | None = None,
+    layout: str | None = None,
+    file_format: str | None = None,
+    holes: bool = False,
+    compare_every: int | None = None,
+    on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Render the pairs of many frames into the scene's own output path, format and stereo layout; a report of them all.
+    """Render the pairs of many frames, as `python -m stereo_reproject animate` does; the animation's report.
 
-    frames are the scene's, unless given. When it ends early, frames that are finished stay.
+    frames are the scene's, and they go into its own output path, format and stereo layout, unless others are given;
+    output is a folder. existing says what becomes of frames that are there ("refuse", "resume", "overwrite", or "keep",
+    whoever has rendered them); as the scene's Overwrite has it, without it. movie, layout, file_format, holes and
+    compare_every are as `AnimationSettings` has them. on_frame is told of each finished frame: its number, seconds,
+    traced fraction, and how far the animation is. When it ends early, frames that are finished stay.
     """
     scene = _scene(scene)
+    if not scene.users:
+        raise BadInputError(f"scene {scene.name!r} is used by nothing, and would not be saved for the frames' writer")
+    options = AnimationSettings(
+        frames=None if frames is None else _frames(frames),
+        existing=existing_as_set(scene) if existing is None else existing,
+        output=None if output is None else os.path.abspath(output),  # noqa: PTH100 - links stay
+        layout=layout,
+        file_format=file_format,
+        movie=None if movie is None else os.fspath(movie) and os.path.abspath(movie),  # noqa: PTH100
+        holes=holes,
+        compare_every=compare_every,
+    )
     with work_folder(Path(tempfile.gettempdir()), ()) as work:
-        return render_animation_files(scene, settings or StereoSettings(), work, frames=frames)
+        session = Session(
+            scene_key(scene),
+            original=bpy.data.filepath,
+            scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
+            layers=tuple(layers_to_render(scene)),
+        )
+        told = Told(on_frame=on_frame)
+        return render_animation_files(
+            scene, settings or StereoSettings(), options, work, save_copy(work), session, told=told
+        )
+
+
+def _frames(frames: Iterable[int]) -> tuple[int, ...]:
+    try:
+        return tuple(frames)
+    except TypeError as error:
+        raise BadInputError(f"frames must be a range or a list of numbers, not {frames!r}") from error
 
 
 def inspect(

@@ -17,15 +17,15 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import StereoReprojectError
+from ..errors import StereoReprojectError, as_told
 from ..exr import VIEWS
 from ..passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
 from .compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
 from .image_settings import side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
-from .render import call_render, output_path
-from .scene import changed, return_to_own_frame
+from .render import call_render, output_path, written_to
+from .scene import changed, main_layer, return_to_own_frame
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -50,6 +50,15 @@ class _Delivery:
     """By view layer, the passes that the compositor makes use of, and of what type each is."""
     metadata: Mapping[str, str]
     taken: set[tuple[str, str]] = field(default_factory=set)
+    failed: StereoReprojectError | None = None
+
+    def eyes(self, frame: int) -> Eyes:
+        """Blender goes on with the next frame whatever is raised here, so that is kept."""
+        try:
+            return self.eyes_at(frame)
+        except Exception as error:
+            self.failed = self.failed or as_told(error)
+            raise
 
 
 # Not an attribute of the engine: with one that is annotated as a class of ours, Blender 4.5 does not come to its end.
@@ -71,7 +80,7 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
         delivery, layer = _under_way[-1], renderlayer.name
         wired = delivery.wired.get(layer, {})
         empty = {name: CHANNELS[kind] for name, kind in wired.items()}
-        for name, channels in {**empty, **_channels(delivery.eyes_at(scene.frame_current), layer)}.items():
+        for name, channels in {**empty, **_channels(delivery.eyes(scene.frame_current), layer)}.items():
             letters = pass_letters(name, channels)
             kind = "VALUE" if channels == 1 else "VECTOR" if letters[0] in "XU" else "COLOR"
             # With another type than it had, a socket loses its link for good.
@@ -79,9 +88,17 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        layer = depsgraph.view_layer.name
         delivery = _under_way[-1]
-        for view, layers in delivery.eyes_at(depsgraph.scene.frame_current).items():
+        try:
+            self._fill(depsgraph, delivery)
+        except Exception as error:
+            # Blender goes on with the next frame.
+            delivery.failed = delivery.failed or as_told(error)
+            raise
+
+    def _fill(self, depsgraph: bpy.types.Depsgraph, delivery: _Delivery) -> None:
+        layer = depsgraph.view_layer.name
+        for view, layers in delivery.eyes(depsgraph.scene.frame_current).items():
             passes = layers[layer]
             height, width = passes[COLOUR_PASS].shape[:2]
             result = self.begin_result(0, 0, width, height, layer=layer, view=view)
@@ -127,7 +144,7 @@ def deliver_side_by_side(
     The compositor is left out, and what image settings say of colour as well.
     """
     frame = scene.frame_current if frame is None else frame
-    layer = next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
+    layer = main_layer(scene)
     eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
     copy = scene.copy()
     name = copy.name
@@ -187,9 +204,7 @@ def deliver_frames(
     The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
     """
     span = {"frame_start": frames.start, "frame_end": frames.stop - 1, "frame_step": frames.step}
-    files = {"filepath": f"{output_path(folder)}/{output_name(scene)}", "use_overwrite": True, "use_placeholder": False}
-    if hasattr(scene.render, "save_output"):
-        files["save_output"] = True
+    files = written_to(scene.render, f"{output_path(folder)}/{output_name(scene)}")
     with (
         _at_frame(scene, frames[0]),
         _as_delivered(scene, eyes_at(frames[0])),
@@ -197,6 +212,29 @@ def deliver_frames(
         changed(scene.render, **files),
     ):
         _hand_over(scene, eyes_at, f"write frame {frames[0]}", metadata, animation=True)
+
+
+def deliver_movie(
+    scene: bpy.types.Scene, picture_at: Callable[[int], NDArray[np.float32]], folder: Path, *, frames: range
+) -> None:
+    """Have Blender write pictures (H, W, 4), one for each of `frames`, as a movie by the scene's own settings.
+
+    Each holds both eyes already, in whatever layout. Nothing of the scene is shown. Raises StereoReprojectError.
+    """
+    layer = main_layer(scene)
+
+    def eyes_at(frame: int) -> Eyes:
+        return {"": {layer: {COLOUR_PASS: picture_at(frame)}}}
+
+    files = written_to(scene.render, f"{output_path(folder)}/movie")
+    span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
+    with (
+        _at_frame(scene, frames[0]),
+        _as_delivered(scene, eyes_at(frames[0]), compositing=False),
+        changed(scene, **span),
+        changed(scene.render, use_multiview=False, use_stamp=False, **files),
+    ):
+        _hand_over(scene, eyes_at, "write the movie", NOTHING, animation=True)
 
 
 @contextmanager
@@ -231,7 +269,7 @@ def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Map
     """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
     said where that fails."""
     eyes = eyes_at(scene.frame_current)
-    height, width = next(iter(eyes["left"].values()))[COLOUR_PASS].shape[:2]
+    height, width = next(iter(next(iter(eyes.values())).values()))[COLOUR_PASS].shape[:2]
     composited = scene.render.use_compositing
     delivery = _Delivery(eyes_at, wired_passes(scene) if composited else {}, metadata)
     place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
@@ -240,9 +278,11 @@ def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Map
             call_render(scene, **how)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
+    if delivery.failed is not None:
+        raise delivery.failed
     # For a compositor that shows no render Blender makes none.
     asked = not composited or shows_a_render(scene)
-    if asked and delivery.taken != {(view, layer) for view in VIEWS for layer in eyes[view]}:
+    if asked and delivery.taken != {(view, layer) for view in eyes for layer in eyes[view]}:
         raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
 
 

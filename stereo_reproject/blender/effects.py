@@ -192,7 +192,8 @@ def _moves(item: bpy.types.Object) -> bool:
 
 def is_animated(owner: bpy.types.ID) -> bool:
     """Whether anything of the datablock changes with time."""
-    animation = owner.animation_data
+    # Not every kind has any: collections have none.
+    animation = getattr(owner, "animation_data", None)
     return animation is not None and (
         animation.action is not None or len(animation.drivers) > 0 or len(animation.nla_tracks) > 0
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ..accuracy import accuracy_of
 from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
+from ..fill import SourceCost
 from ..parallax import visible_parallax
 from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
@@ -32,7 +34,7 @@ from .output_paths import check_file_outputs
 from .pictures import write_difference, write_estimate, write_grid, write_holes
 from .renderer import BlenderRenderer
 from .rig import frame_region
-from .scene import CYCLES, check_layers, evaluated, working_scene
+from .scene import CYCLES, WorkingScenes, check_layers, evaluated
 from .scene_warnings import scene_warnings
 
 STEREO_PICTURE = "stereo.png"
@@ -75,35 +77,47 @@ def render_files(
 
 
 def render_pair(
-    scene: bpy.types.Scene, settings: StereoSettings, work: Path, *, on_stage: Callable[[str], None] = lambda _: None
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    on_stage: Callable[[str], None] = lambda _: None,
+    scenes: WorkingScenes | None = None,
+    decided_by: Callable[[SourceCost], SourceCost] = lambda cost: cost,
 ) -> tuple[StereoPair, dict[str, Any]]:
     """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
     `render_files`.
 
-    Each layer is rendered from a working scene of its own, so that it is freed before the next one's is synced. What
+    scenes are those of a sequence, which go on to its next frame; decided_by is as `render_stereo_frame` has it. What
     the report tells of one layer is of the main one, but seconds are of all.
     """
     frames: dict[str, StereoFrame] = {}
     reports: list[dict[str, Any]] = []
-    for layer in check_layers(scene):
-        frames[layer], report = _render_layer(scene, settings, work, layer, on_stage)
-        reports.append(report)
+    with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
+        for layer in check_layers(scene):
+            working = open_scenes.at(settings.scene, layer)
+            frames[layer], report = _render_layer(scene, working, settings, work, on_stage, decided_by)
+            reports.append(report)
     pair = StereoPair(frames)
     times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
     layers = {"layers": pair.layer_rows()} if len(frames) > 1 else {}
     warnings = list(dict.fromkeys(line for report in reports for line in report["warnings"]))
-    return pair, {**reports[0], **times, "memory": {"peak_mb": _peak_mb()}, "warnings": warnings, **layers}
+    return pair, {**reports[0], **times, "memory": _memory(), "warnings": warnings, **layers}
 
 
 def _render_layer(
-    scene: bpy.types.Scene, settings: StereoSettings, work: Path, layer: str, on_stage: Callable[[str], None]
+    scene: bpy.types.Scene,
+    working: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    on_stage: Callable[[str], None],
+    decided_by: Callable[[SourceCost], SourceCost],
 ) -> tuple[StereoFrame, dict[str, Any]]:
-    with working_scene(scene, settings.scene, layer=layer) as working:
-        facts = frame_facts(scene, working, settings)
-        with renderer_of(working, work, user_scene=scene) as renderer:
-            frame = render_stereo_frame(renderer, settings, on_stage=on_stage)
-            warnings = list(renderer.warnings)
-            parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
+    facts = frame_facts(scene, working, settings)
+    with renderer_of(working, work, user_scene=scene) as renderer:
+        frame = render_stereo_frame(renderer, settings, on_stage=on_stage, decided_by=decided_by)
+        warnings = list(renderer.warnings)
+        parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
     return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}
 
 
@@ -213,11 +227,15 @@ def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
     return list(dict.fromkeys(warnings))
 
 
-def _peak_mb() -> float | None:
-    """The process's greatest resident size so far, or None where the system does not tell."""
+def _memory() -> dict[str, float | None]:
+    """What the process holds now, and the most that it has held so far; None where the system does not tell."""
     try:
         import resource
     except ImportError:
-        return None
+        return {"peak_mb": None, "resident_mb": None}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)
+    resident = None
+    with suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+        resident = pages * resource.getpagesize() / (1 << 20)
+    return {"peak_mb": peak / (1 << 20 if sys.platform == "darwin" else 1 << 10), "resident_mb": resident}

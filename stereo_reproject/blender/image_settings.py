@@ -9,13 +9,13 @@ from typing import Any
 
 import bpy
 
-from .render import output_path
+from .render import output_path, written_to
 from .scene import changed
 
 FORMAT = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec")
 """What comes with a file's format, in the order in which Blender takes it."""
 
-LAYOUT = {"display_mode": "SIDEBYSIDE", "use_sidebyside_crosseyed": False, "use_squeezed_frame": False}
+SIDE_BY_SIDE = {"display_mode": "SIDEBYSIDE", "use_sidebyside_crosseyed": False, "use_squeezed_frame": False}
 
 Values = dict[str, Any]
 
@@ -24,32 +24,45 @@ Values = dict[str, Any]
 def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
     """The scene's output set to a PNG of 8 bits with both views beside each other, in the scene's own colours."""
     render, settings = scene.render, scene.render.image_settings
-    files = {"filepath": output_path(path), "use_overwrite": True, "use_placeholder": False, "use_stamp": False}
-    if hasattr(render, "save_output"):
-        files["save_output"] = True
-    with _format_kept(settings), changed(render, **files), changed(settings.stereo_3d_format, **LAYOUT):
+    files = written_to(render, output_path(path))
+    with (
+        format_kept(settings),
+        changed(render, use_stamp=False, **files),
+        changed(settings.stereo_3d_format, **SIDE_BY_SIDE),
+    ):
         mode = "RGBA" if render.film_transparent else "RGB"
         png = {"media_type": "IMAGE", "file_format": "PNG", "color_mode": mode, "color_depth": "8"}
-        _set_changed(settings, {name: png[name] for name in FORMAT if name in png and hasattr(settings, name)})
-        _set_changed(settings, {"views_format": "STEREO_3D", "color_management": "FOLLOW_SCENE"})
+        set_changed(settings, {name: png[name] for name in FORMAT if name in png and hasattr(settings, name)})
+        set_changed(settings, {"views_format": "STEREO_3D", "color_management": "FOLLOW_SCENE"})
         yield
 
 
 @contextmanager
-def _format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
+def format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
     values = {name: getattr(settings, name) for name in FORMAT if hasattr(settings, name)}
     views = _views_format(settings)
     override = _override(settings) if settings.color_management == "OVERRIDE" else None
     try:
         yield
     finally:
-        if views == "MULTIVIEW":
-            # PNG does not take that.
-            settings.file_format = "OPEN_EXR"
-        settings.views_format = views
-        _set_changed(settings, values)
+        # Blender 5 sets views anew with the kind of media.
+        set_changed(settings, {name: value for name, value in values.items() if name == "media_type"})
+        if _views_format(settings) != views:
+            _set_views_format(settings, views)
+        set_changed(settings, values)
         if override is not None:
             _restore_override(settings, override)
+
+
+def _set_views_format(settings: bpy.types.ImageFormatSettings, views: str) -> None:
+    try:
+        settings.views_format = views
+    except TypeError:
+        # Not every format takes all of them: this one does.
+        if hasattr(settings, "media_type"):
+            settings.media_type = "IMAGE"
+        settings.file_format = "OPEN_EXR"
+        settings.views_format = views
 
 
 def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
@@ -90,7 +103,7 @@ def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[l
     settings.color_management = "OVERRIDE"
     values, curves = override
     for owner, kept in zip(_owners(settings), values, strict=True):
-        _set_changed(owner, kept)
+        set_changed(owner, kept)
     view = settings.view_settings
     if curves is not None:
         # Those that are switched off are there too.
@@ -99,7 +112,7 @@ def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[l
         view.use_curve_mapping = used
 
 
-def _set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
+def set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
     """Set what differs: a format that is set anew may set more than itself."""
     for name, value in values.items():
         now = getattr(owner, name)
@@ -128,3 +141,14 @@ def writes_half_floats(scene: bpy.types.Scene) -> bool:
     """Whether the scene's own output is of half floats."""
     settings = scene.render.image_settings
     return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"
+
+
+def format_values(scene: bpy.types.Scene) -> dict[str, Any]:
+    """All that the scene's output settings say of how pictures are written, as JSON has it."""
+    settings = scene.render.image_settings
+    owners = {"image": settings, "stereo": settings.stereo_3d_format}
+    if settings.color_management == "OVERRIDE":
+        owners |= {f"colours {k}": owner for k, owner in enumerate(_owners(settings))}
+    values = {name: _values(owner) for name, owner in owners.items()}
+    stamp = {name: value for name, value in _values(scene.render).items() if "stamp" in name}
+    return {**values, "extension": scene.render.use_file_extension, "stamp": stamp if scene.render.use_stamp else None}

@@ -53,6 +53,18 @@ def output_name(scene: bpy.types.Scene) -> str:
     return re.split(r"[/\\]", scene.render.filepath)[-1]
 
 
+def output_stem(scene: bpy.types.Scene) -> str:
+    """The same as the names of frames begin: its templates filled in, and without the # for the frame's number.
+
+    The scene's format is one of pictures, and `output_files` have been found.
+    """
+    path = scene.render.filepath
+    name = output_name(scene)
+    unnumbered = path.removesuffix(name) + name.replace("#", "")
+    with changed(scene.render, filepath=unnumbered, use_multiview=False, use_file_extension=False):
+        return Path(scene.render.frame_path(frame=0)).name.removesuffix("0000")
+
+
 def output_files(scene: bpy.types.Scene, frame: int, *, span: range | None = None) -> list[Path]:
     """The files that a frame's pair is written to by the scene's own settings. A movie's are the same for all frames of
     its span, and named by that.

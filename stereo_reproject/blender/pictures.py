@@ -216,13 +216,20 @@ def check_png(path: Path) -> None:
 
 def read_png(path: Path) -> NDArray[np.float32]:
     """A PNG's display values, (H, W, 3) from 0 to 1."""
+    return read_pixels(path)[..., :3]
+
+
+def read_pixels(path: Path, *, linear: bool = False) -> NDArray[np.float32]:
+    """(H, W, channels) of a picture file: its values as they are, or scene-linear. Empty where it cannot be read."""
     image = bpy.data.images.load(str(path))
     try:
-        image.colorspace_settings.name = "Non-Color"
+        if not linear:
+            image.colorspace_settings.name = "Non-Color"
         # The stubs do not know that an array property can be iterated over.
         width, height = image.size  # pyright: ignore[reportGeneralTypeIssues]
-        values = np.empty(width * height * image.channels, np.float32)
-        image.pixels.foreach_get(values)
-        return values.reshape(height, width, -1)[::-1, :, :3]
+        values = np.empty((height, width, image.channels), np.float32)
+        if values.size:
+            image.pixels.foreach_get(values.reshape(-1))
+        return values[::-1]
     finally:
         bpy.data.images.remove(image)

@@ -14,6 +14,9 @@ NORMAL, ROUGHNESS = "Normal", "Denoising Roughness"
 SWITCHES = {"use_pass_glossy_color": GLOSSY_COLOUR, "use_pass_normal": NORMAL}
 """Properties of a view layer, and the passes that they switch on."""
 
+OURS = "stereo_reproject_"
+"""What begins the properties of a working scene's layer that say which of them were not the user's."""
+
 
 class RayPasses:
     """Of a working scene whose renders have what guides a denoiser. Switches on what is missing."""
@@ -22,10 +25,12 @@ class RayPasses:
         layer = rendered_layer(scene)
         # Without, a ray's length is the depth of what it meets first, and says nothing of a mirror.
         self._follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
-        self._added = {name for switch, name in SWITCHES.items() if glossy and not getattr(layer, switch)}
-        # They stay on: with other passes for the next render, Cycles would begin anew.
+        # They stay on, in the next frames of an animation too: with other passes, Cycles would begin anew.
         for switch in SWITCHES if glossy else ():
-            setattr(layer, switch, True)
+            if not getattr(layer, switch):
+                layer[OURS + switch] = True
+                setattr(layer, switch, True)
+        self._added = {name for switch, name in SWITCHES.items() if OURS + switch in layer}
 
     def of(self, rendered: Passes) -> Passes:
         """What a render's passes, as Blender has them, tell of the rays, by our names."""

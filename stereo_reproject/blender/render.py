@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_render
 from ..passes import Passes
-from .scene import CYCLES, rendered_layer
+from .scene import CYCLES, changed, rendered_layer
 
 
 @dataclass(frozen=True)
@@ -31,13 +32,14 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     """Render these views of a scene that `working_scene` set up. Raises StereoReprojectError when Blender cannot."""
     for view in scene.render.views:
         view.use = view.name in views
-    if seed is not None and scene.render.engine == CYCLES:
-        scene.cycles.seed = seed
     path = folder / "render.exr"
     _write_exr(scene.render, path)
     start = time.perf_counter()
+    # The scene may stay for the next frame, whose seed must not follow from what was rendered before.
+    seeded = {} if seed is None or scene.render.engine != CYCLES else {"seed": seed}
     try:
-        result = call_render(scene, write_still=True)
+        with changed(scene.cycles, **seeded):
+            result = call_render(scene, write_still=True)
     except RuntimeError as error:
         raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
     if "FINISHED" not in result or not path.exists():
@@ -78,6 +80,12 @@ def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
 def output_path(path: Path) -> str:
     """The path as an output path of Blender's, which takes {...} for a template."""
     return str(path).replace("{", "{{").replace("}", "}}")
+
+
+def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
+    """Render settings with which files are written to an output path, whatever is there or switched off."""
+    files = {"filepath": path, "use_overwrite": True, "use_placeholder": False}
+    return {**files, "save_output": True} if hasattr(render, "save_output") else files
 
 
 def _seconds(text: str) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,9 @@ CYCLES = "CYCLES"
 EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
 
 Block = TypeVar("Block", bound=bpy.types.ID)
+
+DRIVEN_SEED = "stereo_reproject_seed"
+"""A working scene's property that has the driver of its seed."""
 
 SMALLEST = 4
 """Pixels along a side: Blender renders nothing smaller."""
@@ -107,13 +111,61 @@ def working_scene(
         _set_up(copy, rendered)
         _apply(copy, eye.data, overrides)
         _check_region(copy.render)
-        copy.frame_set(frame, subframe=scene.frame_subframe if frame == scene.frame_current else 0.0)
-        # The fills look at it, and the copy's own value may be that of another frame.
-        copy.cycles.filter_width = evaluated(copy, copy).cycles.filter_width
+        move_to(copy, frame, subframe=scene.frame_subframe if frame == scene.frame_current else 0.0)
         yield copy
     finally:
+        left = bpy.data.scenes.get(names[0])
+        last = frame if left is None else left.frame_current
         _remove(*names)
-        return_to_own_frame(scene, frame)
+        return_to_own_frame(scene, last)
+
+
+def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
+    """Have a working scene stand at a frame."""
+    working.frame_set(frame, subframe=subframe)
+    # The fills look at it, and the copy's own value may be that of another frame.
+    working.cycles.filter_width = evaluated(working, working).cycles.filter_width
+    if DRIVEN_SEED in working:
+        working.cycles.seed = int(evaluated(working, working)[DRIVEN_SEED])
+
+
+class WorkingScenes:
+    """Working scenes for one frame after the other: one that fits the next as well stays, with what Cycles has synced.
+
+    A scene of several view layers has one for each of them, made anew each time, so that a layer is freed before the
+    next one's is synced; a camera that a marker binds has one of its own, too.
+    """
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self._scene = scene
+        self._open = ExitStack()
+        self._kept: tuple[tuple[object, ...], str] | None = None
+
+    def __enter__(self) -> WorkingScenes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove what is kept; the next frame's is made anew."""
+        self._kept = None
+        self._open.close()
+
+    def at(self, overrides: SceneOverrides, layer: str) -> bpy.types.Scene:
+        """One that stands at the frame of the overrides, which are otherwise always the same. Raises BadInputError."""
+        frame = self._scene.frame_current if overrides.frame is None else overrides.frame
+        camera = camera_at(self._scene, frame)
+        key = (layer, camera and camera.session_uid, replace(overrides, frame=None))
+        if self._kept is not None and self._kept[0] == key:
+            working = bpy.data.scenes[self._kept[1]]
+            move_to(working, frame)
+            return working
+        self.close()
+        working = self._open.enter_context(working_scene(self._scene, overrides, layer=layer))
+        # By name: a reference does not survive everything that a render may do.
+        self._kept = key, working.name
+        return working
 
 
 def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
@@ -152,6 +204,11 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     """The one view layer that a working scene renders."""
     return next(layer for layer in scene.view_layers if layer.use)
+
+
+def main_layer(scene: bpy.types.Scene) -> str:
+    """The name of the first view layer that is used, or else of the first."""
+    return next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
 
 
 def focus_distance(scene: bpy.types.Scene) -> float:
@@ -232,14 +289,25 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
 
 
 def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
-    # Each render of a frame has a seed of its own; a driver, of which there is the old idiom #frame, would undo it.
-    scene.driver_remove("cycles.seed")
+    _take_over_seed(scene)
     if overrides.seed is not None:
+        scene.pop(DRIVEN_SEED, None)
         scene.cycles.seed = overrides.seed
     if overrides.denoise is not None:
         scene.cycles.use_denoising = overrides.denoise
         for layer in scene.view_layers:
             layer.cycles.use_denoising = overrides.denoise
+
+
+def _take_over_seed(scene: bpy.types.Scene) -> None:
+    """Each render of a frame has a seed of its own; a driver, of which there is the old idiom #frame, would undo it.
+    What it says for a frame is found in another property."""
+    drivers = scene.animation_data.drivers if scene.animation_data else ()
+    driver = next((curve for curve in drivers if curve.data_path == "cycles.seed"), None)
+    if driver is not None:
+        scene[DRIVEN_SEED] = 0
+        scene.animation_data.drivers.from_existing(src_driver=driver).data_path = f'["{DRIVEN_SEED}"]'
+        scene.driver_remove("cycles.seed")
 
 
 def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOverrides) -> None:

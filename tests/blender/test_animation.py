@@ -4,10 +4,11 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.animation import render_animation_files
+from stereo_reproject.blender.api import render_animation
 from stereo_reproject.blender.delivery import deliver_frames
 from stereo_reproject.blender.pictures import read_png
 from stereo_reproject.errors import BadInputError
+from stereo_reproject.journal import JOURNAL
 from stereo_reproject.passes import COLOUR_PASS
 from stereo_reproject.settings import StereoSettings
 from tests.blender.snapshot import everything
@@ -41,19 +42,19 @@ def set_format(scene, file_format, *, media="IMAGE", views="INDIVIDUAL"):
     settings.file_format, settings.views_format = file_format, views
 
 
-def render(scene, tmp_path):
-    work = tmp_path / "work"
-    (work / "tmp").mkdir(parents=True, exist_ok=True)
-    return render_animation_files(scene, StereoSettings(fill="packed"), work)
+def render(scene):
+    return render_animation(StereoSettings(fill="packed"), scene=scene)
 
 
 def files(tmp_path):
-    return sorted(path.name for path in (tmp_path / "out").iterdir())
+    """What is there but for what tells of the frames."""
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    return [name for name in names if name != JOURNAL and not name.startswith("shot_animation.")]
 
 
 def test_each_view_in_files_of_its_own(scene, tmp_path):
     before = everything()
-    report = render(scene, tmp_path)
+    report = render(scene)
     assert everything() == before
     assert files(tmp_path) == ["shot_0001_L.png", "shot_0001_R.png", "shot_0003_L.png", "shot_0003_R.png"]
     assert [row["frame"] for row in report["frames"]] == [1, 3]
@@ -66,7 +67,7 @@ def test_each_view_in_files_of_its_own(scene, tmp_path):
 def test_side_by_side(scene, tmp_path):
     set_format(scene, "PNG", views="STEREO_3D")
     scene.render.image_settings.stereo_3d_format.display_mode = "SIDEBYSIDE"
-    render(scene, tmp_path)
+    render(scene)
     assert files(tmp_path) == ["shot_0001.png", "shot_0003.png"]
     assert read_png(tmp_path / "out" / "shot_0001.png").shape[:2] == (SIZE[1], 2 * SIZE[0])
 
@@ -79,13 +80,27 @@ def test_a_movie(scene, tmp_path, compositor):
     scene.render.ffmpeg.format = "MKV"
     scene.render.use_compositing = compositor
     before = everything()
-    render(scene, tmp_path)
+    render(scene)
     assert everything() == before
-    (name,) = files(tmp_path)
+    (name,) = [name for name in files(tmp_path) if "_animation." not in name]
     assert name.endswith(".mkv")
     clip = bpy.data.movieclips.load(str(tmp_path / "out" / name))
     assert (tuple(clip.size), clip.frame_duration) == ((2 * SIZE[0], SIZE[1]), 2)
     bpy.data.movieclips.remove(clip)
+
+
+def test_a_movie_for_each_eye_and_nothing_of_others_goes_with_its_frames(scene, tmp_path):
+    media = {"media": "VIDEO"} if bpy.app.version >= (5, 0) else {}
+    set_format(scene, "FFMPEG", views="INDIVIDUAL", **media)
+    scene.render.ffmpeg.format = "MKV"
+    waiting = tmp_path / "out" / "shot_0001-0003.frames"
+    waiting.mkdir(parents=True)
+    (waiting / "mine.txt").write_text("mine")
+    report = render(scene)
+    movies = [name for name in files(tmp_path) if name.endswith(".mkv")]
+    assert movies == ["shot_0001-0003_L.mkv", "shot_0001-0003_R.mkv"]
+    assert report["files"] == [str(tmp_path / "out" / name) for name in movies]
+    assert [path.name for path in waiting.iterdir()] == ["mine.txt"]
 
 
 def test_what_is_there_stays_when_overwrite_is_off(scene, tmp_path):
@@ -93,19 +108,19 @@ def test_what_is_there_stays_when_overwrite_is_off(scene, tmp_path):
     for view in "LR":
         (tmp_path / "out" / f"shot_0001_{view}.png").write_text("mine")
     scene.render.use_overwrite = False
-    report = render(scene, tmp_path)
+    report = render(scene)
     assert ([row["frame"] for row in report["frames"]], report["there_already"]) == ([3], [1])
     assert (tmp_path / "out" / "shot_0001_L.png").read_text() == "mine"
     assert files(tmp_path) == ["shot_0001_L.png", "shot_0001_R.png", "shot_0003_L.png", "shot_0003_R.png"]
     with pytest.raises(BadInputError, match="all others are there already"):
-        render(scene, tmp_path)
+        render(scene)
 
 
 def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene, tmp_path):
     (tmp_path / "file").write_text("")
     scene.render.filepath = str(tmp_path / "file" / "shot_")
     with pytest.raises(BadInputError, match="choose another output folder"):
-        render(scene, tmp_path)
+        render(scene)
 
 
 # Before 5.2, output cannot be switched off.
@@ -114,26 +129,26 @@ if "save_output" in bpy.types.RenderSettings.bl_rna.properties:
     def test_switched_off_output_is_said(scene, tmp_path):
         scene.render.save_output = False
         with pytest.raises(BadInputError, match="Output is switched off"):
-            render(scene, tmp_path)
+            render(scene)
 
 
 def test_a_file_without_an_extension(scene, tmp_path):
     scene.render.use_file_extension = False
-    render(scene, tmp_path)
+    render(scene)
     assert files(tmp_path) == ["shot_0001_L", "shot_0001_R", "shot_0003_L", "shot_0003_R"]
 
 
 def test_both_views_in_one_exr(scene, tmp_path):
     media = {"media": "MULTI_LAYER_IMAGE"} if bpy.app.version >= (5, 0) else {}
     set_format(scene, "OPEN_EXR_MULTILAYER", views="MULTIVIEW", **media)
-    render(scene, tmp_path)
+    render(scene)
     assert files(tmp_path) == ["shot_0001.exr", "shot_0003.exr"]
 
 
 def test_a_relative_path_needs_a_saved_file(scene, tmp_path):
     scene.render.filepath = "//shot_"
     with pytest.raises(BadInputError, match="never saved"):
-        render(scene, tmp_path)
+        render(scene)
 
 
 def test_a_file_output_node_beside_no_file_is_said(scene, tmp_path):
@@ -141,13 +156,13 @@ def test_a_file_output_node_beside_no_file_is_said(scene, tmp_path):
     node = tree.nodes.new("CompositorNodeOutputFile")
     setattr(node, "directory" if hasattr(node, "directory") else "base_path", "//nodes/")
     with pytest.raises(BadInputError, match=f"{node.name}.* never saved"):
-        render(scene, tmp_path)
+        render(scene)
 
 
 def test_a_template_that_nobody_knows_is_said(scene, tmp_path):
     scene.render.filepath = str(tmp_path / "{nothing}_")
     with pytest.raises(BadInputError, match="output path cannot be used"):
-        render(scene, tmp_path)
+        render(scene)
 
 
 def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_path):

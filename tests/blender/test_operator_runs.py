@@ -1,5 +1,6 @@
 """A run that is cancelled, or fails, at any of its stages: nothing is left of it, and the next one works."""
 
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from stereo_reproject.blender.pictures import check_png
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_compositor, mirror_before_wall
 
@@ -69,7 +71,7 @@ def test_failed(extension, scene, place, monkeypatch, stage):
 
     before = everything()
     command = [sys.executable, "-c", FAILING_WORKER, stage]
-    monkeypatch.setattr(run, "worker_command", lambda: command)
+    monkeypatch.setattr(run, "module_in_blender", lambda _: command)
     with pytest.raises(RuntimeError, match=f"forced in {stage}"):
         bpy.ops.render.stereo_reproject_image()
     assert everything() == before
@@ -121,11 +123,14 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
     assert everything() == before
     written = [name for name in _files(place / "project") if not name.endswith(".blend")]
-    shots = [name for name in written if name.startswith("shots")]
+    shots = [name for name in written if re.match("shots/film_[0-9]", name)]
     assert shots == [f"shots/film_000{frame}_{view}.png" for frame in (1, 2) for view in "LR"]
     nodes = [name for name in written if name.startswith("nodes")]
     assert [name for name in nodes if "0001" in name]
     assert [name for name in nodes if "0002" in name]
+    told = [name for name in written if name.startswith("shots") and not name.endswith((".png", ".svg"))]
+    told = [name for name in told if not name.startswith("shots/journal/costs-")]
+    assert told == ["shots/film_animation.json", "shots/journal/film_0001.json", "shots/journal/film_0002.json"]
     assert {name.partition("/")[0] for name in written} == {"shots", "nodes"}
     assert sorted(path.name for path in place.iterdir()) == ["project"]
 
@@ -137,8 +142,8 @@ def test_a_preview_does_not_write_what_a_render_would(extension, animated, place
     assert any(name.startswith("nodes") for name in _files(place / "project"))
 
 
-@pytest.mark.parametrize("stage", ["source", "write"])
-def test_a_cancelled_animation_keeps_its_finished_frames_and_nothing_else(
+@pytest.mark.parametrize("stage", ["source", "fill"])
+def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     extension, animated, place, monkeypatch, stage
 ):
     from stereo_reproject_extension.operators import jobs, run
@@ -154,9 +159,18 @@ def test_a_cancelled_animation_keeps_its_finished_frames_and_nothing_else(
     monkeypatch.setattr(run.Run, "_on_event", cancel_at_the_second)
     assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
     assert everything() == before
-    assert _files(place / "project" / "shots")[:2] == ["film_0001_L.png", "film_0001_R.png"]
+    shots = place / "project" / "shots"
+    for picture in shots.glob("film_*.png"):
+        check_png(picture)
+    assert not list(shots.glob("film_0002*"))
     assert not list(place.rglob(".*"))
     assert (jobs.running(), [path.name for path in place.iterdir()]) == (None, ["project"])
+    monkeypatch.setattr(run.Run, "_on_event", told)
+    animated.render.use_overwrite = False
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert sorted(path.name for path in shots.glob("film_0*")) == [
+        f"film_000{frame}_{view}.png" for frame in (1, 2) for view in "LR"
+    ]
 
 
 def test_a_destination_that_is_taken_is_said_before_anything_is_rendered(extension, animated, place):

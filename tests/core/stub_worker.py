@@ -66,6 +66,45 @@ def finish(*, without=(), **changes):
     say("done", report={**report(), **changes}, files=files)
 
 
+def begin(frame):
+    say("stage", stage="source", detail=f"frame {frame}")
+
+
+def done(frame, *, left):
+    far = {"done": len(asked) - left, "total": len(asked), "each": 3.5, "remaining": 2.5 * left}
+    say("frame", frame=frame, seconds=2.5, traced=0.08, **far)
+
+
+ALWAYS = 0
+"""No frame of the tests."""
+
+
+def animate(*, crash_at=None, crash_in_movie=False):
+    """As the worker does it: of a frame that is written while the next one is rendered, one is told after that."""
+    options = job["animation"]
+    left = [frame for frame in asked if str(frame) not in options["skip"] and frame not in options["finished"]]
+    said = None
+    while left:
+        frame = left.pop(0)
+        begin(frame)
+        if crash_at in (frame, ALWAYS):
+            sys.exit(3)
+        if said is not None:
+            done(said, left=len(left) + 1)
+        said = frame
+    if said is not None:
+        done(said, left=0)
+    say("stage", stage="movie")
+    if crash_in_movie and not options["skip"]:
+        sys.exit(3)
+    if options["skip"]:
+        (frame, why), *_ = options["skip"].items()
+        say("error", status=1, message=f"1 of {len(asked)} frames failed ({frame}); frame {frame}: {why}")
+        sys.exit(1)
+    totals = {"frames": len(asked), "seconds_per_frame": 2.5, "beside_seconds_per_frame": 0.25, "traced": 0.08}
+    say("done", report={"frames": [], "totals": {**totals, "speedup": 1.5, "speedup_from": "predicted"}}, files=[])
+
+
 note("pid", str(os.getpid()))
 if behaviour == "silent":
     note("ready")
@@ -74,6 +113,9 @@ if behaviour == "silent":
 job = json.loads(sys.stdin.readline())
 work = Path(job["work"])
 note("job", json.dumps(job))
+with (notes / "jobs").open("a", encoding="utf-8") as jobs:
+    jobs.write(json.dumps(job) + "\n")
+asked = (job.get("animation") or {}).get("frames")
 note("temporary", os.environ["TMPDIR"])
 print("Read blend: noise that is no event", flush=True)
 say("stage", stage="load")
@@ -134,6 +176,22 @@ match behaviour:
         child = subprocess.Popen([sys.executable, "-c", f"import time; time.sleep({FOREVER})"])
         note("descendant", str(child.pid))
         os._exit(4)
+    case "animation":
+        say("note", message="1 of 4 frames\nare there already")
+        say("warning", message="frame 2 is dark")
+        animate()
+    case "animation, slowly":
+        begin(1)
+        time.sleep(0.2)
+        say("stage", stage="fill", detail="frame 1")
+        time.sleep(0.2)
+        say("note", message="rendered again, for being damaged: 2")
+        time.sleep(0.2)
+        animate()
+    case "animation that crashes":
+        animate(crash_at=int(notes.joinpath("crash at").read_text()))
+    case "animation that crashes in its movie":
+        animate(crash_in_movie=True)
     case "announces stages slowly":
         for samples in (12, 16, 24):
             time.sleep(0.5)

@@ -64,8 +64,8 @@ def start(place):
     """Starts a run as a process of its own, by way of a line of shell if need be."""
     started = []
 
-    def start_run(behaviour, *options, by_way_of=None, stdout=subprocess.PIPE, unbuffered=""):
-        argv = ["render", str(place / "room.blend"), "--output", str(place / "out/pair"), *options]
+    def start_run(behaviour, *options, verb="render", by_way_of=None, stdout=subprocess.PIPE, unbuffered=""):
+        argv = [verb, str(place / "room.blend"), "--output", str(place / "out/pair"), *options]
         command = [sys.executable, "-c", DRIVER, *stub(place, behaviour), *argv]
         if by_way_of is not None:
             command = ["sh", "-c", by_way_of, "sh", *command]
@@ -663,12 +663,12 @@ def test_only_work_folders_of_dead_runs_are_removed(place):
 # Terminal and pipes
 
 
-def through_terminal(start, behaviour, *options):
+def through_terminal(start, behaviour, *options, verb="render"):
     """What a run shows on a terminal 100 columns wide: its standard output, its standard error and the status."""
     import pty
 
     controller, terminal = pty.openpty()
-    process = start(behaviour, *options, stdout=terminal)
+    process = start(behaviour, *options, verb=verb, stdout=terminal)
     os.close(terminal)
     shown = b""
     with contextlib.suppress(OSError):
@@ -838,3 +838,167 @@ def test_an_inspection_that_fails_says_so_in_one_line(place, capsys):
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err == "stereo_reproject: error: room.blend has no camera; add one\n"
+
+
+# Animating
+
+
+def animate(place, *options, behaviour="animation"):
+    """Exit status of an animation within this process."""
+    argv = ["animate", str(place / "room.blend"), "--output", str(place / "out"), *options]
+    return cli.main(argv, host=cli.Host(worker_command=stub(place, behaviour)))
+
+
+def jobs_told(place):
+    """The jobs that workers were given, one after the other."""
+    return [json.loads(line) for line in (notes(place) / "jobs").read_text().splitlines()]
+
+
+def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
+    monkeypatch.chdir(place)
+    options = "--frames 1-5:2 --resume --movie shot.mkv --layout side-by-side-half --format JPEG --holes"
+    options += " --compare every=24 --size 64x32 --accuracy draft"
+    argv = ["animate", "room.blend", "--output", "out", *options.split()]
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "animation"))) == 0
+    (job,) = jobs_told(place)
+    assert (job["command"], job["output"], job["files"]) == ("animate", str(place / "out"), [])
+    assert job["animation"] == {
+        "frames": [1, 3, 5],
+        "existing": "resume",
+        "output": str(place / "out"),
+        "layout": "side-by-side-half",
+        "file_format": "JPEG",
+        "movie": str(place / "shot.mkv"),
+        "holes": True,
+        "compare_every": 24,
+        "skip": {},
+        "finished": [],
+    }
+    assert job["settings"]["scene"]["size"] == [64, 32]
+    assert (job["settings"]["accuracy"], job["settings"]["compare"]) == ("draft", False)
+
+
+@pytest.mark.parametrize(
+    ("options", "field", "value"),
+    [
+        ("--frame 7", "frames", [7]),
+        ("--frames 7", "existing", "refuse"),
+        ("--frames 7 --overwrite", "existing", "overwrite"),
+        ("--frames 7", "movie", None),
+        ("--frames 7 --movie", "movie", ""),
+        ("--frames 7 --movie clips/", "movie", "{place}/clips/"),
+        ("--frames 7", "layout", None),
+        ("--frames 7 --compare 3", "compare_every", 3),
+    ],
+)
+def test_an_option_of_an_animation(place, monkeypatch, options, field, value):
+    monkeypatch.chdir(place)
+    assert animate(place, *options.split()) == 0
+    (job,) = jobs_told(place)
+    wanted = value.replace("{place}", str(place)) if isinstance(value, str) else value
+    assert job["animation"][field] == wanted
+
+
+def test_in_a_pipe_each_frame_is_a_line_and_the_table_comes_last(place, capsys):
+    assert animate(place, "--frames", "1-3") == 0
+    printed = capsys.readouterr()
+    assert printed.out.splitlines() == [
+        "1 of 4 frames are there already",
+        "frame 1  2.5 s  8 % traced  1 of 3  0:05 left",
+        "frame 2  2.5 s  8 % traced  2 of 3  0:02 left",
+        "frame 3  2.5 s  8 % traced  3 of 3  0:00 left",
+        "frames        3",
+        "per frame     2.50 s, 0.25 s not for rendering",
+        "traced        8.0 % of the target eye, on average",
+        "speed-up      1.50 x over Blender's multiview, predicted",
+        f"files         {place / 'out'}{os.sep}",
+    ]
+    assert_one_line(printed.err, "warning: frame 2 is dark")
+
+
+def test_a_line_is_there_as_soon_as_its_frame_is_done(place, start):
+    process = start("animation", "--frames", "1-2", verb="animate")
+    lines = [process.stdout.readline() for _ in range(3)]
+    assert [line.split()[:2] for line in lines[1:]] == [[b"frame", b"1"], [b"frame", b"2"]]
+
+
+def test_a_quiet_animation_says_nothing_but_warnings(place, capsys):
+    assert animate(place, "--frames", "1-3", "--quiet") == 0
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert_one_line(printed.err, "warning: frame 2 is dark")
+
+
+@posix
+def test_a_terminal_shows_one_line_for_all_frames(place, monkeypatch, start):
+    monkeypatch.setenv("COLUMNS", "100")
+    shown, err, status = through_terminal(start, "animation, slowly", "--frames", "1-4", verb="animate")
+    assert (status, err) == (0, "")
+    lines = shown.split("\r\n")
+    drawn = [part.rstrip() for line in lines for part in line.split("\r")]
+    assert f"[{'-' * 24}]  frame 1: fill" in drawn
+    assert "rendered again, for being damaged: 2" in drawn
+    last = next(part for part in reversed(drawn) if part.startswith("["))
+    assert last == f"[{'#' * 24}]  3.5 s per frame  8 % traced  4 of 4  0:00 left"
+    assert "frame 1  2.5 s" not in shown, "no line for each frame"
+    assert len([line for line in lines if "[" in line]) <= 2
+    assert max(map(len, drawn)) < 100
+
+
+@posix
+def test_a_quiet_terminal_of_an_animation_stays_clean(place, start):
+    options = ["--frames", "1-2", "--quiet"]
+    assert through_terminal(start, "animation, slowly", *options, verb="animate") == ("", "", 0)
+
+
+@pytest.mark.parametrize(("crash_at", "told_before"), [(1, []), (2, []), (3, [1]), (4, [1, 2])])
+def test_a_blender_that_ends_on_a_frame_is_followed_by_another(place, capsys, crash_at, told_before):
+    """The frame before is written by then, and the next Blender is to find it, without having been told of it."""
+    (notes(place) / "crash at").write_text(str(crash_at))
+    assert animate(place, "--frames", "1-4", behaviour="animation that crashes") == 1
+    first, second = jobs_told(place)
+    assert (first["animation"]["existing"], second["animation"]["existing"]) == ("refuse", "resume")
+    assert list(second["animation"]["skip"]) == [str(crash_at)]
+    assert second["animation"]["finished"] == told_before
+    printed = capsys.readouterr()
+    assert sorted({line.split()[1] for line in printed.out.splitlines()}) == sorted(
+        {"1", "2", "3", "4"} - {str(crash_at)}
+    )
+    warning, error = printed.err.splitlines()
+    assert warning.startswith(f"stereo_reproject: warning: frame {crash_at} is left out: Blender stopped unexpectedly")
+    assert error.startswith(
+        f"stereo_reproject: error: 1 of 4 frames failed ({crash_at}); frame {crash_at}: Blender stop"
+    )
+
+
+@pytest.mark.parametrize(("option", "existing"), [("--overwrite", "overwrite"), ("--resume", "resume")])
+def test_the_next_blender_treats_existing_frames_as_the_first_one_was_told(place, option, existing):
+    (notes(place) / "crash at").write_text("3")
+    assert animate(place, "--frames", "1-4", option, behaviour="animation that crashes") == 1
+    assert [job["animation"]["existing"] for job in jobs_told(place)] == [existing, existing]
+
+
+def test_when_one_blender_after_the_other_ends_no_more_are_tried(place, capsys):
+    (notes(place) / "crash at").write_text("0")
+    assert animate(place, "--frames", "1-9", behaviour="animation that crashes") == 1
+    assert [sorted(job["animation"]["skip"]) for job in jobs_told(place)] == [[], ["1"], ["1", "2"]]
+    *warnings, error = capsys.readouterr().err.splitlines()
+    assert [line.split()[3] for line in warnings] == ["1", "2"]
+    assert error.startswith("stereo_reproject: error: Blender stopped unexpectedly")
+    assert "; frames that are finished are kept" in error
+
+
+def test_a_blender_that_ends_on_the_movie_is_no_frames_fault(place, capsys):
+    assert animate(place, "--frames", "1-2", behaviour="animation that crashes in its movie") == 1
+    assert len(jobs_told(place)) == 1
+    assert_one_line(capsys.readouterr().err, "error: Blender stopped unexpectedly (exit status 3) during movie")
+
+
+@posix
+def test_an_interrupted_animation_says_that_its_frames_are_kept(place, start):
+    process = start("waits", "--frames", "1-2", verb="animate")
+    wait_until((notes(place) / "ready").exists)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=SECONDS)
+    assert (process.returncode, out) == (130, b"")
+    assert_one_line(err.decode(), "interrupted; finished frames are kept, and --resume renders the rest")

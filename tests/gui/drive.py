@@ -272,7 +272,7 @@ def animate():
     bpy.ops.render.stereo_reproject_animation("INVOKE_DEFAULT")
     yield from until(lambda: jobs().running() is None, "the animation never ended")
     yield 1.0
-    facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("*"))
+    facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("shot_[0-9]*"))
 
 
 def switch_off_under_way():

@@ -1,0 +1,104 @@
+"""animation.json: what became of each frame of an animation, and what it all comes to; and the chart of it."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .animation_settings import AnimationSettings
+from .errors import BadInputError
+from .journal import Journal, Record
+from .report import write_json
+
+ANIMATION_SCHEMA = 1
+
+FIGURES = {"wall_seconds", "beside_seconds", "multiview_seconds", "fractions"}
+"""What a record needs to be told of: one whose files are whole may have been tampered with."""
+
+
+def report_path(journal: Journal) -> Path:
+    """Where it lies: beside the frames, and called as they are where they have a name."""
+    return journal.frames_folder / f"{journal.name.lstrip('_-. ')}animation.json"
+
+
+def write_animation_report(
+    journal: Journal,
+    options: AnimationSettings,
+    failed: Mapping[int, str],
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """Write it, of all frames that the journal has, whichever run has rendered them, and the chart where matplotlib is
+    installed. Raises OSError."""
+    rows = [_row(record) for record in journal.records() if record.figures.keys() >= FIGURES]
+    report = {
+        "schema": ANIMATION_SCHEMA,
+        "asked_for": list(options.frames or ()),
+        "frames": rows,
+        "failed": {str(frame): why for frame, why in failed.items()},
+        "totals": totals(rows),
+        "warnings": list(dict.fromkeys([*warnings, *(line for row in rows for line in row["warnings"])])),
+    }
+    path = report_path(journal)
+    write_json(path, report, until_whole=journal.folder)
+    if rows:
+        _draw(report, path)
+    return report
+
+
+def _row(record: Record) -> dict[str, Any]:
+    figures = dict(record.figures)
+    return {"frame": record.frame, "files": sorted(record.files), "warnings": [], **figures}
+
+
+def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Of all frames: seconds, also those that Blender's multiview would have taken, and by what that is known.
+
+    What was measured of it counts for all: its mean over the frames that were compared. Without any it is predicted
+    for each frame from what its source eye has cost.
+    """
+    seconds = [row["wall_seconds"] for row in rows]
+    compared = [row["compare"]["multiview_seconds"] for row in rows if row.get("compare")]
+    multiview = statistics.fmean(compared or [row["multiview_seconds"] for row in rows]) * len(rows) if rows else 0.0
+    return {
+        "frames": len(rows),
+        "seconds": sum(seconds),
+        "seconds_per_frame": statistics.fmean(seconds) if rows else None,
+        "beside_seconds_per_frame": statistics.median(row["beside_seconds"] for row in rows) if rows else None,
+        "traced": statistics.fmean(row["fractions"]["rerendered"] for row in rows) if rows else None,
+        "multiview_seconds": multiview,
+        "speedup": multiview / sum(seconds) if rows else None,
+        "speedup_from": "measured" if compared else "predicted",
+        "compared": len(compared),
+    }
+
+
+def _draw(report: Mapping[str, Any], path: Path) -> None:
+    from .charts import check_charts, draw_animation_chart
+
+    try:
+        check_charts()
+    except BadInputError:
+        # Blender's own Python does not bring it: the figures are in the report all the same.
+        return
+    draw_animation_chart(report, path.with_suffix(""))
+
+
+def format_animation(report: Mapping[str, Any]) -> str:
+    """What a person reads at the end."""
+    whole = report["totals"]
+    if not whole["frames"]:
+        return "no frames"
+    ratios = [row["compare"]["noise_ratio"] for row in report["frames"] if row.get("compare")]
+    known = [ratio for ratio in ratios if ratio is not None]
+    each, beside = whole["seconds_per_frame"], whole["beside_seconds_per_frame"]
+    lines = [
+        f"frames        {whole['frames']}",
+        f"per frame     {each:.2f} s, {beside:.2f} s not for rendering",
+        f"traced        {100 * whole['traced']:.1f} % of the target eye, on average",
+        f"speed-up      {whole['speedup']:.2f} x over Blender's multiview, {whole['speedup_from']}",
+    ]
+    if known:
+        lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")
+    return "\n".join(lines)

@@ -1,0 +1,89 @@
+"""The figures of an animation's frames, as its chart draws them: in equal steps, with what is missing as a gap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+STAGES = {
+    "source": ("source",),
+    "tracing": ("pilot", "fill", "refine"),
+    "denoising": ("denoise_source", "denoise_target"),
+}
+"""What a frame's seconds are made of, and the stages of a report that belong to it."""
+REST = "the rest"
+"""What else they are made of."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """The figures of N frames in equal steps, NaN where there is none.
+
+    frames (N,) has those that are not rendered too; there says which are. seconds (N,) are those of the whole frame,
+    stages (N,) of each kind of stage. measured and predicted (N,) are the seconds of Blender's multiview, and traced
+    (N,) is a share of the target eye.
+    """
+
+    frames: NDArray[np.int64]
+    step: int
+    there: NDArray[np.bool_]
+    seconds: NDArray[np.float64]
+    stages: Mapping[str, NDArray[np.float64]]
+    measured: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    traced: NDArray[np.float64]
+
+
+def series_of(report: Mapping[str, Any]) -> Series:
+    """The figures of a report's frames, gaps included."""
+    rows = {row["frame"]: row for row in report["frames"]}
+    known = sorted({*rows, *(report.get("asked_for") or ())})
+    # Frames may be rendered in steps. What one run was asked for need not be in step with what another one was.
+    step = math.gcd(*(frame - known[0] for frame in known)) or 1
+    frames = np.arange(known[0], known[-1] + 1, step)
+    slots: list[Mapping[str, Any]] = [rows.get(frame, {}) for frame in frames.tolist()]
+    stages = [_stages_of(row) for row in slots]
+    return Series(
+        frames=frames,
+        step=step,
+        there=np.array([bool(row) for row in slots]),
+        seconds=np.array([number_in(row, "wall_seconds") for row in slots]),
+        stages={name: np.array([row[name] for row in stages]) for name in (*STAGES, REST)},
+        measured=np.array([number_in(row, "compare", "multiview_seconds") for row in slots]),
+        predicted=np.array([number_in(row, "multiview_seconds") for row in slots]),
+        traced=np.array([number_in(row, "fractions", "rerendered") for row in slots]),
+    )
+
+
+def number_in(row: Mapping[str, Any], *keys: str) -> float:
+    """What a row has under these keys, NaN where that is nothing or not finite."""
+    value: Any = row
+    for key in keys:
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return float(value) if isinstance(value, Real) and math.isfinite(value) else math.nan
+
+
+def _stages_of(row: Mapping[str, Any]) -> dict[str, float]:
+    if not row.get("seconds"):
+        return dict.fromkeys((*STAGES, REST), math.nan)
+    seconds = {
+        name: sum(_or_nothing(number_in(row, "seconds", stage)) for stage in parts) for name, parts in STAGES.items()
+    }
+    rest = number_in(row, "wall_seconds") - sum(seconds.values())
+    return {**seconds, REST: max(_or_nothing(rest), 0.0)}
+
+
+def _or_nothing(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def mean_of(values: NDArray) -> float | None:
+    """Of those that are known, None without any."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else None

@@ -1,0 +1,66 @@
+"""Which values of a datablock follow from curves: they are other ones in each frame, and the curves tell them all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+import bpy
+
+Place = tuple[int, str]
+"""A struct, by its address while this lasts, and the name of a property of it."""
+
+LAST = re.compile(r'(?:^|\.|(?=\["))(\w+|\["(?:[^"\\]|\\.)*"\])$')
+
+
+def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
+    """Where curves and drivers write, with the array indices (0 of what is no array)."""
+    found: dict[Place, set[int]] = {}
+    animation = getattr(block, "animation_data", None)
+    for curve in _curves(animation) if animation is not None else ():
+        place = _place(block, curve.data_path)
+        if place is not None:
+            found.setdefault(place, set()).add(curve.array_index)
+    for strip in _strips(animation.nla_tracks) if animation is not None else ():
+        for name, on in (("influence", strip.use_animated_influence), ("strip_time", strip.use_animated_time)):
+            if on:
+                found[strip.as_pointer(), name] = {0}
+    return found
+
+
+def _place(block: bpy.types.ID, path: str) -> Place | None:
+    """None where there is nothing: such a curve changes nothing."""
+    last = LAST.search(path)
+    try:
+        owner = block.path_resolve(path, False).data
+    except (ValueError, AttributeError):
+        return None
+    return None if last is None or owner is None else (owner.as_pointer(), last[1])
+
+
+def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
+    """Those that are in use; a muted one leaves its value as the user set it."""
+    curves = [*animation.drivers, *_of_slot(animation.action, animation.action_slot_handle)]
+    if animation.use_nla:
+        for strip in _strips(animation.nla_tracks):
+            curves.extend(_of_slot(strip.action, strip.action_slot_handle))
+    for curve in curves:
+        group = curve.group
+        if not curve.mute and not (group is not None and group.mute):
+            yield curve
+
+
+def _of_slot(action: bpy.types.Action | None, handle: int) -> Iterator[bpy.types.FCurve]:
+    for layer in action.layers if action is not None else ():
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                if bag.slot_handle == handle:
+                    yield from bag.fcurves
+
+
+def _strips(holders: Iterable[bpy.types.NlaTrack | bpy.types.NlaStrip]) -> Iterator[bpy.types.NlaStrip]:
+    """Those of the tracks, and those that are within others."""
+    for holder in holders:
+        if not holder.mute:
+            yield from holder.strips
+            yield from _strips(holder.strips)

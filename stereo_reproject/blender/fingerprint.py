@@ -1,0 +1,59 @@
+"""Whether a scene is still the one that it was: everything that its pictures depend on, by value, in a few digits.
+
+The bytes of a .blend do not tell: they differ each time that it is saved. What curves and drivers set is left out, for
+it is another in each frame; the curves count. Nothing is evaluated, so a scene that is asked stays as it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import bpy
+
+from .fingerprint_reading import Key, Reader
+
+DIGITS = 16
+"""Of the digest of a kind of datablock: chance makes two of them equal once in 10^19."""
+FILES = "files"
+
+
+def scene_fingerprint(scene: bpy.types.Scene) -> str:
+    """A hexadecimal SHA-256 of all that can change the scene's pictures, in whichever frame the scene stands.
+
+    Not of where its pictures are saved, nor of which frames are rendered; and neither of what only a window shows.
+    """
+    return fingerprint_of(scene_fingerprints(scene))
+
+
+def fingerprint_of(digests: dict[str, str]) -> str:
+    """The whole, of the parts that `scene_fingerprints` tells."""
+    return hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
+
+
+def scene_fingerprints(scene: bpy.types.Scene) -> dict[str, str]:
+    """The same by kind of datablock ("objects", "meshes", "files"), to say what it was that changed."""
+    reader = Reader()
+    found: dict[Key, str] = {}
+    waiting: list[bpy.types.ID] = [scene]
+    while waiting:
+        block = waiting.pop()
+        key = reader.key(block)
+        if key not in found:
+            read, references = reader.read(block)
+            found[key] = _digest(read)
+            waiting.extend(references)
+    lines: dict[str, list[str]] = {FILES: sorted(reader.files.lines)}
+    for key in sorted(found):
+        lines.setdefault(key[0], []).append(f"{key} {found[key]}")
+    return {kind: _digest(lines[kind])[:DIGITS] for kind in sorted(lines)}
+
+
+def what_changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
+    """The kinds of datablock that two results of `scene_fingerprints` differ in, sorted."""
+    return sorted(kind for kind in before.keys() | after.keys() if before.get(kind) != after.get(kind))
+
+
+def _digest(lines: list[str]) -> str:
+    # A name may hold what is no valid Unicode.
+    return hashlib.sha256("\n".join(lines).encode("utf-8", "surrogateescape")).hexdigest()

@@ -1,0 +1,229 @@
+"""A datablock as text, by what Blender tells of its types: all that may be seen, and the datablocks it points to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+
+from .animated import Place, animated_values
+from .fingerprint_arrays import FLAT, attribute_lines, flat_lines, hair_lines, lattice_lines, mesh_lines
+from .fingerprint_files import Files, image_lines, packed_digest
+from .fingerprint_rules import EXTENDED, GROUPS_OF_ADDONS, counts
+
+SETTINGS = "scene settings"
+OF_THE_WINDOW = (bpy.types.Screen, bpy.types.WorkSpace, bpy.types.WindowManager, bpy.types.Brush)
+SORTED = ("nodes",)
+"""Collections whose order is that of what was selected last."""
+OWNED = ("drawing",)
+"""What can be set to another and yet belongs to its struct."""
+BY_CURVES = "by curves"
+
+Key = tuple[str, str, str]
+"""What tells a datablock from all others: its kind, its name, and that of its library."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to read of a type of struct, worked out once."""
+
+    name: str
+    scalars: tuple[str, ...]
+    arrays: tuple[str, ...]
+    paths: tuple[str, ...]
+    pointers: tuple[tuple[str, bool], ...]
+    """With whether what is there belongs to the struct, and is not only pointed to."""
+    collections: tuple[tuple[str, str], ...]
+    """With the type of the items."""
+    has_attributes: bool
+
+
+def plan_of(struct: bpy.types.bpy_struct) -> Plan:
+    props = [prop for prop in struct.bl_rna.properties if counts(struct, prop)]
+    plain = [prop for prop in props if prop.type not in ("POINTER", "COLLECTION")]
+    paths = [prop.identifier for prop in plain if prop.type == "STRING" and prop.subtype == "FILE_PATH"]
+    arrays = [p.identifier for p in plain if getattr(p, "is_array", False) or getattr(p, "is_enum_flag", False)]
+    lists = {prop.identifier: prop.fixed_type.identifier for prop in props if prop.type == "COLLECTION"}
+    attributes = struct.bl_rna.properties.get("attributes")
+    return Plan(
+        struct.bl_rna.identifier,
+        tuple(prop.identifier for prop in plain if prop.identifier not in {*paths, *arrays}),
+        tuple(arrays),
+        tuple(paths),
+        tuple((p.identifier, p.is_readonly or p.identifier in OWNED) for p in props if p.type == "POINTER"),
+        tuple((name, kind) for name, kind in lists.items() if kind != "Attribute"),
+        attributes is not None and attributes.fixed_type.identifier == "Attribute",
+    )
+
+
+class Reader:
+    """Reads one datablock after the other; `files` gathers what they keep in files."""
+
+    def __init__(self) -> None:
+        self.files = Files()
+        lists = [prop for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"]
+        kinds = {prop.fixed_type.identifier: prop.identifier.replace("_", " ") for prop in lists}
+        self._kinds: dict[str, str] = {**kinds, "Scene": SETTINGS}
+        # By address: the inputs of each geometry nodes modifier are a type of their own, under one name.
+        self._plans: dict[int, Plan] = {}
+
+    def read(self, block: bpy.types.ID) -> tuple[list[str], list[bpy.types.ID]]:
+        """Its lines, and the datablocks that it points to."""
+        reading = _Reading(self, block)
+        reading.embedded("", block)
+        return reading.lines, reading.references
+
+    def key(self, block: bpy.types.ID) -> Key:
+        kind = block.bl_rna
+        while kind.identifier not in self._kinds and kind.base is not None:
+            kind = kind.base
+        name = self._kinds.get(kind.identifier) or str(kind.identifier)
+        return name, block.name, (block.library.name or "") if block.library else ""
+
+    def plan(self, struct: bpy.types.bpy_struct) -> Plan:
+        address = struct.bl_rna.as_pointer()
+        if address not in self._plans:
+            self._plans[address] = plan_of(struct)
+        return self._plans[address]
+
+
+class _Reading:
+    def __init__(self, reader: Reader, block: bpy.types.ID) -> None:
+        self.lines: list[str] = []
+        self.references: list[bpy.types.ID] = []
+        self._reader, self._block, self._key = reader, block, reader.key(block)
+        self._animated: dict[Place, set[int]] = {}
+        self._moving: set[int] = set()
+        self._met: set[tuple[int, str]] = set()
+
+    def embedded(self, path: str, block: bpy.types.ID) -> None:
+        """A datablock, or one that is within it, with curves of its own."""
+        self._animated |= animated_values(block)
+        self._moving = {address for address, _ in self._animated}
+        self._struct(path, block)
+
+    def _struct(self, path: str, struct: bpy.types.bpy_struct) -> None:
+        plan = self._reader.plan(struct)
+        address = struct.as_pointer()
+        if (address, plan.name) in self._met:
+            return
+        self._met.add((address, plan.name))
+        self.lines.append(f"{path} {plan.name} {self._values(plan, struct, address)!r}")
+        for name in plan.paths:
+            self._path(f"{path}.{name}", getattr(struct, name))
+        self._extra(path, struct, plan)
+        self._custom(path, struct, address)
+        for name, owned in plan.pointers:
+            self._pointer(f"{path}.{name}", getattr(struct, name), owned)
+        for name, kind in plan.collections:
+            self._collection(f"{path}.{name}", getattr(struct, name), kind, name in SORTED)
+
+    def _values(self, plan: Plan, struct: bpy.types.bpy_struct, address: int) -> list[Any]:
+        values: list[Any] = [getattr(struct, name) for name in plan.scalars]
+        values += [_listed(getattr(struct, name)) for name in plan.arrays]
+        if address in self._moving:
+            for place, name in enumerate((*plan.scalars, *plan.arrays)):
+                indices = self._animated.get((address, name))
+                if indices is not None:
+                    values[place] = _without(values[place], indices)
+        return values
+
+    def _path(self, path: str, value: str) -> None:
+        self.lines.append(f"{path} {bool(value)}")
+        self._reader.files.add(f"{self._key}{path}", self._block, value)
+
+    def _refer(self, path: str, block: bpy.types.ID) -> None:
+        self.lines.append(f"{path} {self._reader.key(block)}")
+        self.references.append(block)
+
+    def _pointer(self, path: str, value: Any, owned: bool) -> None:
+        if value is None:
+            self.lines.append(f"{path} None")
+        elif isinstance(value, OF_THE_WINDOW):
+            return
+        elif isinstance(value, bpy.types.ID):
+            if value.is_embedded_data and owned:
+                self.embedded(path, value)
+            else:
+                self._refer(path, value)
+        elif owned:
+            self._struct(path, value)
+        else:
+            self.lines.append(f"{path} {getattr(value, 'name', '')!r}")
+
+    def _collection(self, path: str, items: bpy.types.bpy_prop_collection, kind: str, in_any_order: bool) -> None:
+        if kind in FLAT and not any(item.as_pointer() in self._moving for item in (items if self._moving else ())):
+            self.lines.append(path)
+            self.lines.extend(flat_lines(items, kind))
+            return
+        listed = sorted(items, key=lambda item: item.name) if in_any_order else items
+        for index, item in enumerate(listed):
+            # What belongs to a collection is no longer only pointed to.
+            self._pointer(f"{path}[{index}]", item, True)
+
+    def _custom(self, path: str, struct: bpy.types.bpy_struct, address: int) -> None:
+        """Custom properties, and before Blender 5 the inputs of a geometry nodes modifier."""
+        before_5 = bpy.app.version < (5, 0)
+        if not isinstance(struct, EXTENDED) and not (before_5 and isinstance(struct, bpy.types.NodesModifier)):
+            return
+        for name in sorted(struct.keys()):
+            value = struct[name]
+            # Before Blender 5 the settings of add-ons, switched on or not, are among them, as groups.
+            if GROUPS_OF_ADDONS.fullmatch(name) or (before_5 and hasattr(value, "to_dict")):
+                continue
+            if isinstance(value, bpy.types.ID):
+                self._refer(f"{path}[{name!r}]", value)
+                continue
+            plain = value.to_dict() if hasattr(value, "to_dict") else _listed(value)
+            indices = self._animated.get((address, f'["{name}"]'))
+            self.lines.append(f"{path}[{name!r}] {_without(plain, indices) if indices else plain!r}")
+
+    def _extra(self, path: str, struct: bpy.types.bpy_struct, plan: Plan) -> None:
+        """What the properties of its type do not tell, or tell one by one."""
+        types, lines = bpy.types, self.lines
+        if plan.has_attributes:
+            lines.extend(attribute_lines(struct))
+        if isinstance(struct, types.Mesh):
+            lines.extend(mesh_lines(struct))
+        elif isinstance(struct, types.Lattice):
+            lines.extend(lattice_lines(struct))
+        elif isinstance(struct, types.ParticleSystem):
+            lines.extend(hair_lines(struct))
+        elif isinstance(struct, types.NodeTree):
+            lines.extend(_links(struct))
+        elif isinstance(struct, types.Text):
+            lines.append(repr(struct.as_string()))
+        elif isinstance(struct, types.PackedFile):
+            lines.append(packed_digest(struct))
+        elif isinstance(struct, types.CompositorNodeImage):
+            # Of another image Blender prints a complaint that there are none.
+            lines.append(f"{struct.layer if struct.has_layers else ''} {struct.view if struct.has_views else ''}")
+        elif isinstance(struct, types.Image):
+            lines.extend(image_lines(struct))
+            self._reader.files.add_image(f"{self._key}{path}", struct)
+
+
+def _links(tree: bpy.types.NodeTree) -> list[str]:
+    """Sorted, for their order is that of the nodes'."""
+    return sorted(
+        f"{link.from_node.name!r} {link.from_socket.identifier!r} {link.to_node.name!r} {link.to_socket.identifier!r}"
+        f" {link.is_muted} {link.multi_input_sort_id}"
+        for link in tree.links
+    )
+
+
+def _listed(value: Any) -> Any:
+    """A vector, a matrix, an array or a set as what is written in one way only."""
+    if isinstance(value, set):
+        return sorted(value)
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+        return value
+    return [_listed(item) for item in value]
+
+
+def _without(value: Any, indices: set[int]) -> Any:
+    """A value, with what curves set in it left out."""
+    if not isinstance(value, list):
+        return BY_CURVES
+    return [BY_CURVES if index in indices else item for index, item in enumerate(value)]

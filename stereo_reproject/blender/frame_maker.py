@@ -1,0 +1,179 @@
+"""Renders an animation's frames, one after the other, and has each written while the next is rendered."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import bpy
+
+from ..animation import blamed_on_output, failed_output
+from ..animation_settings import AnimationSettings
+from ..errors import StereoReprojectError, as_told
+from ..exr import VIEWS, write_eye
+from ..fill import SourceCost
+from ..journal import Fingerprints, Journal, Record, digest
+from ..memory import give_back_freed
+from ..pipeline import colour
+from ..settings import StereoSettings
+from ..stereo_pair import StereoPair
+from ..supervisor import FRAME
+from ..writer_process import WriterOrder, WriterProcess, WrittenFrame
+from .compare import compare_with_multiview
+from .frame import render_pair, value_warnings
+from .image_settings import writes_half_floats
+from .pictures import write_holes
+from .processes import module_in_blender
+from .scene import WorkingScenes
+
+OF_A_FRAME = (
+    "size",
+    "samples",
+    "accuracy",
+    "seconds",
+    "fractions",
+    "fill",
+    "estimate",
+    "correction",
+    "layers",
+    "memory",
+)
+"""What of a pair's report an animation's has for each frame."""
+
+RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_target")
+"""The stages that render, or denoise what was rendered: the rest is what is done beside."""
+
+
+@dataclass(frozen=True)
+class Belonging:
+    """What the frames of a run have in common: their journal, their fingerprints, and the run's own token."""
+
+    journal: Journal
+    wanted: Fingerprints
+    token: str
+
+
+class BlenderFrameMaker:
+    """Renders frames with one working scene that stays, and hands them to the writer: `animation.FrameMaker`."""
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        settings: StereoSettings,
+        options: AnimationSettings,
+        order: WriterOrder,
+        belonging: Belonging,
+        work: Path,
+        on_stage: Callable[[str, str], None],
+        *,
+        keeps_last: bool,
+    ) -> None:
+        """work is a private folder for what passes between the stages of a frame; order says how they are written.
+        keeps_last is whether the last frame's eyes are asked for in the end."""
+        self._scene, self._settings, self._options = scene, settings, options
+        self._belonging, self._on_stage = belonging, on_stage
+        self._work, self._private = work, Path(order.private)
+        self._half = writes_half_floats(scene)
+        self._costs = digest([belonging.wanted.settings, dict(belonging.wanted.scene)])[:16]
+        self._scenes = WorkingScenes(scene)
+        self._writer = WriterProcess(order, module_in_blender("writer"))
+        self._writer.start()
+        self._layers_begun = 0
+        self._keeps_last = keeps_last
+        self._last: tuple[int, StereoPair | None] | None = None
+
+    def render(self, frame: int, claim: int) -> None:
+        try:
+            self._render(frame, claim)
+        except Exception as error:
+            # Whatever one frame meets with, the others may be spared, with a scene that is set up anew.
+            self._scenes.close()
+            raise blamed_on_output(self._belonging.journal.frames_folder, as_told(error)) from error
+
+    def _render(self, frame: int, claim: int) -> None:
+        start = time.perf_counter()
+        self._layers_begun = 0
+        where = f"{FRAME}{frame}"
+        of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
+        pair, report = render_pair(
+            self._scene,
+            of_this,
+            self._work,
+            on_stage=lambda stage: self._on_stage(stage, where),
+            scenes=self._scenes,
+            decided_by=self._agreed,
+        )
+        figures = {key: report[key] for key in OF_A_FRAME if key in report}
+        figures["multiview_seconds"] = report["predicted_speedup"] * report["seconds"]["total"]
+        figures["warnings"] = [*report["warnings"], *value_warnings(pair, half=self._half)]
+        folder = self._hand_out(frame, pair)
+        figures["wall_seconds"] = wall = time.perf_counter() - start
+        figures["beside_seconds"] = wall - sum(report["seconds"].get(stage, 0.0) for stage in RENDERING)
+        if self._is_compared(frame):
+            self._on_stage("compare", where)
+            self._scenes.close()
+            figures["compare"] = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
+        record = {
+            "frame": frame,
+            "settings": self._belonging.wanted.settings,
+            "scene": dict(self._belonging.wanted.scene),
+            "run": self._belonging.token,
+            "figures": figures,
+        }
+        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), dict(pair.metadata), record))
+        # A pair is much to hold while the next one is rendered.
+        self._last = frame, pair if self._keeps_last else None
+        del pair
+        give_back_freed()
+
+    def _hand_out(self, frame: int, pair: StereoPair) -> Path:
+        """The folder with what the writer needs of a frame."""
+        folder = self._private / f"frame-{frame}"
+        try:
+            folder.mkdir(exist_ok=True)
+            for view in VIEWS:
+                layers = pair.eyes[view]
+                write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
+            if self._options.holes:
+                target = colour(pair.eyes[self._settings.target][pair.main])
+                write_holes(folder / "holes.png", target, pair.main_frame.reasons)
+        except (OSError, StereoReprojectError) as error:
+            raise failed_output(self._belonging.journal.frames_folder, error) from error
+        return folder
+
+    def _agreed(self, cost: SourceCost) -> SourceCost:
+        """What fill methods are chosen by: the first frame's cost, for a frame to be the same when rendered again."""
+        self._layers_begun += 1
+        try:
+            known = self._belonging.journal.agree_on_costs(f"{self._costs}-{self._layers_begun}", asdict(cost))
+            return SourceCost(**known) if known.keys() == asdict(cost).keys() else cost
+        except OSError as error:
+            raise failed_output(self._belonging.journal.frames_folder, error) from error
+
+    def _is_compared(self, frame: int) -> bool:
+        every = self._options.compare_every
+        return every is not None and (frame - self._scene.frame_start) % every == 0
+
+    def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
+        folder = self._belonging.journal.frames_folder
+        return [
+            (frame, blamed_on_output(folder, result) if isinstance(result, StereoReprojectError) else result)
+            for frame, result in self._writer.finished(wait=wait)
+        ]
+
+    def leave(self, folder: Path) -> int | None:
+        """Leave the last frame's eyes, if they were kept; its number, None where none was rendered here."""
+        if self._last is None:
+            return None
+        frame, pair = self._last
+        folder.mkdir(exist_ok=True)
+        for view in VIEWS:
+            if pair is not None:
+                write_eye(folder / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
+        return frame
+
+    def close(self) -> None:
+        self._scenes.close()
+        self._writer.close()

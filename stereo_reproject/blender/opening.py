@@ -1,0 +1,25 @@
+"""A .blend opened in a process of its own, as the session that asks for it has it open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..supervisor import Session
+from .devices import use_devices
+from .output_paths import write_beside
+from .scene import open_blend
+
+
+def open_session(blend: Path, session: Session) -> bpy.types.Scene:
+    """The session's scene of the .blend, which is loaded. Raises BadInputError."""
+    scene = open_blend(blend, session.scene, scripts=session.scripts)
+    if session.devices is not None:
+        use_devices(session.devices)
+    if session.layers is not None:
+        for layer in scene.view_layers:
+            layer.use = layer.name in session.layers
+    if session.original:
+        write_beside(scene, Path(session.original))
+    return scene

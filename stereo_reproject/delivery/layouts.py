@@ -1,0 +1,105 @@
+"""How two eyes share one picture or movie, and what tells a player so: the file's name and the movie's own mark.
+
+Which eye is where is Blender's convention. Its side-by-side has the left eye left, its top-bottom the left eye on top,
+its interlaced pictures begin at the bottom left with the left eye: so the top row of a picture of even height is the
+right eye's, and the first column the left eye's.
+
+Sources. st3d: Google, "Spherical Video V2 RFC", Stereoscopic 3D Video Box; it knows nothing interlaced and no anaglyph.
+StereoMode: RFC 9559 (Matroska), 5.1.4.1.28.3 and 18.10; it knows no yellow-blue anaglyph. Tags: the published rules of
+SKYBOX VR (LR, SBS, HSBS, TB, OU, HOU, 3dh, 3dv), Bino (-lr, -rl, -lrh, -tb, -tbh and more, at the end of the name),
+Rad TV (lr, rl, sbs, tb, bt, ou) and Kodi (sbs, hsbs, tab, htab). RL is known to some of them; HTB goes with HSBS, for
+players that look for TB in a name.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One way to deliver two eyes.
+
+    tag: what players look for in the name, "" where they know nothing
+    st3d: `stereo_mode` of an MP4's st3d box, None where it has no value
+    stereo_mode: Matroska's StereoMode, None where it has no value
+    across, down: whole pictures side by side and above one another; 1 where the eyes are squeezed or interlaced
+    """
+
+    name: str
+    tag: str = ""
+    st3d: int | None = None
+    stereo_mode: int | None = None
+    across: int = 1
+    down: int = 1
+
+
+LAYOUTS: dict[str, Layout] = {
+    layout.name: layout
+    for layout in (
+        Layout("individual"),
+        Layout("multi-view"),
+        Layout("side-by-side", "_LR", st3d=2, stereo_mode=1, across=2),
+        Layout("side-by-side-half", "_HSBS", st3d=2, stereo_mode=1),
+        Layout("cross-eyed", "_RL", st3d=4, stereo_mode=11, across=2),
+        Layout("top-bottom", "_TB", st3d=1, stereo_mode=3, down=2),
+        Layout("top-bottom-half", "_HTB", st3d=1, stereo_mode=3),
+        Layout("anaglyph-red-cyan", stereo_mode=10),
+        Layout("anaglyph-green-magenta", stereo_mode=12),
+        Layout("anaglyph-yellow-blue"),
+        Layout("anaglyph-dubois", stereo_mode=10),
+        Layout("interlace-rows", stereo_mode=6),
+        Layout("interlace-columns", stereo_mode=9),
+        Layout("interlace-checkerboard", stereo_mode=4),
+    )
+}
+
+_SIDE_BY_SIDE = frozenset({"side-by-side", "side-by-side-half"})
+_TOP_BOTTOM = frozenset({"top-bottom", "top-bottom-half"})
+_NOWHERE: frozenset[str] = frozenset()
+# In small letters and without separators. Bare SBS and TAB are written for both sizes.
+KNOWN_TAGS: dict[str, frozenset[str]] = {
+    **dict.fromkeys(("sbs", "sidebyside", "3dh"), _SIDE_BY_SIDE),
+    **dict.fromkeys(("lr", "leftright"), frozenset({"side-by-side"})),
+    **dict.fromkeys(("hsbs", "halfsbs", "sbshalf", "halfsidebyside", "lrh", "lrq"), frozenset({"side-by-side-half"})),
+    **dict.fromkeys(("rl", "rightleft"), frozenset({"cross-eyed"})),
+    **dict.fromkeys(("tab", "3dv", "overunder", "topbottom"), _TOP_BOTTOM),
+    **dict.fromkeys(("tb", "ou", "ab"), frozenset({"top-bottom"})),
+    **dict.fromkeys(
+        ("htb", "htab", "hou", "halfou", "halftb", "halfoverunder", "tbh", "abq"), frozenset({"top-bottom-half"})
+    ),
+    **dict.fromkeys(("rlh", "rlq", "bt", "ba", "bth", "baq"), _NOWHERE),
+}
+
+_WORD = re.compile(r"[^\W_]+")
+LONGEST = 4
+"""Words of a tag that is written apart: half side by side."""
+
+
+def tagged_name(path: Path, layout: Layout) -> Path:
+    """The path with the layout's tag before its extension, unless the name has the tag already as a word."""
+    if not layout.tag or layout.tag[1:].casefold() in _words(path.stem):
+        return path
+    return path.with_name(f"{path.stem}{layout.tag}{path.suffix}")
+
+
+def contradicting_tag(path: Path, layout: Layout) -> str | None:
+    """The first tag in a file's name by which players would take it for another layout, as it is written there."""
+    words = list(_WORD.finditer(path.stem))
+    at = 0
+    while at < len(words):
+        for count in range(min(LONGEST, len(words) - at), 0, -1):
+            tag = "".join(word.group() for word in words[at : at + count]).casefold()
+            if tag in KNOWN_TAGS:
+                if layout.name not in KNOWN_TAGS[tag]:
+                    return path.stem[words[at].start() : words[at + count - 1].end()]
+                at += count - 1
+                break
+        at += 1
+    return None
+
+
+def _words(stem: str) -> list[str]:
+    return [word.group().casefold() for word in _WORD.finditer(stem)]

@@ -1,0 +1,257 @@
+"""The mark that says in an MKV or WebM file how its eyes are laid out: Matroska's StereoMode.
+
+Elements are those of EBML (RFC 8794): number, size, content. In a movie (RFC 9559) Segment holds SeekHead with
+the places of the others, Void, Info, Tracks, Tags, Clusters with the pictures, Cues. libavformat leaves a Void
+behind SeekHead: Tracks grows into it, what lies between moves to the front, and nothing behind Tracks changes.
+
+DisplayWidth and DisplayHeight are the size of one eye's picture (RFC 9559, 18.10), so they go with the mark.
+
+Blender 5.2 marks its movies itself; which eye is first differs from movie to movie for no reason, and squeezed pictures
+are taken for whole ones. So a mark that is there already counts for nothing.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import BadInputError
+from .mp4 import damaged
+from .splicing import Edit, splice
+
+EBML, DOC_TYPE, SEGMENT = 0x1A45DFA3, 0x4282, 0x18538067
+SEEK_HEAD, SEEK, SEEK_POSITION, VOID, CRC_32 = 0x114D9B74, 0x4DBB, 0x53AC, 0xEC, 0xBF
+CLUSTER, TRACKS, TRACK_ENTRY, TRACK_TYPE, VIDEO = 0x1F43B675, 0x1654AE6B, 0xAE, 0x83, 0xE0
+PIXEL_WIDTH, PIXEL_HEIGHT = 0xB0, 0xBA
+STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT = 0x53B8, 0x54B0, 0x54BA
+VIDEO_TRACK = 1
+
+WEBM_MODES = frozenset({0, 1, 2, 3, 11})
+"""Of StereoMode, those that WebM has (WebM Project, "WebM Container Guidelines")."""
+
+DOUBLED = {**dict.fromkeys((1, 8, 9, 11), (2, 1)), **dict.fromkeys((2, 3, 6, 7), (1, 2))}
+"""By how much libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
+
+LONGEST_HEADER = 12
+"""Bytes: four of number and eight of size."""
+
+MOST_HEAD = 1 << 28
+"""Bytes up to the end of Tracks, in memory; attached files may lie before them."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """Its number, the width of its size in bytes, its place [start, stop), its content from `content`."""
+
+    number: int
+    width: int
+    start: int
+    content: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class _Head:
+    """The file up to the end of Tracks; where places count from; the elements from there on, Tracks the last."""
+
+    data: bytes
+    origin: int
+    elements: list[Element]
+
+
+def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: int = 1) -> None:
+    """Put StereoMode into the first video track of an MKV or WebM; None takes the mark away.
+
+    across, down: whole pictures side by side and above one another in a frame, 1 where eyes are squeezed or interlaced.
+    The pixels' own aspect is kept. Raises StereoReprojectError when the file is damaged and BadInputError when it has
+    no room or is a stream of unknown size; either way it is left as it is.
+    """
+    try:
+        with path.open("rb") as file:
+            head = _read_head(file, path.name)
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+    tracks = head.elements[-1]
+    try:
+        new = _marked_tracks(head.data, tracks, mode, across, down)
+    except (ValueError, IndexError, KeyError, StopIteration) as error:
+        raise damaged(path.name) from error
+    if new != head.data[tracks.start : tracks.stop]:
+        splice(path, _fitted(head, new, path.name))
+
+
+def doc_type(path: Path) -> str:
+    """ "matroska" or "webm", by the file's header; "" when it has none."""
+    with path.open("rb") as file:
+        data = file.read(1024)
+    try:
+        header = _element(data, 0, len(data))
+        found = next((e for e in _elements(data, header.content, header.stop) if e.number == DOC_TYPE), None)
+    except (ValueError, IndexError):
+        return ""
+    return data[found.content : found.stop].rstrip(b"\0").decode("ascii", "replace") if found else ""
+
+
+def _read_head(file: BinaryIO, name: str) -> _Head:
+    end = file.seek(0, 2)
+    segment = _outer(file, _outer(file, 0, name).stop, name)
+    if segment.number != SEGMENT or segment.stop > end:
+        raise damaged(name)
+    elements = [_outer(file, segment.content, name)]
+    while elements[-1].number != TRACKS:
+        elements.append(_outer(file, elements[-1].stop, name))
+        if elements[-1].number == CLUSTER:
+            raise damaged(name)
+    if elements[-1].stop > min(segment.stop, MOST_HEAD):
+        raise damaged(name)
+    file.seek(0)
+    return _Head(file.read(elements[-1].stop), segment.content, elements)
+
+
+def _outer(file: BinaryIO, start: int, name: str) -> Element:
+    """The header of the element that starts there; its content may be longer than what memory takes."""
+    file.seek(start)
+    try:
+        found = _element(file.read(LONGEST_HEADER), 0, None)
+    except IndexError as error:
+        raise damaged(name) from error
+    except ValueError as error:
+        raise BadInputError(f"{name} is a stream or unfinished: its size is not known; write it again") from error
+    return replace(found, start=start, content=found.content + start, stop=found.stop + start)
+
+
+def _element(data: bytes, start: int, stop: int | None) -> Element:
+    """Raises ValueError when its size is unknown or beyond `stop`, IndexError when it has no header."""
+    number, at = _variable(data, start, keep_marker=True)
+    size, content = _variable(data, at, keep_marker=False)
+    width = content - at
+    if size == (1 << 7 * width) - 1 or (stop is not None and content + size > stop):
+        raise ValueError
+    return Element(number, width, start, content, content + size)
+
+
+def _variable(data: bytes, at: int, *, keep_marker: bool) -> tuple[int, int]:
+    """A number of variable length (RFC 8794, 4) and where it ends."""
+    length = 9 - data[at].bit_length()
+    value = int.from_bytes(data[at : at + length])
+    if length > 8 or at + length > len(data):
+        raise IndexError
+    return value if keep_marker else value & (1 << 7 * length) - 1, at + length
+
+
+def _elements(data: bytes, start: int, stop: int) -> Iterator[Element]:
+    while start < stop:
+        element = _element(data, start, stop)
+        yield element
+        start = element.stop
+
+
+def _marked_tracks(data: bytes, tracks: Element, mode: int | None, across: int, down: int) -> bytes:
+    for entry in _elements(data, tracks.content, tracks.stop):
+        children = list(_elements(data, entry.content, entry.stop)) if entry.number == TRACK_ENTRY else []
+        kind = next((_uint(data, e) for e in children if e.number == TRACK_TYPE), None)
+        if kind == VIDEO_TRACK:
+            video = next(e for e in children if e.number == VIDEO)
+            new_video = _master(video, _marked_video(data, video, mode, across, down))
+            new_entry = _master(entry, _with(data, entry, video, new_video))
+            return _master(tracks, _with(data, tracks, entry, new_entry))
+    raise ValueError
+
+
+def _marked_video(data: bytes, video: Element, mode: int | None, across: int, down: int) -> bytes:
+    children = list(_elements(data, video.content, video.stop))
+    values = {element.number: _uint(data, element) for element in children}
+    if mode is None and STEREO_MODE not in values:
+        return data[video.content : video.stop]
+    marks = (STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT)
+    others = b"".join(data[e.start : e.stop] for e in children if e.number not in marks)
+    width, height = _frame_shape(values)
+    # A ratio that stays whole numbers.
+    width, height = (width // across, height) if width % across == 0 else (width, height * across)
+    width, height = (width, height // down) if height % down == 0 else (width * down, height)
+    mark = b"" if mode is None else _unsigned(STEREO_MODE, mode)
+    return others + mark + _unsigned(DISPLAY_WIDTH, width) + _unsigned(DISPLAY_HEIGHT, height)
+
+
+def _frame_shape(values: dict[int, int]) -> tuple[int, int]:
+    """The size at which the whole frame is to be shown, both eyes in it at the pixels' own aspect."""
+    pixels = values[PIXEL_WIDTH], values[PIXEL_HEIGHT]
+    width, height = values.get(DISPLAY_WIDTH, pixels[0]), values.get(DISPLAY_HEIGHT, pixels[1])
+    across, down = DOUBLED.get(values.get(STEREO_MODE, 0), (1, 1))
+    # One eye's size that has the frame's own shape: the eyes are squeezed and the pixels square.
+    if width * pixels[1] == height * pixels[0]:
+        return width, height
+    return width * across, height * down
+
+
+def _uint(data: bytes, element: Element) -> int:
+    return int.from_bytes(data[element.content : element.stop])
+
+
+def _unsigned(number: int, value: int) -> bytes:
+    content = value.to_bytes(max((value.bit_length() + 7) // 8, 1))
+    return number.to_bytes(2) + bytes([0x80 | len(content)]) + content
+
+
+def _with(data: bytes, parent: Element, child: Element, new: bytes) -> bytes:
+    return data[parent.content : child.start] + new + data[child.stop : parent.stop]
+
+
+def _master(old: Element, content: bytes) -> bytes:
+    """The element with another content, its checksum (RFC 8794, 11.3.1) the one of that content."""
+    content = _summed(content)
+    width = old.width
+    while len(content) >= (1 << 7 * width) - 1:
+        width += 1
+    number = old.number.to_bytes((old.number.bit_length() + 7) // 8)
+    return number + (len(content) | 1 << 7 * width).to_bytes(width) + content
+
+
+def _summed(content: bytes) -> bytes:
+    if content[:2] != bytes([CRC_32, 0x84]):
+        return content
+    return content[:2] + zlib.crc32(content[6:]).to_bytes(4, "little") + content[6:]
+
+
+def _fitted(head: _Head, tracks: bytes, name: str) -> list[Edit]:
+    """The new Tracks where the old ones end, the Void before them smaller or larger by as much."""
+    *elements, old = head.elements
+    growth = len(tracks) - (old.stop - old.start)
+    edits = [Edit(old.start, old.stop, tracks)]
+    if not growth:
+        return edits
+    room = next((e for e in elements if e.number == VOID and _void(e.stop - e.start - growth) is not None), None)
+    if room is None:
+        raise BadInputError(f"{name} has no room for the mark of its stereo layout; write it with Blender")
+    edits.append(Edit(room.start, room.stop, _void(room.stop - room.start - growth) or b""))
+    places = [element.start - head.origin for element in head.elements if element.start > room.start]
+    moved = {place: place - growth for place in places}
+    try:
+        edits += [_relocated(head.data, e, moved) for e in elements if e.number == SEEK_HEAD]
+    except (ValueError, IndexError, OverflowError) as error:
+        raise damaged(name) from error
+    return edits
+
+
+def _void(size: int) -> bytes | None:
+    """Nothing, in so many bytes; None where there is no such Void."""
+    if size == 0:
+        return b""
+    if size < 2 or size > 1 << 24:
+        return None
+    width = 1 if size - 2 < 0x7F else 8
+    content = size - 1 - width
+    return bytes([VOID]) + (content | 1 << 7 * width).to_bytes(width) + bytes(content)
+
+
+def _relocated(data: bytes, seek_head: Element, moved: dict[int, int]) -> Edit:
+    content = bytearray(data[seek_head.content : seek_head.stop])
+    for seek in _elements(data, seek_head.content, seek_head.stop):
+        for element in _elements(data, seek.content, seek.stop) if seek.number == SEEK else ():
+            if element.number == SEEK_POSITION and _uint(data, element) in moved:
+                start, stop = element.content - seek_head.content, element.stop - seek_head.content
+                content[start:stop] = moved[_uint(data, element)].to_bytes(stop - start)
+    return Edit(seek_head.content, seek_head.stop, _summed(bytes(content)))

@@ -1,0 +1,197 @@
+"""The mark that says in an MP4 or MOV file how its eyes are laid out: Google's st3d box.
+
+Boxes are those of ISO/IEC 14496-12: size, type, content; the video's are moov, trak, mdia, minf, stbl, stsd, then the
+sample entry (avc1, hvc1, apcn ...), in which the mark is. Source: Google, "Spherical Video V2 RFC".
+
+Blender 5.2 puts Apple's own marks, vexu and hfov, into MOV files; part of what it writes there differs from movie to
+movie for no reason, which eye is first among it. So those go when this one comes.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import BadInputError, StereoReprojectError
+from .splicing import Edit, splice
+
+PATH_TO_ENTRIES = (b"mdia", b"minf", b"stbl", b"stsd")
+MARKS = (b"st3d", b"vexu", b"hfov")
+AFTER_THE_MARK = (b"pasp", b"clap", b"sv3d")
+"""The RFC has them follow the mark."""
+
+VISUAL_SAMPLE_ENTRY = 78
+"""Bytes of its own before its boxes (ISO/IEC 14496-12, 12.1.3)."""
+
+SIZE_32, SIZE_64 = 8, 16
+"""Of a box's header."""
+
+MOST_MOOV = 1 << 30
+"""Bytes; what is larger is no description of a movie but a damaged number."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Its type and its place in the file, [start, stop), its content from `content`. open_ended: to the file's end."""
+
+    kind: bytes
+    start: int
+    content: int
+    stop: int
+    open_ended: bool = False
+
+
+@dataclass(frozen=True)
+class _Moov:
+    """The movie's description in memory, and where in the file it begins."""
+
+    start: int
+    data: bytes
+    name: str
+
+    def read(self, start: int, stop: int) -> bytes:
+        return self.data[start - self.start : stop - self.start]
+
+    def number(self, start: int, size: int = 4) -> int:
+        return int.from_bytes(self.read(start, start + size))
+
+    def boxes(self, start: int, stop: int) -> Iterator[Box]:
+        # QuickTime may end a list of boxes with four zero bytes.
+        while start + SIZE_32 <= stop:
+            size, kind = struct.unpack(">I4s", self.read(start, start + SIZE_32))
+            header = SIZE_32
+            if size == 1:
+                header, size = SIZE_64, self.number(start + SIZE_32, 8)
+            if not header <= size <= stop - start:
+                raise damaged(self.name)
+            yield Box(kind, start, start + header, start + size)
+            start += size
+
+    def child(self, parent: Box, kind: bytes) -> Box | None:
+        return next((box for box in self.boxes(parent.content, parent.stop) if box.kind == kind), None)
+
+    def descendants(self, parent: Box, kinds: tuple[bytes, ...]) -> list[Box] | None:
+        """The boxes on a path down, or None where one is missing."""
+        found: list[Box] = []
+        for kind in kinds:
+            box = self.child(found[-1] if found else parent, kind)
+            if box is None:
+                return None
+            found.append(box)
+        return found
+
+
+def damaged(name: str) -> StereoReprojectError:
+    return StereoReprojectError(f"{name} is not a whole movie; was the rendering stopped or is the disk full?")
+
+
+def write_st3d(path: Path, mode: int | None) -> None:
+    """Put an st3d box with this `stereo_mode` into the first video track of an MP4 or MOV; None takes the mark away.
+
+    A mark that is there already goes, Apple's included. Raises StereoReprojectError when the file is damaged and
+    BadInputError when it is a kind of MP4 that is not known here; either way it is left as it is.
+    """
+    try:
+        with path.open("rb") as file:
+            moov_box, moov = _read_moov(file, path.name)
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+    edits, ancestors = _mark_edits(moov, moov_box, mode)
+    growth = sum(edit.growth for edit in edits)
+    if not any(edit.new or edit.stop > edit.start for edit in edits):
+        return
+    if growth:
+        edits += _offset_edits(moov, moov_box, growth)
+        edits += [_resized(box, growth) for box in ancestors if not box.open_ended]
+    splice(path, edits)
+
+
+def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
+    boxes = list(_top_boxes(file, name))
+    if any(box.kind == b"moof" for box in boxes):
+        raise BadInputError(f"{name} is a fragmented movie, which is not supported; write it unfragmented")
+    box = next((box for box in boxes if box.kind == b"moov"), None)
+    if box is None or box.stop - box.start > MOST_MOOV:
+        raise damaged(name)
+    file.seek(box.start)
+    return box, _Moov(box.start, file.read(box.stop - box.start), name)
+
+
+def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
+    end, start = file.seek(0, 2), 0
+    while start < end:
+        file.seek(start)
+        header = file.read(SIZE_64)
+        if len(header) < SIZE_32:
+            raise damaged(name)
+        size, kind = struct.unpack(">I4s", header[:SIZE_32])
+        length, open_ended = SIZE_32, size == 0
+        if size == 1:
+            length, size = SIZE_64, int.from_bytes(header[SIZE_32:])
+        elif open_ended:
+            size = end - start
+        if not length <= size <= end - start:
+            raise damaged(name)
+        yield Box(kind, start, start + length, start + size, open_ended)
+        start += size
+
+
+def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit], list[Box]]:
+    """What changes in the first video track's sample entry, and the boxes around it, the entry included."""
+    for track in moov.boxes(moov_box.content, moov_box.stop):
+        way = moov.descendants(track, PATH_TO_ENTRIES) if track.kind == b"trak" else None
+        if way and _is_video(moov, way[0]):
+            entries = way[-1]
+            # Version, flags and the number of entries come first.
+            entry = next(moov.boxes(entries.content + 8, entries.stop), None)
+            if entry is None or entry.content + VISUAL_SAMPLE_ENTRY > entry.stop:
+                raise damaged(moov.name)
+            return _entry_edits(moov, entry, mode), [moov_box, track, *way, entry]
+    raise damaged(moov.name)
+
+
+def _is_video(moov: _Moov, media: Box) -> bool:
+    handler = moov.child(media, b"hdlr")
+    return handler is not None and moov.read(handler.content + 8, handler.content + 12) == b"vide"
+
+
+def _entry_edits(moov: _Moov, entry: Box, mode: int | None) -> list[Edit]:
+    boxes = list(moov.boxes(entry.content + VISUAL_SAMPLE_ENTRY, entry.stop))
+    edits = [Edit(box.start, box.stop, b"") for box in boxes if box.kind in MARKS]
+    if mode is not None:
+        end = boxes[-1].stop if boxes else entry.content + VISUAL_SAMPLE_ENTRY
+        place = next((box.start for box in boxes if box.kind in AFTER_THE_MARK), end)
+        edits.append(Edit(place, place, struct.pack(">I4sIB", 13, b"st3d", 0, mode)))
+    return edits
+
+
+def _resized(box: Box, growth: int) -> Edit:
+    if box.content - box.start == SIZE_64:
+        return Edit(box.start + SIZE_32, box.start + SIZE_64, struct.pack(">Q", box.stop - box.start + growth))
+    return Edit(box.start, box.start + 4, struct.pack(">I", box.stop - box.start + growth))
+
+
+def _offset_edits(moov: _Moov, moov_box: Box, growth: int) -> list[Edit]:
+    """Chunks that lie behind the description move with its size; those before it stay."""
+    edits = []
+    for track in moov.boxes(moov_box.content, moov_box.stop):
+        tables = moov.descendants(track, PATH_TO_ENTRIES[:3]) if track.kind == b"trak" else None
+        for table in moov.boxes(tables[-1].content, tables[-1].stop) if tables else ():
+            if table.kind in (b"stco", b"co64"):
+                edits.append(_moved(moov, table, ">I" if table.kind == b"stco" else ">Q", moov_box.stop, growth))
+    return edits
+
+
+def _moved(moov: _Moov, table: Box, form: str, behind: int, growth: int) -> Edit:
+    size = struct.calcsize(form)
+    start, count = table.content + 8, moov.number(table.content + 4)
+    if start + count * size > table.stop:
+        raise damaged(moov.name)
+    numbers = [offset for (offset,) in struct.iter_unpack(form, moov.read(start, start + count * size))]
+    moved = [offset + growth if offset >= behind else offset for offset in numbers]
+    if moved and max(moved) >= 1 << 8 * size:
+        raise BadInputError(f"{moov.name}: no room for the mark, its offsets end at 4 GiB; write shorter movies")
+    return Edit(start, start + count * size, struct.pack(f">{count}{form[1]}", *moved))

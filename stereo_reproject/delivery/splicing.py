@@ -1,0 +1,73 @@
+"""Some bytes of a large file replaced, the rest copied in blocks; the file is whole at every moment."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import BadInputError
+
+BLOCK_BYTES = 1 << 20
+"""Copied at a time: movies have gigabytes."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """The bytes [start, stop) of a file are to be `new`; an insertion where start is stop."""
+
+    start: int
+    stop: int
+    new: bytes
+
+    @property
+    def growth(self) -> int:
+        return len(self.new) - (self.stop - self.start)
+
+
+def splice(path: Path, edits: Sequence[Edit]) -> None:
+    """Apply edits that do not overlap, in any order, by way of a temporary file beside `path`.
+
+    Raises BadInputError where that cannot be written; then the file is as it was.
+    """
+    if all(edit.start == edit.stop and not edit.new for edit in edits):
+        return
+    handle, name = -1, None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        with os.fdopen(handle, "wb") as target, path.open("rb") as source:
+            _copy_edited(source, target, edits)
+            target.flush()
+            os.fsync(target.fileno())
+        shutil.copymode(path, name)
+        Path(name).replace(path)
+    except BaseException as error:
+        if name is not None:
+            with contextlib.suppress(OSError):
+                Path(name).unlink()
+        if isinstance(error, OSError):
+            reason = error.strerror or error
+            raise BadInputError(f"{path} cannot be written ({reason}); is the disk full?") from error
+        raise
+
+
+def _copy_edited(source: BinaryIO, target: BinaryIO, edits: Sequence[Edit]) -> None:
+    for edit in sorted(edits, key=lambda edit: (edit.start, edit.stop)):
+        _copy(source, target, edit.start - source.tell())
+        target.write(edit.new)
+        source.seek(edit.stop)
+    shutil.copyfileobj(source, target, BLOCK_BYTES)
+
+
+def _copy(source: BinaryIO, target: BinaryIO, count: int) -> None:
+    while count > 0:
+        block = source.read(min(count, BLOCK_BYTES))
+        if not block:
+            raise OSError("the file became shorter")
+        target.write(block)
+        count -= len(block)

@@ -1,0 +1,38 @@
+"""The mark of a stereo layout in a movie, whichever container it is in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import BadInputError
+from .layouts import Layout
+from .matroska import WEBM_MODES, doc_type, write_stereo_mode
+from .mp4 import damaged, write_st3d
+
+EBML_MAGIC = b"\x1a\x45\xdf\xa3"
+MP4_FIRST_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
+"""QuickTime files may begin with any of them."""
+
+
+def write_stereo_mode_of(path: Path, layout: Layout) -> bool:
+    """Mark a movie with its layout; whether its container has a place and a value for it.
+
+    Where it has none, a mark that is there already is wrong and goes (Blender 5.2 writes some); a container without
+    marks (AVI ...) is left alone. Raises StereoReprojectError when the file is damaged, and then it is left alone too.
+    """
+    try:
+        with path.open("rb") as file:
+            magic = file.read(8)
+        kind = doc_type(path) if magic[:4] == EBML_MAGIC else ""
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+    if len(magic) < 8:
+        raise damaged(path.name)
+    if magic[:4] == EBML_MAGIC:
+        mode = None if kind == "webm" and layout.stereo_mode not in WEBM_MODES else layout.stereo_mode
+        write_stereo_mode(path, mode, across=layout.across if mode else 1, down=layout.down if mode else 1)
+        return mode is not None
+    if magic[4:] in MP4_FIRST_BOXES:
+        write_st3d(path, layout.st3d)
+        return layout.st3d is not None
+    return False

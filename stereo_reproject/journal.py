@@ -1,0 +1,279 @@
+"""What is known of an animation's frames, in a folder beside them, so that any process can go on with them.
+
+0001.json       a finished frame: by what settings and of which scene, its files with their checksums, its figures
+0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
+.NAME.tmp       a file that is being written and will be called NAME
+run-TOKEN       a run at work: where, and a number that counts up as long as it lives
+costs-KEY.json  what the source eye of the first frame has cost, by which fill methods are chosen for all of them
+
+Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
+several machines with a shared drive, need no locks, which some drives do not have, and no clocks that agree: a file is
+made by one of them alone (O_EXCL), and whether a run lives is told by whether its number still changes while one looks
+on. A frame's record is written after its files, and its claim is removed after that. A run that was thought dead and
+wakes up finds its claim gone or passed on, and leaves the frame alone. What dead runs have left is removed by the next.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import time
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from .report import to_json, write_json
+from .runs import CLAIM, Runs
+
+JOURNAL = "journal"
+"""The folder, in the one that the frames are in."""
+
+RECORD_SCHEMA = 1
+
+COSTS_LOOKS = 20
+COSTS_SECONDS = 0.05
+"""How often, and how far apart, a file is looked at that another run has just made."""
+NO_RECORD = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+"""What comes of reading something else as one."""
+
+
+class FrameState(Enum):
+    """What there is of a frame."""
+
+    WHOLE = "there already"
+    MISSING = "missing"
+    DAMAGED = "damaged"
+    UNKNOWN = "not in the journal"
+    OTHER_SETTINGS = "of other settings"
+    OTHER_SCENE = "of another scene"
+
+
+@dataclass(frozen=True)
+class Record:
+    """A finished frame. files have their size in bytes and their SHA-256, by name; settings and scene are fingerprints,
+    run is the token of the run that rendered it, and figures what an animation's report tells of it."""
+
+    frame: int
+    files: Mapping[str, Mapping[str, Any]]
+    settings: str
+    scene: Mapping[str, str]
+    run: str
+    figures: Mapping[str, Any]
+    schema: int = RECORD_SCHEMA
+
+
+@dataclass(frozen=True)
+class Fingerprints:
+    """What frames must have in common to belong together: settings as one digest, the scene by kind of datablock."""
+
+    settings: str
+    scene: Mapping[str, str]
+
+    def state_of(self, record: Record) -> FrameState:
+        """What they say of a frame, whatever has become of its files."""
+        if dict(record.scene) != dict(self.scene):
+            return FrameState.OTHER_SCENE
+        return FrameState.WHOLE if record.settings == self.settings else FrameState.OTHER_SETTINGS
+
+    def changed(self, record: Record) -> list[str]:
+        """The kinds of datablocks in which the record's scene differs."""
+        kinds = dict.fromkeys((*self.scene, *record.scene))
+        return [kind for kind in kinds if self.scene.get(kind) != record.scene.get(kind)]
+
+
+def digest(values: Any) -> str:
+    """Of anything that is JSON."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def checksum(path: Path) -> dict[str, Any]:
+    """A file's size and SHA-256, as records have them. Raises OSError."""
+    with path.open("rb") as file:
+        return {"bytes": os.fstat(file.fileno()).st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+
+
+class Journal:
+    """The journal of the frames in a folder; name is what their files' names have in common, as Blender's output path
+    has it, and tells them from other frames there. The attribute is so as every drive can have it."""
+
+    def __init__(self, frames_folder: Path, name: str = "") -> None:
+        self.frames_folder = frames_folder
+        self.folder = frames_folder / JOURNAL
+        self.runs = Runs(self.folder)
+        plain = name.replace("#", "")
+        self.name = re.sub(r"[^A-Za-z0-9._-]+", "_", plain)
+        if self.name != plain:
+            # Two that differ only in what not every drive can have are two all the same.
+            self.name += f"{digest(plain)[:6]}_"
+
+    def make(self) -> None:
+        """Raises OSError."""
+        self.folder.mkdir(exist_ok=True)
+
+    def record(self, frame: int) -> Record | None:
+        """What is recorded of a frame; None where there is nothing, or nothing that can be read. Raises OSError."""
+        try:
+            return _read_record(json.loads(self._record_path(frame).read_bytes()), frame)
+        except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
+            return None
+
+    def has_record(self, frame: int) -> bool:
+        """Whether there is one, readable or not."""
+        return self._record_path(frame).exists()
+
+    def records(self, frames: Iterable[int] | None = None) -> list[Record]:
+        """Those of these frames, or all that are there, in order."""
+        found = (self.record(frame) for frame in (self._recorded() if frames is None else frames))
+        return [record for record in found if record is not None]
+
+    def forget(self, frame: int) -> None:
+        """Remove a frame's record: its files are about to be replaced. Raises OSError."""
+        self._record_path(frame).unlink(missing_ok=True)
+
+    def write(self, record: Record) -> None:
+        """Raises OSError."""
+        write_json(self._record_path(record.frame), asdict(record))
+
+    def state(self, frame: int, files: Collection[Path], wanted: Fingerprints) -> FrameState:
+        """What there is of a frame that is to be written to these files. Raises OSError."""
+        state = self._state(frame, files, wanted)
+        if state not in (FrameState.UNKNOWN, FrameState.DAMAGED):
+            return state
+        # Another run may be putting it in its place right now, one file after the other and its record last.
+        return FrameState.MISSING if self._is_claimed(frame) else self._state(frame, files, wanted)
+
+    def _state(self, frame: int, files: Collection[Path], wanted: Fingerprints) -> FrameState:
+        record = self.record(frame)
+        if record is None:
+            there = any(_has_content(path) for path in files)
+            return FrameState.UNKNOWN if there or self.has_record(frame) else FrameState.MISSING
+        state = wanted.state_of(record)
+        if state is not FrameState.WHOLE:
+            return state
+        # By another output path, the same frame is called otherwise.
+        asked = {path.relative_to(self.frames_folder).as_posix() for path in files}
+        return self._state_of_files(record) if asked <= record.files.keys() else FrameState.MISSING
+
+    def _state_of_files(self, record: Record) -> FrameState:
+        worst = FrameState.WHOLE
+        for name, known in record.files.items():
+            path = self.frames_folder / name
+            try:
+                # The size is told at once, the checksum takes a look at every byte.
+                if path.stat().st_size != known["bytes"] or checksum(path) != known:
+                    worst = FrameState.DAMAGED
+            except FileNotFoundError:
+                return FrameState.MISSING
+        return worst
+
+    def take(self, frame: int, token: str) -> int | None:
+        """Claim a frame for a run: the claim's number, or None where a run that lives has it. Raises OSError."""
+        held = self._claims(frame)
+        if self._is_held(held):
+            return None
+        number = held[-1][0] + 1 if held else 1
+        path = self.folder / f"{self._stem(frame)}{CLAIM}{number}"
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(token)
+        except FileExistsError:
+            return None
+        except OSError:
+            # On a full disk there is room for a name, but not for what the file holds.
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+            raise
+        if any(self.runs.lives(self._holder(other)) for _, other in self._claims(frame) if other != path):
+            # What was there when we looked had been given free since, and was claimed anew under another number.
+            path.unlink(missing_ok=True)
+            return None
+        return number
+
+    def holder(self, frame: int) -> str | None:
+        """The token of the run that has claimed a frame, dead or alive; None where none has. Raises OSError."""
+        held = self._claims(frame)
+        return self._holder(held[-1][1]) if held else None
+
+    def holds(self, frame: int, number: int, token: str) -> bool:
+        """Whether a run still has the claim that it took: nobody has thought it dead meanwhile. Raises OSError."""
+        held = self._claims(frame)
+        return bool(held) and held[-1][0] == number and self.holder(frame) == token
+
+    def release(self, frame: int, number: int, token: str) -> None:
+        """Give a frame free, with all earlier claims to it, if the run still has it. Raises OSError."""
+        if self.holds(frame, number, token):
+            for _, path in self._claims(frame):
+                path.unlink(missing_ok=True)
+
+    def costs(self, key: str) -> dict[str, float] | None:
+        with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
+            values = json.loads((self.folder / f"costs-{key}.json").read_bytes())
+            return {name: float(value) for name, value in values.items()}
+        return None
+
+    def agree_on_costs(self, key: str, costs: Mapping[str, float]) -> dict[str, float]:
+        """These, unless others were there before: of several runs that begin at once, one is heard. Raises OSError."""
+        path = self.folder / f"costs-{key}.json"
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(to_json(costs))
+        except FileExistsError:
+            for _ in range(COSTS_LOOKS):
+                known = self.costs(key)
+                if known is not None:
+                    return known
+                # Made a moment ago, and not yet written.
+                time.sleep(COSTS_SECONDS)
+            # By a run that died just then.
+            write_json(path, costs)
+        return dict(costs)
+
+    def _is_claimed(self, frame: int) -> bool:
+        return self._is_held(self._claims(frame))
+
+    def _is_held(self, claims: Sequence[tuple[int, Path]]) -> bool:
+        return bool(claims) and self.runs.lives(self._holder(claims[-1][1]))
+
+    def _record_path(self, frame: int) -> Path:
+        return self.folder / f"{self._stem(frame)}.json"
+
+    def _stem(self, frame: int) -> str:
+        return f"{self.name}{frame:04d}"
+
+    def _recorded(self) -> Iterator[int]:
+        pattern = re.compile(re.escape(self.name) + r"(\d{4,})\.json")
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
+            yield from sorted(int(match[1]) for match in found if match)
+
+    def _claims(self, frame: int) -> list[tuple[int, Path]]:
+        """A frame's claims by their numbers, the one that holds it last."""
+        found = self.folder.glob(f"{self._stem(frame)}{CLAIM}*")
+        return sorted((int(path.suffix[1:]), path) for path in found if path.suffix[1:].isdecimal())
+
+    def _holder(self, claim: Path) -> str:
+        try:
+            # Without a name in it, it was made a moment ago or by a run that died just then.
+            return claim.read_text(encoding="utf-8") or claim.name
+        except FileNotFoundError:
+            return ""
+
+
+def _read_record(fields: Any, frame: int) -> Record | None:
+    """A record from JSON, which may be anything: whatever is not as it should be raises, or gives None."""
+    files = {name: {"bytes": int(f["bytes"]), "sha256": str(f["sha256"])} for name, f in fields["files"].items()}
+    plain = {key: dict(fields[key]) for key in ("scene", "figures")}
+    record = Record(**{**fields, **plain, "files": files})
+    return record if record.schema == RECORD_SCHEMA and record.frame == frame and files else None
+
+
+def _has_content(path: Path) -> bool:
+    try:
+        return path.stat().st_size > 0
+    except (FileNotFoundError, NotADirectoryError):
+        return False

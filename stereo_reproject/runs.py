@@ -1,0 +1,132 @@
+"""Runs that work on the same animation: each has a file with a number that counts up, by which others see it live."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import StereoReprojectError
+from .work_folder import is_running, machine
+from .worker_process import module_command, worker_environment
+
+BEAT_SECONDS = 2.0
+BEAT_DIGITS = 20
+
+CLAIM = ".claim."
+"""In the name of a file by which a run has claimed something."""
+
+STALE_SECONDS = 90.0
+"""A run whose number has not changed for so long is dead. Drives may show for a minute what a file held before."""
+
+
+class Runs:
+    """The runs whose files lie in `folder`; clock counts seconds, from any moment and never backwards."""
+
+    def __init__(
+        self, folder: Path, *, stale_seconds: float = STALE_SECONDS, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._folder, self._stale, self._clock = folder, stale_seconds, clock
+        self._seen: dict[str, tuple[bytes, float]] = {}
+
+    def lives(self, token: str) -> bool:
+        """Whether a run may still be at work; found dead at once on this machine, on another after a while."""
+        if not token:
+            return False
+        path = self.path(token)
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            # A claim that names no run yet is watched as if it were one.
+            if CLAIM not in token or not (self._folder / token).exists():
+                return False
+            content = b""
+        if _is_dead_here(content):
+            return False
+        now = self._clock()
+        beat = content[-BEAT_DIGITS:]
+        if token not in self._seen or self._seen[token][0] != beat:
+            self._seen[token] = beat, now
+        return now - self._seen[token][1] < self._stale
+
+    def path(self, token: str) -> Path:
+        return self._folder / f"run-{token}"
+
+    def clear(self, own: str) -> None:
+        """Remove what dead runs have left. own is the caller's token, who has nothing half-made either.
+
+        Claims and unfinished files stay as long as any run lives, for one that was thought dead may wake up.
+        """
+        # Listed before the runs are: whatever appears later is of a run that is there by then.
+        with contextlib.suppress(OSError):
+            left = [path for pattern in (f"*{CLAIM}*", ".*.tmp") for path in self._folder.glob(pattern)]
+            others = {path.name.removeprefix("run-") for path in self._folder.glob("run-*")} - {own}
+            dead = {token for token in others if not self.lives(token)}
+            for path in [*map(self.path, dead), *(left if dead == others else ())]:
+                path.unlink(missing_ok=True)
+
+    def any_lives(self) -> bool:
+        """Whether any run is at work. Raises OSError."""
+        return any(self.lives(path.name.removeprefix("run-")) for path in self._folder.glob("run-*"))
+
+
+def _is_dead_here(content: bytes) -> bool:
+    """Whether it is a run of this machine whose process is gone."""
+    with contextlib.suppress(ValueError, LookupError, TypeError):
+        facts = json.loads(content.splitlines()[0])
+        return facts["machine"] == machine() and not is_running(int(facts["pid"]))
+    return False
+
+
+@contextmanager
+def run_at_work(runs: Runs) -> Iterator[str]:
+    """A run of this process, and its token: it lives for others until this is over, or the process is gone.
+
+    Its number is counted up by a process of its own: no thread may run beside Blender. Raises OSError and
+    StereoReprojectError.
+    """
+    token = secrets.token_hex(8)
+    path = runs.path(token)
+    facts = {"machine": machine(), "pid": os.getpid()}
+    path.write_text(f"{json.dumps(facts)}\n{0:0{BEAT_DIGITS}}", encoding="ascii")
+    try:
+        with _heartbeat(path):
+            runs.clear(token)
+            yield token
+    finally:
+        runs.clear(token)
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _heartbeat(path: Path) -> Iterator[None]:
+    try:
+        process = subprocess.Popen(
+            [*module_command("heartbeat"), str(path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=worker_environment(),
+            # What kills this process's group must not kill the one that tells of it.
+            start_new_session=os.name == "posix",
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except OSError as error:
+        raise StereoReprojectError(
+            f"{sys.executable} could not be started ({error.strerror}); free some resources"
+        ) from error
+    try:
+        yield
+    finally:
+        assert process.stdin is not None
+        with contextlib.suppress(OSError):
+            process.stdin.close()
+        process.wait()

@@ -1,0 +1,102 @@
+"""animation.json: a row for each frame of the journal, and what they all come to."""
+
+import json
+
+import pytest
+
+from stereo_reproject.animation_report import format_animation, report_path, totals, write_animation_report
+from stereo_reproject.animation_settings import AnimationSettings
+from stereo_reproject.journal import Journal, Record
+
+
+def row(frame=1, *, wall=2.0, multiview=5.0, traced=0.1, beside=0.5, compare=None, **more):
+    figures = {
+        "wall_seconds": wall,
+        "beside_seconds": beside,
+        "multiview_seconds": multiview,
+        "fractions": {"rerendered": traced},
+        "warnings": [],
+        **more,
+    }
+    return {"frame": frame, **figures, **({} if compare is None else {"compare": compare})}
+
+
+def test_without_a_comparison_the_speed_up_is_predicted():
+    whole = totals([row(1, wall=1.0, multiview=4.0, traced=0.1), row(2, wall=3.0, multiview=6.0, traced=0.3)])
+    assert whole["frames"] == 2
+    assert whole["seconds"] == pytest.approx(4.0)
+    assert whole["seconds_per_frame"] == pytest.approx(2.0)
+    assert whole["traced"] == pytest.approx(0.2)
+    assert whole["multiview_seconds"] == pytest.approx(10.0)
+    assert whole["speedup"] == pytest.approx(2.5)
+    assert (whole["speedup_from"], whole["compared"]) == ("predicted", 0)
+
+
+def test_what_was_measured_of_some_frames_counts_for_all():
+    rows = [row(1, wall=2.0, multiview=99.0, compare={"multiview_seconds": 3.0}), row(2, wall=2.0, multiview=99.0)]
+    whole = totals(rows)
+    assert whole["multiview_seconds"] == pytest.approx(6.0)
+    assert whole["speedup"] == pytest.approx(1.5)
+    assert (whole["speedup_from"], whole["compared"]) == ("measured", 1)
+
+
+def test_what_one_frame_takes_beside_is_the_median_which_a_slow_first_frame_does_not_move():
+    assert totals([row(1, beside=9.0), row(2, beside=0.4), row(3, beside=0.2)])["beside_seconds_per_frame"] == 0.4
+
+
+def test_no_frames_are_no_figures():
+    whole = totals([])
+    assert (whole["frames"], whole["seconds"], whole["speedup"], whole["traced"]) == (0, 0, None, None)
+    assert format_animation({"totals": whole, "frames": []}) == "no frames"
+
+
+def test_the_table_tells_how_the_speed_up_is_known_and_the_worst_noise():
+    rows = [
+        row(1, compare={"multiview_seconds": 6.0, "noise_ratio": 1.02}),
+        row(2, compare={"multiview_seconds": 6.0, "noise_ratio": 1.0777}),
+        row(3, compare={"multiview_seconds": 6.0, "noise_ratio": None}),
+    ]
+    lines = format_animation({"totals": totals(rows), "frames": rows}).splitlines()
+    assert [line.split()[0] for line in lines] == ["frames", "per", "traced", "speed-up", "noise"]
+    assert "2.00 s, 0.50 s not for rendering" in lines[1]
+    assert "10.0 % of the target eye" in lines[2]
+    assert "3.00 x over Blender's multiview, measured" in lines[3]
+    assert "1.078 in the worst of 3 compared frames" in lines[4]
+    assert "noise" not in format_animation({"totals": totals([row()]), "frames": [row()]})
+
+
+@pytest.mark.parametrize(("name", "file"), [("", "animation.json"), ("shot_", "shot_animation.json")])
+def test_it_lies_beside_the_frames_and_is_called_as_they_are(tmp_path, name, file):
+    assert report_path(Journal(tmp_path, name)) == tmp_path / file
+
+
+def recorded(journal, frame, **figures):
+    facts = {name: value for name, value in row(**figures).items() if name != "frame"}
+    files = {f"{frame:04d}.png": {"bytes": 1, "sha256": "0"}}
+    journal.write(Record(frame, files, settings="s", scene={}, run="r", figures=facts))
+
+
+def test_it_has_every_frame_of_the_journal_whichever_run_has_rendered_it(tmp_path):
+    journal = Journal(tmp_path)
+    journal.make()
+    recorded(journal, 7, warnings=["fireflies"])
+    recorded(journal, 2)
+    recorded(journal, 10007, warnings=["fireflies", "black"])
+    options = AnimationSettings(frames=(7, 8))
+    report = write_animation_report(journal, options, {8: "no memory"}, ["the scene denoises"])
+    assert [line["frame"] for line in report["frames"]] == [2, 7, 10007]
+    assert report["frames"][1]["files"] == ["0007.png"]
+    assert report["asked_for"] == [7, 8]
+    assert report["failed"] == {"8": "no memory"}
+    assert report["warnings"] == ["the scene denoises", "fireflies", "black"]
+    assert report["totals"]["frames"] == 3
+    assert json.loads((tmp_path / "animation.json").read_text(encoding="utf-8")) == report
+
+
+def test_another_animation_in_the_same_folder_is_left_out(tmp_path):
+    for name, frame in (("a_", 1), ("b_", 2)):
+        journal = Journal(tmp_path, name)
+        journal.make()
+        recorded(journal, frame)
+    report = write_animation_report(Journal(tmp_path, "a_"), AnimationSettings(), {}, [])
+    assert [line["frame"] for line in report["frames"]] == [1]

@@ -1,0 +1,451 @@
+"""The journal of an animation: what it says of a frame whatever has become of its files, and whose a frame is."""
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from stereo_reproject import runs as runs_module
+from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
+from stereo_reproject.runs import BEAT_DIGITS, Runs, machine, run_at_work
+
+ROOT = Path(__file__).resolve().parents[2]
+SECONDS = 30.0
+
+WANTED = Fingerprints("settings", {"Object": "1", "Mesh": "2"})
+
+AT_WORK = """
+import sys
+from pathlib import Path
+from stereo_reproject.runs import Runs, run_at_work
+
+with run_at_work(Runs(Path(sys.argv[1]))) as token:
+    print(token, flush=True)
+    sys.stdin.read()
+"""
+
+BEATING = """
+from stereo_reproject import heartbeat
+heartbeat.BEAT_SECONDS = 0.01
+heartbeat.main()
+"""
+
+
+class Clock:
+    """Seconds that pass when they are told to."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def journal(tmp_path, clock):
+    made = Journal(tmp_path, "shot_")
+    made.make()
+    made.runs = Runs(made.folder, clock=clock)
+    return made
+
+
+@pytest.fixture
+def start():
+    """Starts a Python of its own, with the package in it."""
+    started = []
+
+    def start_python(code, *arguments):
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        started.append(process)
+        return process
+
+    yield start_python
+    for process in started:
+        with process:
+            process.kill()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def finish(journal, frame, *, wanted=WANTED, files=("_L.png", "_R.png")):
+    """A frame that is whole: its files and its record."""
+    paths = paths_of(journal, frame, files)
+    for path in paths:
+        path.write_bytes(f"pixels of {path.name}".encode())
+    sums = {path.name: checksum(path) for path in paths}
+    record = Record(frame, sums, wanted.settings, wanted.scene, "run", {"wall_seconds": 1.5})
+    journal.write(record)
+    return record
+
+
+def paths_of(journal, frame, files=("_L.png", "_R.png")):
+    return [journal.frames_folder / f"shot_{frame:04d}{end}" for end in files]
+
+
+def state(journal, frame=1, wanted=WANTED):
+    return journal.state(frame, paths_of(journal, frame), wanted)
+
+
+def elsewhere(journal, token, beat=0):
+    """The file of a run on another machine."""
+    facts = {"host": "farm-7", "machine": "another", "pid": os.getpid()}
+    journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{beat:0{BEAT_DIGITS}}")
+
+
+def dead_here(journal, token):
+    """The file of a run on this machine whose process is gone."""
+    finished = subprocess.Popen([sys.executable, "-c", ""])
+    finished.wait()
+    facts = {"host": platform.node(), "machine": machine(), "pid": finished.pid}
+    journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{7:0{BEAT_DIGITS}}")
+
+
+# Records
+
+
+def test_a_record_comes_back_as_it_was_written(journal):
+    record = finish(journal, 12)
+    assert journal.record(12) == record
+    assert (journal.record(13), journal.has_record(13)) == (None, False)
+
+
+def test_all_records_come_in_order_and_only_those_of_the_same_name(journal):
+    for frame in (10000, 3, 0):
+        finish(journal, frame)
+    other = Journal(journal.frames_folder, "shot_1")
+    finish(other, 4)
+    assert [record.frame for record in journal.records()] == [0, 3, 10000]
+    assert [record.frame for record in journal.records([3, 4])] == [3]
+    assert [record.frame for record in other.records()] == [4]
+
+
+def test_no_folder_is_no_records(tmp_path):
+    empty = Journal(tmp_path)
+    assert (empty.records(), empty.record(1), empty.holder(1)) == ([], None, None)
+
+
+RUBBISH = {
+    "nothing": b"",
+    "cut in half": None,
+    "zeros": bytes(200),
+    "no text": b"\xff\xfe\x00",
+    "another type": b"[]",
+    "null": b"null",
+    "no fields": b"{}",
+    "a field too many": {"colour": "red"},
+    "another schema": {"schema": 2},
+    "another frame": {"frame": 2},
+    "no files": {"files": {}},
+    "a list of files": {"files": ["a.png"]},
+    "files without sums": {"files": {"a.png": 1}},
+    "an endless file": b'{"files": {"a.png": {"bytes": 1e999, "sha256": ""}}}',
+    "no scene": {"scene": None},
+    "no figures": {"figures": 1},
+}
+
+
+@pytest.mark.parametrize("kind", RUBBISH)
+def test_rubbish_is_no_record_and_its_frame_is_unknown(journal, kind):
+    record, rubbish = finish(journal, 1), RUBBISH[kind]
+    path = journal.folder / "shot_0001.json"
+    if rubbish is None:
+        rubbish = path.read_bytes()[: path.stat().st_size // 2]
+    elif isinstance(rubbish, dict):
+        rubbish = json.dumps({**asdict(record), **rubbish}).encode()
+    path.write_bytes(rubbish)
+    assert journal.record(1) is None
+    assert journal.records() == []
+    assert state(journal) is FrameState.UNKNOWN
+    for file in paths_of(journal, 1):
+        file.unlink()
+    assert state(journal) is FrameState.UNKNOWN
+
+
+# What there is of a frame
+
+
+def test_a_frame_is_whole_as_it_was_published(journal):
+    finish(journal, 1)
+    assert state(journal) is FrameState.WHOLE
+
+
+def test_a_frame_of_which_nothing_is_known_and_nothing_there_is_missing(journal):
+    assert state(journal) is FrameState.MISSING
+    for path in paths_of(journal, 1):
+        path.touch()  # as Blender's own placeholders are
+    assert state(journal) is FrameState.MISSING
+
+
+def test_files_that_nobody_recorded_are_unknown(journal):
+    paths_of(journal, 1)[1].write_bytes(b"somebody's")
+    assert state(journal) is FrameState.UNKNOWN
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_one_file_that_is_gone_is_missing(journal, which):
+    finish(journal, 1)
+    paths_of(journal, 1)[which].unlink()
+    assert state(journal) is FrameState.MISSING
+
+
+def damaged_in_one_byte(data):
+    return bytes([data[0] ^ 1]) + data[1:]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        damaged_in_one_byte,
+        lambda data: data[:-1],
+        lambda data: data + b"\0",
+        lambda _: b"",
+        lambda data: bytes(len(data)),
+    ],
+    ids=["one byte", "shorter", "longer", "empty", "zeros"],
+)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_file_that_is_not_as_it_was_is_damaged(journal, which, damage):
+    finish(journal, 1)
+    path = paths_of(journal, 1)[which]
+    path.write_bytes(damage(path.read_bytes()))
+    assert state(journal) is FrameState.DAMAGED
+
+
+def test_other_settings_and_another_scene_are_told_apart(journal):
+    finish(journal, 1)
+    other_settings = replace(WANTED, settings="others")
+    moved = replace(WANTED, scene={"Object": "9", "Mesh": "2", "World": "3"})
+    assert state(journal, wanted=other_settings) is FrameState.OTHER_SETTINGS
+    assert state(journal, wanted=moved) is FrameState.OTHER_SCENE
+    assert state(journal, wanted=replace(moved, settings="others")) is FrameState.OTHER_SCENE
+    assert moved.changed(journal.record(1)) == ["Object", "World"]
+    assert WANTED.changed(journal.record(1)) == []
+
+
+def test_a_digest_depends_on_values_and_not_on_their_order():
+    assert digest({"a": 1, "b": [2]}) == digest({"b": [2], "a": 1}) != digest({"a": 1, "b": [3]})
+
+
+# Whose a frame is
+
+
+def test_of_many_that_take_a_frame_one_has_it(journal):
+    tokens = [f"run{number}" for number in range(12)]
+    for token in tokens:
+        elsewhere(journal, token)
+    barrier, taken = threading.Barrier(len(tokens)), {}
+
+    def take(token):
+        own = Journal(journal.frames_folder, "shot_")
+        barrier.wait()
+        taken[token] = own.take(5, token)
+
+    threads = [threading.Thread(target=take, args=(token,)) for token in tokens]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    winners = [token for token, claim in taken.items() if claim is not None]
+    assert len(winners) == 1
+    assert journal.holder(5) == winners[0]
+    assert journal.take(5, "late") is None
+    assert journal.take(6, "late") == 1
+
+
+def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
+    assert journal.take(5, "gone") == 1
+    barrier, taken = threading.Barrier(8), []
+    for number in range(8):
+        elsewhere(journal, f"run{number}")
+
+    def take(number):
+        own = Journal(journal.frames_folder, "shot_")
+        barrier.wait()
+        taken.append(own.take(5, f"run{number}"))
+
+    threads = [threading.Thread(target=take, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(claim for claim in taken if claim is not None) == [2]
+
+
+def test_a_frame_that_is_given_free_can_be_taken_again(journal):
+    elsewhere(journal, "first")
+    claim = journal.take(1, "first")
+    assert journal.take(1, "second") is None
+    journal.release(1, claim, "first")
+    assert journal.holder(1) is None
+    assert journal.take(1, "second") == 1
+
+
+def test_giving_a_frame_free_leaves_who_has_taken_over(journal):
+    dead_here(journal, "first")
+    elsewhere(journal, "second")
+    first = journal.take(1, "first")
+    second = journal.take(1, "second")
+    assert (first, second) == (1, 2)
+    journal.release(1, first, "first")
+    assert journal.holder(1) == "second"
+    journal.release(1, second, "second")
+    assert journal.holder(1) is None
+
+
+def test_what_a_dead_run_of_this_machine_has_is_taken_over_at_once(journal):
+    dead_here(journal, "gone")
+    assert not journal.runs.lives("gone")
+    assert journal.take(1, "gone") == 1
+    assert journal.take(1, "next") == 2
+    assert journal.holder(1) == "next"
+
+
+def test_a_run_without_a_file_is_dead(journal):
+    assert not journal.runs.lives("nobody")
+    assert not journal.runs.lives("")
+
+
+def test_a_run_of_another_machine_lives_as_long_as_its_number_changes(journal, clock):
+    elsewhere(journal, "far", beat=1)
+    assert journal.take(1, "far") == 1
+    assert journal.runs.lives("far")
+    clock.now += runs_module.STALE_SECONDS - 1
+    assert journal.runs.lives("far")
+    elsewhere(journal, "far", beat=2)
+    assert journal.runs.lives("far")
+    clock.now += runs_module.STALE_SECONDS - 1
+    assert journal.take(1, "next") is None
+    clock.now += 1
+    assert not journal.runs.lives("far")
+    assert journal.take(1, "next") == 2
+
+
+def test_a_run_that_comes_back_lives_again(journal, clock):
+    elsewhere(journal, "far", beat=1)
+    assert journal.runs.lives("far")
+    clock.now += runs_module.STALE_SECONDS
+    assert not journal.runs.lives("far")
+    elsewhere(journal, "far", beat=2)
+    assert journal.runs.lives("far")
+
+
+def test_a_run_is_seen_for_the_first_time_when_one_looks_first(journal, clock):
+    """However long ago it was written: clocks of machines need not agree."""
+    elsewhere(journal, "far")
+    os.utime(journal.runs.path("far"), (0, 0))
+    assert journal.runs.lives("far")
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"{", b"null\n0", b"\xff" * 40])
+def test_a_run_file_without_sense_is_given_time_and_then_dead(journal, clock, content):
+    journal.runs.path("new").write_bytes(content)
+    assert journal.runs.lives("new")
+    clock.now += runs_module.STALE_SECONDS
+    assert not journal.runs.lives("new")
+
+
+def test_a_claim_that_names_no_run_yet_is_given_time_and_then_taken_over(journal, clock):
+    (journal.folder / "shot_0001.claim.1").touch()
+    assert journal.take(1, "next") is None
+    clock.now += runs_module.STALE_SECONDS
+    assert journal.take(1, "next") == 2
+
+
+# A run's own process
+
+
+def test_a_run_lives_for_others_and_is_dead_when_it_is_killed(journal, start):
+    process = start(AT_WORK, journal.folder)
+    token = process.stdout.readline().decode().strip()
+    assert journal.runs.lives(token)
+    assert journal.take(1, token) == 1
+    assert journal.take(1, "next") is None
+    process.kill()
+    process.wait()
+    assert journal.take(1, "next") == 2
+    # What counts its number up finds that out too, and clears away.
+    wait_until(lambda: not journal.runs.path(token).exists())
+
+
+def test_a_run_that_is_over_leaves_nothing(tmp_path):
+    runs = Runs(tmp_path)
+    with run_at_work(runs) as token:
+        assert [path.name for path in tmp_path.iterdir()] == [f"run-{token}"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_heart_beats_as_long_as_its_run_holds_on_to_it(tmp_path, start):
+    path = tmp_path / "run-token"
+    path.write_text(f"{{}}\n{0:0{BEAT_DIGITS}}")
+    process = start(BEATING, path)
+    wait_until(lambda: int(path.read_bytes()[-BEAT_DIGITS:]) > 3)
+    assert path.read_bytes()[:3] == b"{}\n"
+    assert path.stat().st_size == 3 + BEAT_DIGITS
+    process.stdin.close()
+    process.wait(SECONDS)
+    assert (process.returncode, path.exists()) == (0, False)
+
+
+# What a frame costs
+
+
+def test_costs_are_agreed_on_by_whoever_comes_first(journal):
+    assert journal.costs("key") is None
+    assert journal.agree_on_costs("key", {"seconds": 2.0}) == {"seconds": 2.0}
+    assert journal.agree_on_costs("key", {"seconds": 9.0}) == {"seconds": 2.0}
+    assert journal.agree_on_costs("other", {"seconds": 9.0}) == {"seconds": 9.0}
+
+
+@pytest.mark.parametrize("rubbish", [b"", b"{", b"[]", b'{"seconds": "long"}', b"\xff"])
+def test_costs_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
+    (journal.folder / "costs-key.json").write_bytes(rubbish)
+    assert journal.agree_on_costs("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.costs("key") == {"seconds": 3.0}
+
+
+# Names
+
+
+def test_names_that_not_every_drive_can_have_are_told_apart(tmp_path):
+    names = {Journal(tmp_path, name).name for name in ("左_", "右_", "__", "a b", "a_b")}
+    assert len(names) == 5
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]*", name) for name in names)
+
+
+def test_a_frame_under_another_name_is_missing(journal):
+    """Another output path, or another suffix for a view."""
+    name = next(iter(files_of_one(journal)))
+    renamed = journal.frames_folder / f"other{name.suffix}"
+    assert journal.state(1, [name], WANTED) is FrameState.WHOLE
+    assert journal.state(1, [renamed], WANTED) is FrameState.MISSING
+
+
+def files_of_one(journal):
+    path = journal.frames_folder / "shot_0001.png"
+    path.write_bytes(b"frame 1")
+    record = Record(1, {path.name: checksum(path)}, WANTED.settings, WANTED.scene, "run", {})
+    journal.write(record)
+    return [path]
