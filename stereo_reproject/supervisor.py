@@ -56,6 +56,9 @@ Event = dict[str, Any]
 FRAME = "frame "
 """What the detail of an animation's stages begins with; its number follows."""
 
+HANDED_OVER = "write"
+"""The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
+
 
 @dataclass(frozen=True)
 class Session:
@@ -186,21 +189,20 @@ def run_animation(
     animation = job.animation
     assert animation is not None
     done: list[int] = []
-    at: int | None = None
+    stage: Event = {}
     crashes = 0
 
     def watch(event: Event) -> None:
-        nonlocal at, crashes
+        nonlocal stage, crashes
         if event["event"] == "frame":
             done.append(event["frame"])
             crashes = 0
         elif event["event"] == "stage":
-            detail = str(event.get("detail"))
-            at = int(detail.removeprefix(FRAME)) if detail.startswith(FRAME) else None
+            stage = event
         on_event(event)
 
     while True:
-        at = None
+        stage = {}
         try:
             return run_worker(
                 replace(job, animation=animation), watch, on_tick=on_tick, interrupts=interrupts, command=command
@@ -209,13 +211,17 @@ def run_animation(
             raise RunInterruptedError(error.signum, KEPT) from None
         except WorkerCrashedError as error:
             crashes += 1
-            if at is None or crashes >= FAILURES_IN_A_ROW:
+            frame = str(stage.get("detail"))
+            if not frame.startswith(FRAME) or crashes >= FAILURES_IN_A_ROW:
                 raise
             # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
-            skip = {**animation.skip, at: str(error)}
-            animation = replace(animation, skip=skip, finished=tuple(done), existing=existing)
-            on_event({"event": "warning", "message": f"frame {at} is left out: {error}"})
+            animation = replace(animation, finished=tuple(done), existing=existing)
+            if stage["stage"] == HANDED_OVER:
+                on_event({"event": "warning", "message": f"Blender is started again: {error}"})
+                continue
+            animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
+            on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from ..memory import give_back_freed
 from ..pipeline import colour
 from ..settings import StereoSettings
 from ..stereo_pair import StereoPair
-from ..supervisor import FRAME
+from ..supervisor import FRAME, HANDED_OVER
 from ..writer_process import WriterOrder, WriterProcess, WrittenFrame
 from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
@@ -96,6 +96,7 @@ class BlenderFrameMaker:
         start = time.perf_counter()
         self._layers_begun = 0
         where = f"{FRAME}{frame}"
+        self._on_stage("prepare", where)
         of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
         pair, report = render_pair(
             self._scene,
@@ -122,6 +123,7 @@ class BlenderFrameMaker:
             "run": self._belonging.token,
             "figures": figures,
         }
+        self._on_stage(HANDED_OVER, where)
         self._writer.hand_over(WrittenFrame(frame, claim, str(folder), dict(pair.metadata), record))
         # A pair is much to hold while the next one is rendered.
         self._last = frame, pair if self._keeps_last else None

@@ -79,7 +79,7 @@ ALWAYS = 0
 """No frame of the tests."""
 
 
-def animate(*, crash_at=None, crash_in_movie=False):
+def animate(*, crash_at=None, crash_after=None, crash_in_movie=False):
     """As the worker does it: of a frame that is written while the next one is rendered, one is told after that."""
     options = job["animation"]
     left = [frame for frame in asked if str(frame) not in options["skip"] and frame not in options["finished"]]
@@ -88,6 +88,9 @@ def animate(*, crash_at=None, crash_in_movie=False):
         frame = left.pop(0)
         begin(frame)
         if crash_at in (frame, ALWAYS):
+            sys.exit(3)
+        say("stage", stage="write", detail=f"frame {frame}")
+        if crash_after == frame and not options["finished"]:
             sys.exit(3)
         if said is not None:
             done(said, left=len(left) + 1)
@@ -190,6 +193,8 @@ match behaviour:
         animate()
     case "animation that crashes":
         animate(crash_at=int(notes.joinpath("crash at").read_text()))
+    case "animation that crashes between frames":
+        animate(crash_after=3)
     case "animation that crashes in its movie":
         animate(crash_in_movie=True)
     case "announces stages slowly":

@@ -988,6 +988,14 @@ def test_when_one_blender_after_the_other_ends_no_more_are_tried(place, capsys):
     assert "; frames that are finished are kept" in error
 
 
+def test_a_blender_that_ends_between_frames_leaves_none_out(place, capsys):
+    assert animate(place, "--frames", "1-4", behaviour="animation that crashes between frames") == 0
+    assert [job["animation"]["skip"] for job in jobs_told(place)] == [{}, {}]
+    printed = capsys.readouterr()
+    assert_one_line(printed.err, "warning: Blender is started again: Blender stopped unexpectedly")
+    assert {line.split()[1] for line in printed.out.splitlines() if line.startswith("frame ")} == {"1", "2", "3", "4"}
+
+
 def test_a_blender_that_ends_on_the_movie_is_no_frames_fault(place, capsys):
     assert animate(place, "--frames", "1-2", behaviour="animation that crashes in its movie") == 1
     assert len(jobs_told(place)) == 1

@@ -162,8 +162,13 @@ def test_without_its_worker_it_goes_on_with_the_other_frames(blend, expected, tm
     wait_for(process, lambda: finished_frames(folder) and is_rendering(folder, len(finished_frames(folder)) + 2))
     kill(process, "worker")
     ended = end(process, folder)
-    assert ended.status == 1
     assert "Traceback" not in ended.err
+    if ended.status == 0:
+        # It was between two frames, neither of which is to blame.
+        assert "Blender is started again: Blender was killed by signal 9 (SIGKILL)" in ended.err
+        assert_whole(folder, expected)
+        return
+    assert ended.status == 1
     assert "is left out: Blender was killed by signal 9 (SIGKILL)" in ended.err
     assert f"1 of {FRAMES} frames failed" in ended.err.splitlines()[-1]
     assert len(finished_frames(folder)) == FRAMES - 1
