@@ -9,7 +9,7 @@ from typing import Any
 
 from .animation_settings import AnimationSettings
 from .errors import BadInputError
-from .journal import Journal, Record
+from .journal import Fingerprints, FrameState, Journal, Record
 from .report import write_json
 
 ANIMATION_SCHEMA = 1
@@ -25,13 +25,15 @@ def report_path(journal: Journal) -> Path:
 
 def write_animation_report(
     journal: Journal,
+    wanted: Fingerprints,
     options: AnimationSettings,
     failed: Mapping[int, str],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Write it, of all frames that the journal has, whichever run has rendered them, and the chart where matplotlib is
-    installed. Raises OSError."""
-    rows = [_row(record) for record in journal.records() if record.figures.keys() >= FIGURES]
+    """Write it, of all frames of these settings and this scene that the journal has, whichever run has rendered them,
+    and the chart where matplotlib is installed. Raises OSError."""
+    known = (record for record in journal.records() if wanted.state_of(record) is FrameState.WHOLE)
+    rows = [_row(record) for record in known if record.figures.keys() >= FIGURES]
     report = {
         "schema": ANIMATION_SCHEMA,
         "asked_for": list(options.frames or ()),

@@ -4,7 +4,7 @@
 0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
 .NAME.tmp       a file that is being written and will be called NAME
 run-TOKEN       a run at work: where, and a number that counts up as long as it lives
-costs-KEY.json  what the source eye of the first frame has cost, by which fill methods are chosen for all of them
+found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
 Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
 several machines with a shared drive, need no locks, which some drives do not have, and no clocks that agree: a file is
@@ -35,8 +35,8 @@ JOURNAL = "journal"
 
 RECORD_SCHEMA = 1
 
-COSTS_LOOKS = 20
-COSTS_SECONDS = 0.05
+FOUND_LOOKS = 20
+FOUND_SECONDS = 0.05
 """How often, and how far apart, a file is looked at that another run has just made."""
 NO_RECORD = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 """What comes of reading something else as one."""
@@ -210,28 +210,29 @@ class Journal:
             for _, path in self._claims(frame):
                 path.unlink(missing_ok=True)
 
-    def costs(self, key: str) -> dict[str, float] | None:
+    def found(self, key: str) -> dict[str, float] | None:
+        """What is there already under a key; None where there is nothing, or nothing that can be read."""
         with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
-            values = json.loads((self.folder / f"costs-{key}.json").read_bytes())
+            values = json.loads((self.folder / f"found-{key}.json").read_bytes())
             return {name: float(value) for name, value in values.items()}
         return None
 
-    def agree_on_costs(self, key: str, costs: Mapping[str, float]) -> dict[str, float]:
+    def agree_on(self, key: str, values: Mapping[str, float]) -> dict[str, float]:
         """These, unless others were there before: of several runs that begin at once, one is heard. Raises OSError."""
-        path = self.folder / f"costs-{key}.json"
+        path = self.folder / f"found-{key}.json"
         try:
             with path.open("x", encoding="utf-8") as file:
-                file.write(to_json(costs))
+                file.write(to_json(values))
         except FileExistsError:
-            for _ in range(COSTS_LOOKS):
-                known = self.costs(key)
+            for _ in range(FOUND_LOOKS):
+                known = self.found(key)
                 if known is not None:
                     return known
                 # Made a moment ago, and not yet written.
-                time.sleep(COSTS_SECONDS)
+                time.sleep(FOUND_SECONDS)
             # By a run that died just then.
-            write_json(path, costs)
-        return dict(costs)
+            write_json(path, values)
+        return dict(values)
 
     def _is_claimed(self, frame: int) -> bool:
         return self._is_held(self._claims(frame))

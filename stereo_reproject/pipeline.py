@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol, cast
 
 import numpy as np
@@ -25,6 +26,7 @@ from .matched_eye import MatchedEye, Matcher
 from .matching import Correction
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
+from .precedent import Precedent
 from .price import WHOLE, Price, next_better, price_of
 from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
@@ -126,18 +128,18 @@ def render_stereo_frame(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     accuracy: Accuracy | None = None,
-    decided_by: Callable[[SourceCost], SourceCost] = lambda cost: cost,
+    precedent: Precedent | None = None,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
     on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine, composite,
     denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy takes the
-    place of the one that the settings name; decided_by is told what the source has cost, and answers with what the fill
-    methods are chosen by. Raises BadInputError when the settings cannot be met for this scene, and
-    StereoReprojectError when a render fails.
+    place of the one that the settings name; precedent has what other frames of the same animation have found. Raises
+    BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
     accuracy = accuracy_of(settings) if accuracy is None else accuracy
+    precedent = precedent or Precedent()
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 
@@ -153,7 +155,8 @@ def render_stereo_frame(
         source = denoise_source(source, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
         if watched and accuracy.promise is not None:
-            denoising = replace(denoising, noise_left=noise_left(source, denoising.denoise))
+            left = precedent.noise_left(partial(noise_left, source, denoising.denoise))
+            denoising = replace(denoising, noise_left=left)
         accuracy = for_denoised(accuracy)
 
     watch.lap("warp")
@@ -175,7 +178,7 @@ def render_stereo_frame(
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
-    means = Means(settings.fill, decided_by(cost), blockers)
+    means = Means(settings.fill, precedent.cost(cost), blockers)
     target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
         watch.lap("pilot")

@@ -76,7 +76,7 @@ def render_animation_files(
         if plan.todo:
             progress = AnimationProgress(plan, len(output.files), told, failed)
             order = _order(blend, session, output, options, private)
-            belonging = Belonging(journal, wanted, token)
+            belonging = Belonging(journal, wanted, token, output.half_floats)
             keeps_last = bool(files)
             with closing(
                 BlenderFrameMaker(
@@ -87,11 +87,11 @@ def render_animation_files(
                     render_frames(plan, journal, wanted, token, maker, progress.told)
                 except StereoReprojectError:
                     with contextlib.suppress(OSError):
-                        write_animation_report(journal, options, failed, said)
+                        write_animation_report(journal, wanted, options, failed, said)
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
-        report = write_animation_report(journal, options, failed, [*scene_warnings(scene), *said])
+        report = write_animation_report(journal, wanted, options, failed, [*scene_warnings(scene), *said])
     _check_all_rendered(failed, len(output.files))
     movies = _movie(scene, options, output, told)
     written = [*([] if for_movie_alone else output.all_files), *movies]

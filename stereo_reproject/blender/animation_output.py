@@ -16,7 +16,7 @@ from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS, tagged_name
 from ..errors import BadInputError
 from ..exr import VIEWS
-from .image_settings import format_values
+from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie
 from .output_paths import check_file_outputs, output_files, output_stem
@@ -26,7 +26,7 @@ from .scene import scene_frames
 @dataclass(frozen=True)
 class Output:
     """Where the frames go, and how: the folder, what their names have in common, their files, their layout and that of
-    a movie of them, and all settings of the format by value."""
+    a movie of them, all settings of the format by value, and whether it is one of half floats."""
 
     folder: Path
     name: str
@@ -35,6 +35,7 @@ class Output:
     file_format: str
     movie_layout: str | None
     values: Mapping[str, Any]
+    half_floats: bool
 
     @property
     def all_files(self) -> list[Path]:
@@ -60,7 +61,8 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
         values = {"layout": layout, **format_values(scene)}
         folder = files[frames[0]][0].parent
         shown = _of_movie(layout, own_movies)
-        output = Output(folder, output_stem(scene), files, layout, settings.file_format, shown, values)
+        half = writes_half_floats(scene)
+        output = Output(folder, output_stem(scene), files, layout, settings.file_format, shown, values, half)
     if options.movie is not None:
         options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
     for path in dict.fromkeys(output.all_files):

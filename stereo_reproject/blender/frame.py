@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from ..accuracy import accuracy_of
 from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
-from ..fill import SourceCost
 from ..parallax import visible_parallax
 from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..precedent import Precedent
 from ..ranges import range_warnings
 from ..report import REPORT_SCHEMA, check_report, write_json
 from ..settings import StereoSettings
@@ -83,20 +83,20 @@ def render_pair(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
-    decided_by: Callable[[SourceCost], SourceCost] = lambda cost: cost,
+    precedents: Callable[[str], Precedent] = lambda _: Precedent(),
 ) -> tuple[StereoPair, dict[str, Any]]:
     """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
     `render_files`.
 
-    scenes are those of a sequence, which go on to its next frame; decided_by is as `render_stereo_frame` has it. What
-    the report tells of one layer is of the main one, but seconds are of all.
+    scenes are those of a sequence, which go on to its next frame; precedents has, by view layer, what others of its
+    frames have found. What the report tells of one layer is of the main one, but seconds are of all.
     """
     frames: dict[str, StereoFrame] = {}
     reports: list[dict[str, Any]] = []
     with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
         for layer in check_layers(scene):
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], report = _render_layer(scene, working, settings, work, on_stage, decided_by)
+            frames[layer], report = _render_layer(scene, working, settings, work, on_stage, precedents(layer))
             reports.append(report)
     pair = StereoPair(frames)
     times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
@@ -111,11 +111,11 @@ def _render_layer(
     settings: StereoSettings,
     work: Path,
     on_stage: Callable[[str], None],
-    decided_by: Callable[[SourceCost], SourceCost],
+    precedent: Precedent,
 ) -> tuple[StereoFrame, dict[str, Any]]:
     facts = frame_facts(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, on_stage=on_stage, decided_by=decided_by)
+        frame = render_stereo_frame(renderer, settings, on_stage=on_stage, precedent=precedent)
         warnings = list(renderer.warnings)
         parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
     return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}

@@ -17,16 +17,16 @@ from ..fill import SourceCost
 from ..journal import Fingerprints, Journal, Record, digest
 from ..memory import give_back_freed
 from ..pipeline import colour
+from ..precedent import Precedent
 from ..settings import StereoSettings
 from ..stereo_pair import StereoPair
 from ..supervisor import FRAME, HANDED_OVER
 from ..writer_process import WriterOrder, WriterProcess, WrittenFrame
 from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
-from .image_settings import writes_half_floats
 from .pictures import write_holes
 from .processes import module_in_blender
-from .scene import WorkingScenes
+from .scene import WorkingScenes, camera_at
 
 OF_A_FRAME = (
     "size",
@@ -42,17 +42,51 @@ OF_A_FRAME = (
 )
 """What of a pair's report an animation's has for each frame."""
 
+ALIKE = 24
+"""Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
+
 RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_target")
 """The stages that render, or denoise what was rendered: the rest is what is done beside."""
 
 
 @dataclass(frozen=True)
 class Belonging:
-    """What the frames of a run have in common: their journal, their fingerprints, and the run's own token."""
+    """What the frames of a run have in common: their journal, their fingerprints, the run's own token, and whether they
+    are written as half floats."""
 
     journal: Journal
     wanted: Fingerprints
     token: str
+    half_floats: bool
+
+
+class AgreedPrecedent(Precedent):
+    """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
+
+    block is what is different where something else may be found. Raises OutputError.
+    """
+
+    def __init__(self, belonging: Belonging, layer: str, block: tuple[int, str]) -> None:
+        self._journal = belonging.journal
+        of_layer = [belonging.wanted.settings, dict(belonging.wanted.scene), layer]
+        self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
+
+    def cost(self, found: SourceCost) -> SourceCost:
+        known = self._agree(self._of_layer, asdict(found))
+        return SourceCost(**known) if known.keys() == asdict(found).keys() else found
+
+    def noise_left(self, find: Callable[[], float]) -> float:
+        known = self._journal.found(self._of_block) or {}
+        if "noise_left" not in known:
+            found = find()
+            known = {"noise_left": found, **self._agree(self._of_block, {"noise_left": found})}
+        return known["noise_left"]
+
+    def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
+        try:
+            return self._journal.agree_on(key, values)
+        except OSError as error:
+            raise failed_output(self._journal.frames_folder, error) from error
 
 
 class BlenderFrameMaker:
@@ -75,12 +109,9 @@ class BlenderFrameMaker:
         self._scene, self._settings, self._options = scene, settings, options
         self._belonging, self._on_stage = belonging, on_stage
         self._work, self._private = work, Path(order.private)
-        self._half = writes_half_floats(scene)
-        self._costs = digest([belonging.wanted.settings, dict(belonging.wanted.scene)])[:16]
         self._scenes = WorkingScenes(scene)
         self._writer = WriterProcess(order, module_in_blender("writer"))
         self._writer.start()
-        self._layers_begun = 0
         self._keeps_last = keeps_last
         self._last: tuple[int, StereoPair | None] | None = None
 
@@ -94,7 +125,6 @@ class BlenderFrameMaker:
 
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()
-        self._layers_begun = 0
         where = f"{FRAME}{frame}"
         self._on_stage("prepare", where)
         of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
@@ -104,11 +134,11 @@ class BlenderFrameMaker:
             self._work,
             on_stage=lambda stage: self._on_stage(stage, where),
             scenes=self._scenes,
-            decided_by=self._agreed,
+            precedents=lambda layer: AgreedPrecedent(self._belonging, layer, self._block_of(frame)),
         )
         figures = {key: report[key] for key in OF_A_FRAME if key in report}
         figures["multiview_seconds"] = report["predicted_speedup"] * report["seconds"]["total"]
-        figures["warnings"] = [*report["warnings"], *value_warnings(pair, half=self._half)]
+        figures["warnings"] = [*report["warnings"], *value_warnings(pair, half=self._belonging.half_floats)]
         folder = self._hand_out(frame, pair)
         figures["wall_seconds"] = wall = time.perf_counter() - start
         figures["beside_seconds"] = wall - sum(report["seconds"].get(stage, 0.0) for stage in RENDERING)
@@ -145,14 +175,10 @@ class BlenderFrameMaker:
             raise failed_output(self._belonging.journal.frames_folder, error) from error
         return folder
 
-    def _agreed(self, cost: SourceCost) -> SourceCost:
-        """What fill methods are chosen by: the first frame's cost, for a frame to be the same when rendered again."""
-        self._layers_begun += 1
-        try:
-            known = self._belonging.journal.agree_on_costs(f"{self._costs}-{self._layers_begun}", asdict(cost))
-            return SourceCost(**known) if known.keys() == asdict(cost).keys() else cost
-        except OSError as error:
-            raise failed_output(self._belonging.journal.frames_folder, error) from error
+    def _block_of(self, frame: int) -> tuple[int, str]:
+        """What a frame has in common with those around it: their number over ALIKE, and the camera."""
+        camera = camera_at(self._scene, frame)
+        return frame // ALIKE, camera.name_full if camera else ""
 
     def _is_compared(self, frame: int) -> bool:
         every = self._options.compare_every

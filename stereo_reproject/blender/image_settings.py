@@ -138,7 +138,7 @@ def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
 
 
 def writes_half_floats(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's own output is of half floats."""
+    """Whether the scene's output is of half floats."""
     settings = scene.render.image_settings
     return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"
 

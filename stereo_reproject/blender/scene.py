@@ -95,7 +95,8 @@ def working_scene(
     scene cannot be rendered as a pair.
     """
     engine = _engine(scene, overrides)
-    frame = scene.frame_current if overrides.frame is None else overrides.frame
+    # As Blender has it, a frame that is asked for by its number has no subframe.
+    frame, subframe = _standing(scene) if overrides.frame is None else (overrides.frame, 0.0)
     camera = check_camera(camera_at(scene, frame))
     rendered = check_layers(scene)[0] if layer is None else layer
     copy = scene.copy()
@@ -111,13 +112,13 @@ def working_scene(
         _set_up(copy, rendered)
         _apply(copy, eye.data, overrides)
         _check_region(copy.render)
-        move_to(copy, frame, subframe=scene.frame_subframe if frame == scene.frame_current else 0.0)
+        move_to(copy, frame, subframe=subframe)
         yield copy
     finally:
         left = bpy.data.scenes.get(names[0])
-        last = frame if left is None else left.frame_current
+        last = (frame, subframe) if left is None else _standing(left)
         _remove(*names)
-        return_to_own_frame(scene, last)
+        return_to_own_frame(scene, *last)
 
 
 def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
@@ -238,10 +239,15 @@ def make_small(working: bpy.types.Scene, width: int) -> float:
     return scale
 
 
-def return_to_own_frame(scene: bpy.types.Scene, frame: int) -> None:
+def return_to_own_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
     """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
-    if frame != scene.frame_current:
-        scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+    own = _standing(scene)
+    if own != (frame, subframe):
+        scene.frame_set(own[0], subframe=own[1])
+
+
+def _standing(scene: bpy.types.Scene) -> tuple[int, float]:
+    return scene.frame_current, scene.frame_subframe
 
 
 def _check_region(render: bpy.types.RenderSettings) -> None:

@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.animation_settings import AnimationSettings
+from stereo_reproject.blender.animation_output import output_of
 from stereo_reproject.blender.api import render_animation
 from stereo_reproject.blender.delivery import deliver_frames
 from stereo_reproject.blender.pictures import read_png
@@ -143,6 +145,13 @@ def test_both_views_in_one_exr(scene, tmp_path):
     set_format(scene, "OPEN_EXR_MULTILAYER", views="MULTIVIEW", **media)
     render(scene)
     assert files(tmp_path) == ["shot_0001.exr", "shot_0003.exr"]
+
+
+@pytest.mark.parametrize(("file_format", "half"), [(None, True), ("OPEN_EXR", True), ("PNG", False)])
+def test_the_format_that_is_asked_for_tells_whether_floats_are_halved(scene, file_format, half):
+    set_format(scene, "OPEN_EXR")
+    scene.render.image_settings.color_depth = "16"
+    assert output_of(scene, AnimationSettings(file_format=file_format))[1].half_floats == half
 
 
 def test_a_relative_path_needs_a_saved_file(scene, tmp_path):

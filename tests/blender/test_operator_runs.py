@@ -129,7 +129,7 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert [name for name in nodes if "0001" in name]
     assert [name for name in nodes if "0002" in name]
     told = [name for name in written if name.startswith("shots") and not name.endswith((".png", ".svg"))]
-    told = [name for name in told if not name.startswith("shots/journal/costs-")]
+    told = [name for name in told if not name.startswith("shots/journal/found-")]
     assert told == ["shots/film_animation.json", "shots/journal/film_0001.json", "shots/journal/film_0002.json"]
     assert {name.partition("/")[0] for name in written} == {"shots", "nodes"}
     assert sorted(path.name for path in place.iterdir()) == ["project"]

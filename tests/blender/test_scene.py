@@ -126,6 +126,14 @@ def test_overrides_replace_what_the_scene_says(scene):
         assert (stereo.convergence_distance, stereo.convergence_mode) == (3.0, "TOE")
 
 
+@pytest.mark.parametrize(("asked", "subframe"), [(None, 0.5), (3, 0.0), (4, 0.0)])
+def test_a_frame_that_is_asked_for_has_no_subframe(scene, asked, subframe):
+    scene.frame_set(3, subframe=0.5)
+    with working_scene(scene, SceneOverrides(frame=asked)) as working:
+        assert (working.frame_current, working.frame_subframe) == (asked or 3, subframe)
+    assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
+
+
 @pytest.mark.parametrize(
     ("border", "width", "expected"),
     [(None, 64, (64, 36)), ((0.4, 0.45, 0.5, 0.52), 8, (18, 4)), ((0.0, 0.5, 0.0, 1.0), 900, (160, 180))],

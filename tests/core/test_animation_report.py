@@ -6,7 +6,7 @@ import pytest
 
 from stereo_reproject.animation_report import format_animation, report_path, totals, write_animation_report
 from stereo_reproject.animation_settings import AnimationSettings
-from stereo_reproject.journal import Journal, Record
+from stereo_reproject.journal import Fingerprints, Journal, Record
 
 
 def row(frame=1, *, wall=2.0, multiview=5.0, traced=0.1, beside=0.5, compare=None, **more):
@@ -70,10 +70,13 @@ def test_it_lies_beside_the_frames_and_is_called_as_they_are(tmp_path, name, fil
     assert report_path(Journal(tmp_path, name)) == tmp_path / file
 
 
-def recorded(journal, frame, **figures):
+WANTED = Fingerprints("s", {"meshes": "cube"})
+
+
+def recorded(journal, frame, *, settings="s", **figures):
     facts = {name: value for name, value in row(**figures).items() if name != "frame"}
     files = {f"{frame:04d}.png": {"bytes": 1, "sha256": "0"}}
-    journal.write(Record(frame, files, settings="s", scene={}, run="r", figures=facts))
+    journal.write(Record(frame, files, settings=settings, scene=WANTED.scene, run="r", figures=facts))
 
 
 def test_it_has_every_frame_of_the_journal_whichever_run_has_rendered_it(tmp_path):
@@ -83,7 +86,7 @@ def test_it_has_every_frame_of_the_journal_whichever_run_has_rendered_it(tmp_pat
     recorded(journal, 2)
     recorded(journal, 10007, warnings=["fireflies", "black"])
     options = AnimationSettings(frames=(7, 8))
-    report = write_animation_report(journal, options, {8: "no memory"}, ["the scene denoises"])
+    report = write_animation_report(journal, WANTED, options, {8: "no memory"}, ["the scene denoises"])
     assert [line["frame"] for line in report["frames"]] == [2, 7, 10007]
     assert report["frames"][1]["files"] == ["0007.png"]
     assert report["asked_for"] == [7, 8]
@@ -98,5 +101,14 @@ def test_another_animation_in_the_same_folder_is_left_out(tmp_path):
         journal = Journal(tmp_path, name)
         journal.make()
         recorded(journal, frame)
-    report = write_animation_report(Journal(tmp_path, "a_"), AnimationSettings(), {}, [])
+    report = write_animation_report(Journal(tmp_path, "a_"), WANTED, AnimationSettings(), {}, [])
+    assert [line["frame"] for line in report["frames"]] == [1]
+
+
+def test_frames_of_other_settings_count_for_nothing(tmp_path):
+    journal = Journal(tmp_path)
+    journal.make()
+    recorded(journal, 1)
+    recorded(journal, 2, settings="others")
+    report = write_animation_report(journal, WANTED, AnimationSettings(), {}, [])
     assert [line["frame"] for line in report["frames"]] == [1]

@@ -409,21 +409,21 @@ def test_a_heart_beats_as_long_as_its_run_holds_on_to_it(tmp_path, start):
     assert (process.returncode, path.exists()) == (0, False)
 
 
-# What a frame costs
+# What a frame has found
 
 
-def test_costs_are_agreed_on_by_whoever_comes_first(journal):
-    assert journal.costs("key") is None
-    assert journal.agree_on_costs("key", {"seconds": 2.0}) == {"seconds": 2.0}
-    assert journal.agree_on_costs("key", {"seconds": 9.0}) == {"seconds": 2.0}
-    assert journal.agree_on_costs("other", {"seconds": 9.0}) == {"seconds": 9.0}
+def test_values_are_agreed_on_by_whoever_comes_first(journal):
+    assert journal.found("key") is None
+    assert journal.agree_on("key", {"seconds": 2.0}) == {"seconds": 2.0}
+    assert journal.agree_on("key", {"seconds": 9.0}) == {"seconds": 2.0}
+    assert journal.agree_on("other", {"seconds": 9.0}) == {"seconds": 9.0}
 
 
 @pytest.mark.parametrize("rubbish", [b"", b"{", b"[]", b'{"seconds": "long"}', b"\xff"])
-def test_costs_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
-    (journal.folder / "costs-key.json").write_bytes(rubbish)
-    assert journal.agree_on_costs("key", {"seconds": 3.0}) == {"seconds": 3.0}
-    assert journal.costs("key") == {"seconds": 3.0}
+def test_values_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
+    (journal.folder / "found-key.json").write_bytes(rubbish)
+    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.found("key") == {"seconds": 3.0}
 
 
 # Names

@@ -19,6 +19,7 @@ from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
+from stereo_reproject.precedent import Precedent
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
 
@@ -131,6 +132,17 @@ class Caster:
         if self.traced_colour is not None:
             passes["Combined"][:] = self.traced_colour
         return passes
+
+
+class Denoiser:
+    """Leaves all noise where it is, and remembers how many pictures it was given each time."""
+
+    def __init__(self):
+        self.given = []
+
+    def __call__(self, pictures):
+        self.given.append(len(pictures))
+        return [picture[NOISY_PASS][..., :3] for picture in pictures]
 
 
 def caster(world=ROOM, *, mode="off-axis", orthographic=False, ipd=IPD, **options):
@@ -271,7 +283,7 @@ def test_of_a_denoised_picture_the_colour_is_looked_up_cubically_unless_told_oth
     def warped(asked):
         renderer = caster()
         if denoised:
-            renderer.denoise = lambda pictures: [picture[NOISY_PASS][..., :3] for picture in pictures]
+            renderer.denoise = Denoiser()
         renderer.spoil = lambda passes: passes.update(Checker=checker)
         frame = render_stereo_frame(renderer, settings(interpolation=asked, accuracy="draft"))
         return frame.eyes["right"], ~holes_of(frame)
@@ -283,6 +295,30 @@ def test_of_a_denoised_picture_the_colour_is_looked_up_cubically_unless_told_oth
         expected, other = (cubic, linear) if sharp else (linear, cubic)
         np.testing.assert_array_equal(auto[name][both], expected[name][both])
         assert np.any(auto[name][both] != other[name][both])
+
+
+def test_what_another_frame_has_found_is_not_looked_for_again():
+    class Known(Precedent):
+        def __init__(self, left):
+            self.left, self.found = left, []
+
+        def cost(self, found):
+            self.found.append(found)
+            return found
+
+        def noise_left(self, find):
+            return self.left or find()
+
+    given, estimates = [], []
+    for precedent in (None, Known(None), Known(0.5)):
+        renderer = caster(noise=0.1)
+        renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
+        frame = render_stereo_frame(renderer, settings(), precedent=precedent)
+        given.append(len(renderer.denoise.given))
+        estimates.append(frame.refinement.estimate)
+        assert precedent is None or [cost.seconds for cost in precedent.found] == [renderer.cost.seconds]
+    assert given[0] == given[1] == given[2] + 1
+    assert estimates[0] == estimates[1] != estimates[2]
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 5.0])

@@ -111,7 +111,7 @@ class Run:
 def files_in(folder):
     """All but charts, which need matplotlib, and what frames have cost, whose name is a checksum."""
     names = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(name for name in names if not re.fullmatch(r"animation\.(png|svg)|journal/costs-[\w-]+\.json", name))
+    return sorted(name for name in names if not re.fullmatch(r"animation\.(png|svg)|journal/found-[\w-]+\.json", name))
 
 
 def contents(folder):
