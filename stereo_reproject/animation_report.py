@@ -57,12 +57,16 @@ def _row(record: Record) -> dict[str, Any]:
 def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Of all frames: seconds, also those that Blender's multiview would have taken, and by what that is known.
 
-    What was measured of it counts for all: its mean over the frames that were compared. Without any it is predicted
-    for each frame from what its source eye has cost.
+    They are predicted for each frame from what its source eye has cost, and where frames were compared, all predictions
+    are put right by what was measured of those: a ratio estimate, for which it does not matter whether the compared
+    frames happen to be cheap ones.
     """
     seconds = [row["wall_seconds"] for row in rows]
-    compared = [row["compare"]["multiview_seconds"] for row in rows if row.get("compare")]
-    multiview = statistics.fmean(compared or [row["multiview_seconds"] for row in rows]) * len(rows) if rows else 0.0
+    compared = [row for row in rows if row.get("compare")]
+    multiview = sum(row["multiview_seconds"] for row in rows)
+    predicted = sum(row["multiview_seconds"] for row in compared)
+    if predicted:
+        multiview *= sum(row["compare"]["multiview_seconds"] for row in compared) / predicted
     return {
         "frames": len(rows),
         "seconds": sum(seconds),

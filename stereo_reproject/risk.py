@@ -76,11 +76,25 @@ class _Window:
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
     """Sum of (H, W) over the pixels within `reach` of each, down and across; nothing lies beyond the border."""
     result = np.asarray(image, np.float64)
-    for axis in (0, 1):
-        size = result.shape[axis]
-        border = np.zeros_like(result.take([0], axis)) if size else result
-        total = np.concatenate([border, np.cumsum(result, axis=axis)], axis=axis)
+    for axis, running_sums in enumerate((_running_sums_down, _running_sums_across)):
+        total, size = running_sums(result), result.shape[axis]
         place = np.arange(size)
         high, low = np.minimum(place + reach[axis] + 1, size), np.maximum(place - reach[axis], 0)
         result = total.take(high, axis) - total.take(low, axis)
     return result
+
+
+def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(H + 1, W): the sums of the rows above each, row by row: numpy's own, which goes down columns, takes eight times
+    as long."""
+    total = np.zeros((image.shape[0] + 1, image.shape[1]))
+    for row in range(image.shape[0]):
+        np.add(total[row], image[row], out=total[row + 1])
+    return total
+
+
+def _running_sums_across(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(H, W + 1): the sums of what is to the left of each in its row."""
+    total = np.zeros((image.shape[0], image.shape[1] + 1))
+    np.cumsum(image, axis=1, out=total[:, 1:])
+    return total
