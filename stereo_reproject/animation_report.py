@@ -20,7 +20,9 @@ FIGURES = {"wall_seconds", "beside_seconds", "multiview_seconds", "fractions"}
 
 def report_path(journal: Journal) -> Path:
     """Where it lies: beside the frames, and called as they are where they have a name."""
-    return journal.frames_folder / f"{journal.name.lstrip('_-. ')}animation.json"
+    name = journal.name.lstrip("_-. ")
+    between = "_" if name[-1:].isalnum() else ""
+    return journal.frames_folder / f"{name}{between}animation.json"
 
 
 def write_animation_report(

@@ -124,9 +124,15 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
         help="make a movie of all frames when they are there; in DIR and named after its layout, if FILE is left out",
     )
     parser.add_argument(
-        "--layout", choices=LAYOUTS, metavar="LAYOUT", help=f"how a frame holds both eyes: {', '.join(LAYOUTS)}"
+        "--layout",
+        type=str.lower,
+        choices=LAYOUTS,
+        metavar="LAYOUT",
+        help=f"how a frame holds both eyes: {', '.join(LAYOUTS)}",
     )
-    parser.add_argument("--format", metavar="FORMAT", help="of the frames, by Blender's name, such as PNG or OPEN_EXR")
+    parser.add_argument(
+        "--format", metavar="FORMAT", type=str.upper, help="of the frames, by Blender's name, such as PNG or OPEN_EXR"
+    )
     parser.add_argument(
         "--holes", action="store_true", help="also a picture for each frame of what was traced, and why"
     )

@@ -85,11 +85,13 @@ def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int
     assert job.output is not None
     if arguments.movie:
         named = arguments.movie.endswith(("/", os.sep))
-        arguments.movie = f"{_absolute(arguments.movie)}{os.sep if named else ''}"
+        arguments.movie = f"{_beside(arguments.movie, job.blend)}{os.sep if named else ''}"
     job = replace(job, animation=animation_of(arguments, job.output))
     console.quiet = arguments.quiet
     report = _have_done(job, console, host, console.on_event, run=run_animation)
     console.show(format_animation(report))
+    for movie in report.get("movies", ()):
+        console.show(f"movie         {movie}")
     console.show(f"files         {job.output}{os.sep}")
     return 0
 
@@ -150,7 +152,13 @@ def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: 
     """The job for the scene and the output folder that were given; `what` is done as `Job` has it."""
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
-    return Job(_blend_file(arguments.scene), _absolute(arguments.output), settings, **what)
+    blend = _blend_file(arguments.scene)
+    return Job(blend, _beside(arguments.output, blend), settings, **what)
+
+
+def _beside(name: str, blend: Path) -> Path:
+    """The absolute path of what is called `name`: as everywhere in Blender, // is the .blend's own folder."""
+    return _absolute(f"{blend.parent}/{name[2:]}" if name.startswith("//") else name)
 
 
 def _absolute(name: str) -> Path:
@@ -225,7 +233,7 @@ COMMANDS = (
         "animate",
         "Render the stereo pairs of many frames, in any number of processes, and go on where an earlier run ended.",
         "  %(prog)s shot.blend --output frames\n"
-        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --movie shot.mp4 --layout side-by-side-half\n"
+        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --movie --layout side-by-side-half\n"
         "  %(prog)s shot.blend --output frames --frames 1-240 --resume --compare every=24\n",
         add_animate_arguments,
         _animate,

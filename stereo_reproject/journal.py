@@ -4,6 +4,7 @@
 0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
 .NAME.tmp       a file that is being written and will be called NAME
 run-TOKEN       a run at work: where, and a number that counts up as long as it lives
+movie-KEY.json  the checksum of a movie that was made of the frames
 found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
 Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
@@ -115,6 +116,11 @@ class Journal:
         """Raises OSError."""
         self.folder.mkdir(exist_ok=True)
 
+    def remove_empty(self) -> None:
+        """Leave no folder behind in which there is nothing."""
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+
     def record(self, frame: int) -> Record | None:
         """What is recorded of a frame; None where there is nothing, or nothing that can be read. Raises OSError."""
         try:
@@ -209,6 +215,22 @@ class Journal:
         if self.holds(frame, number, token):
             for _, path in self._claims(frame):
                 path.unlink(missing_ok=True)
+
+    def note_movie(self, path: Path) -> None:
+        """Remember a movie that was made of the frames. Raises OSError."""
+        write_json(self._movie_path(path), checksum(path))
+
+    def knows_movie(self, path: Path) -> bool:
+        """Whether a file is a movie that was made of the frames, and still as it was then. Raises OSError."""
+        try:
+            known = json.loads(self._movie_path(path).read_bytes())
+            return path.stat().st_size == known["bytes"] and checksum(path) == known
+        except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
+            return False
+
+    def _movie_path(self, path: Path) -> Path:
+        # Where its folder is called otherwise, on another machine, it is still the same.
+        return self.folder / f"movie-{digest(path.name)[:16]}.json"
 
     def found(self, key: str) -> dict[str, float] | None:
         """What is there already under a key; None where there is nothing, or nothing that can be read."""

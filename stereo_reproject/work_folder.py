@@ -111,7 +111,7 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
     if os.path.lexists(folder):
         if folder.is_dir():
             return
-        raise BadInputError(f"{folder} is not a folder; choose another output folder")
+        raise BadInputError(f"{folder} is not a folder; choose another folder")
     if folder.parent != folder:
         _make_folders(folder.parent, created)
     try:
@@ -128,15 +128,15 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
     for name in files:
         if (output / name).is_dir():
             raise BadInputError(
-                f"{output / name} is a folder where a file is to be written; move it or choose another output folder"
+                f"{output / name} is a folder where a file is to be written; move it or choose another folder"
             )
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
     if tells_full_disk(error):
-        return BadInputError(f"{output}: the disk is full; free some space or choose another output folder")
+        return BadInputError(f"{output}: the disk is full; free some space or choose another folder")
     reason = error.strerror or str(error)
-    return BadInputError(f"{output} cannot be written ({reason}); choose another output folder")
+    return BadInputError(f"{output} cannot be written ({reason}); choose another folder")
 
 
 def tells_full_disk(error: OSError) -> bool:

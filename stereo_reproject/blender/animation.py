@@ -23,7 +23,7 @@ from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
 from ..journal import Fingerprints, FrameState, Journal, digest
 from ..runs import run_at_work
-from ..settings import StereoSettings
+from ..settings import SceneOverrides, StereoSettings
 from ..supervisor import Session
 from ..work_folder import flush, work_folder
 from ..writer_process import WriterOrder
@@ -31,8 +31,9 @@ from .animation_output import Output, output_of
 from .fingerprint import scene_fingerprints
 from .frame_maker import Belonging, BlenderFrameMaker
 from .frame_writer import holes_name
-from .movie import movie_warnings, try_movie, write_movie
+from .movie import movie_files, movie_warnings, try_movie, write_movie
 from .rig import frame_region
+from .scene import changed
 from .scene_warnings import scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr")
@@ -63,10 +64,12 @@ def render_animation_files(
     options, output = output_of(scene, options)
     told.on_stage("plan", "")
     journal = Journal(output.folder, output.name)
-    wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene))
+    _check_movies(scene, options, output, journal)
+    wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
         journal.make()
+        stack.callback(journal.remove_empty)
         token = stack.enter_context(run_at_work(journal.runs))
         plan = _plan(journal, output, wanted, options)
         _say_plan(plan, options, told)
@@ -87,17 +90,19 @@ def render_animation_files(
                     render_frames(plan, journal, wanted, token, maker, progress.told)
                 except StereoReprojectError:
                     with contextlib.suppress(OSError):
-                        write_animation_report(journal, wanted, options, failed, said)
+                        if failed or journal.records():
+                            write_animation_report(journal, wanted, options, failed, said)
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
         report = write_animation_report(journal, wanted, options, failed, [*scene_warnings(scene), *said])
     _check_all_rendered(failed, len(output.files))
-    movies = _movie(scene, options, output, told)
+    movies = _movie(scene, options, output, journal, told)
     written = [*([] if for_movie_alone else output.all_files), *movies]
     if for_movie_alone:
         _remove_waiting(journal, output, movies[0])
     done = {"rendered": len(plan.todo), "there_already": sorted(plan.kept), "last": last}
+    done["movies"] = [str(path) for path in movies]
     return {**report, "files": [str(path) for path in written], **done}
 
 
@@ -156,17 +161,32 @@ def _settings_digest(settings: StereoSettings, output: Output) -> str:
     return digest({"settings": fields, "output": output.values})
 
 
-def _scene_prints(scene: bpy.types.Scene) -> dict[str, str]:
-    """The scene's fingerprints; another Blender renders another picture of it, too."""
-    return {"Blender": ".".join(map(str, bpy.app.version[:2])), **scene_fingerprints(scene)}
+def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
+    """The scene's fingerprints, to which it is nothing what it says itself of what is overridden; another Blender
+    renders another picture of it, too."""
+    with ExitStack() as changes:
+        if overrides.size is not None:
+            width, height = overrides.size
+            size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+            changes.enter_context(changed(scene.render, **size))
+        if overrides.samples is not None:
+            changes.enter_context(changed(scene.cycles, samples=overrides.samples))
+            changes.enter_context(changed(scene.eevee, taa_render_samples=overrides.samples))
+        if overrides.seed is not None:
+            changes.enter_context(changed(scene.cycles, seed=overrides.seed))
+        prints = scene_fingerprints(scene)
+    return {"Blender": ".".join(map(str, bpy.app.version[:2])), **prints}
 
 
 def _say_plan(plan: FramePlan, options: AnimationSettings, told: Told) -> None:
     by_state: dict[FrameState, list[int]] = {}
     for frame, state in plan.todo.items():
         by_state.setdefault(state, []).append(frame)
-    if plan.kept:
+    goes_on = bool(options.skip or options.finished)
+    if plan.kept and not goes_on:
         told.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
+        if FrameState.MISSING in by_state:
+            told.note(f"to be rendered: {spelled(by_state[FrameState.MISSING])}")
     for state in (FrameState.DAMAGED, FrameState.UNKNOWN, FrameState.OTHER_SETTINGS):
         if options.existing != "overwrite" and state in by_state:
             told.note(f"rendered again, for being {state.value}: {spelled(by_state[state])}")
@@ -189,7 +209,23 @@ def _order(blend: Path, session: Session, output: Output, options: AnimationSett
     )
 
 
-def _movie(scene: bpy.types.Scene, options: AnimationSettings, output: Output, told: Told) -> list[Path]:
+def _check_movies(scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal) -> None:
+    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames."""
+    if options.movie is None or options.existing not in ("refuse", "resume"):
+        return
+    for path in movie_files(scene, Path(options.movie), output.movie_layout):
+        try:
+            in_the_way = path.exists() and not journal.knows_movie(path)
+        except OSError as error:
+            raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
+        if in_the_way:
+            what = "is there already and is no movie of these frames"
+            raise BadInputError(f"{path} {what}: --overwrite replaces it, another name keeps it")
+
+
+def _movie(
+    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, told: Told
+) -> list[Path]:
     """The movie of all frames, in its place; or several, or none."""
     if options.movie is None:
         return []
@@ -201,7 +237,12 @@ def _movie(scene: bpy.types.Scene, options: AnimationSettings, output: Output, t
         made = write_movie(
             scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
         )
-        return [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
+        finished = [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
+    for movie in finished:
+        # Without it the movie is there all the same.
+        with contextlib.suppress(OSError):
+            journal.note_movie(movie)
+    return finished
 
 
 def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:

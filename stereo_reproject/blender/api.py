@@ -55,7 +55,7 @@ def render_frame(
     settings = settings or StereoSettings()
     if not os.fspath(output):
         raise BadInputError("the output is empty; name a folder for the result")
-    folder, files = Path(os.path.abspath(output)), pair_files(compare=settings.compare)  # noqa: PTH100 - links stay
+    folder, files = Path(_absolute(output, "output")), pair_files(compare=settings.compare)
     with work_folder(folder, files) as work:
         report, _ = render_files(_scene(scene), settings, work, files=files)
         publish(work, folder, files, superseded=superseded_by(files), between_steps=lambda: None)
@@ -98,10 +98,10 @@ def render_animation(
     options = AnimationSettings(
         frames=None if frames is None else _frames(frames),
         existing=existing_as_set(scene) if existing is None else existing,
-        output=None if output is None else os.path.abspath(output),  # noqa: PTH100 - links stay
+        output=None if output is None else _absolute(output, "output"),
         layout=layout,
         file_format=file_format,
-        movie=None if movie is None else os.fspath(movie) and os.path.abspath(movie),  # noqa: PTH100
+        movie=movie if movie in (None, "") else _absolute(movie, "movie"),
         holes=holes,
         compare_every=compare_every,
     )
@@ -116,6 +116,15 @@ def render_animation(
         return render_animation_files(
             scene, settings or StereoSettings(), options, work, save_copy(work), session, told=told
         )
+
+
+def _absolute(path: Any, what: str) -> str:
+    """A path as it stands in Blender, where // is the open file's own folder."""
+    try:
+        name = os.fspath(path)
+    except TypeError as error:
+        raise BadInputError(f"{what} must be a path, not {path!r}") from error
+    return os.path.abspath(bpy.path.abspath(name))  # noqa: PTH100 - links stay
 
 
 def _frames(frames: Iterable[int]) -> tuple[int, ...]:

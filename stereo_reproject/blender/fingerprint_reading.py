@@ -158,6 +158,9 @@ class _Reading:
             self.lines.extend(flat_lines(items, kind))
             return
         listed = sorted(items, key=lambda item: item.name) if in_any_order else items
+        if kind == "TimelineMarker":
+            # The others are notes.
+            listed = [marker for marker in listed if marker.camera]
         for index, item in enumerate(listed):
             # What belongs to a collection is no longer only pointed to.
             self._pointer(f"{path}[{index}]", item, True)

@@ -24,7 +24,7 @@ from ..supervisor import FRAME, HANDED_OVER
 from ..writer_process import WriterOrder, WriterProcess, WrittenFrame
 from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
-from .pictures import write_holes
+from .pictures import write_hole_mask
 from .processes import module_in_blender
 from .scene import WorkingScenes, camera_at
 
@@ -170,7 +170,7 @@ class BlenderFrameMaker:
                 write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
             if self._options.holes:
                 target = colour(pair.eyes[self._settings.target][pair.main])
-                write_holes(folder / "holes.png", target, pair.main_frame.reasons)
+                write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
         except (OSError, StereoReprojectError) as error:
             raise failed_output(self._belonging.journal.frames_folder, error) from error
         return folder

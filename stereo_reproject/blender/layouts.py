@@ -15,7 +15,7 @@ from ..delivery.anaglyph import dubois
 from ..errors import BadInputError, StereoReprojectError
 from .delivery import NOTHING, EyesAt, deliver_frames
 from .image_settings import SIDE_BY_SIDE, format_kept, set_changed
-from .output_paths import output_name
+from .output_paths import output_name, without_movie_extension
 from .pictures import check_png, read_png
 from .render import output_path
 from .scene import changed
@@ -75,7 +75,9 @@ def as_ordered(
     render = scene.render
     with ExitStack() as changes:
         if output is not None:
-            folder = f"{output_path(Path(output))}/{output_name(scene)}"
+            # Pictures in place of a movie are not called as one.
+            name = output_name(scene) if file_format is None else without_movie_extension(scene)
+            folder = f"{output_path(Path(output))}/{name}"
             changes.enter_context(changed(render, filepath=folder))
         changes.enter_context(format_kept(render.image_settings))
         if file_format is not None:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..delivery.layouts import LAYOUTS, contradicting_tag
+from ..delivery.layouts import LAYOUTS, contradicting_tag, says, tagged_name
 from ..delivery.stereo_mode import write_stereo_mode_of
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import VIEWS, read_colours
@@ -32,6 +32,12 @@ CONTAINERS = {
 }
 """Blender's names of them, by a movie's extension."""
 
+WITHOUT_MARKS = (".avi", ".ogv")
+"""Of them, those that have no place for a mark."""
+
+SQUEEZED = ("side-by-side-half", "top-bottom-half")
+"""Layouts whose mark is that of the whole one."""
+
 ONLY_CODECS = {"WEBM": ("WEBM", "AV1"), "OGG": ("THEORA",)}
 """Containers that take only some, their usual one first; what others hold is for Blender to say."""
 
@@ -44,10 +50,21 @@ def check_movie(path: Path) -> None:
         raise BadInputError(f"{path} is a folder where a movie is to be written")
 
 
+def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
+    """What `write_movie` makes, where it belongs."""
+    return [path.with_stem(f"{path.stem}{suffix}") for suffix in _parts(scene, layout)]
+
+
 def movie_warnings(path: Path, layout: str | None) -> list[str]:
-    """What players would take for something else."""
-    tag = None if layout is None else contradicting_tag(path, LAYOUTS[layout])
-    return [] if tag is None else [f"players take {tag} in {path.name} for another layout than {layout}"]
+    """What players would take for something else, or cannot tell."""
+    if layout is None:
+        return []
+    tag = contradicting_tag(path, LAYOUTS[layout])
+    if tag is not None:
+        return [f"players take {tag} in {path.name} for another layout than {layout}"]
+    told = layout not in SQUEEZED and path.suffix.lower() not in WITHOUT_MARKS
+    named = tagged_name(path, LAYOUTS[layout]).name
+    return [] if told or says(path, LAYOUTS[layout]) else [f"players know {layout} by its name alone: {named} tells it"]
 
 
 def write_movie(
@@ -66,17 +83,22 @@ def write_movie(
     StereoReprojectError.
     """
     folder.mkdir(exist_ok=True)
-    apart = [(view, view.file_suffix) for name in VIEWS for view in scene.render.views if view.name == name]
-    parts = (
-        {suffix: slice(k, k + 1) for k, (_, suffix) in enumerate(apart)} if layout == "individual" else {"": slice(2)}
-    )
     finished = []
     with _movie_scene(scene, path.suffix.lower()) as copy:
-        for suffix, part in parts.items():
-            made = _encode(copy, {frame: files[part] for frame, files in pictures.items()}, folder, file_format)
+        for suffix, part in _parts(scene, layout).items():
+            of_part = {frame: files[part] for frame, files in pictures.items()}
+            made, height = _encode(copy, of_part, folder, file_format)
             finished.append(made.replace(folder / f"{path.stem}{suffix}{path.suffix}"))
-            write_stereo_mode_of(finished[-1], LAYOUTS[layout or "individual"])
+            write_stereo_mode_of(finished[-1], LAYOUTS[layout or "individual"].at_height(height))
     return finished
+
+
+def _parts(scene: bpy.types.Scene, layout: str | None) -> dict[str, slice]:
+    """Which of a frame's files go into each movie, by what is added to its name."""
+    if layout != "individual":
+        return {"": slice(2)}
+    views = [view for name in VIEWS for view in scene.render.views if view.name == name]
+    return {view.file_suffix: slice(k, k + 1) for k, view in enumerate(views)}
 
 
 def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folder: Path) -> None:
@@ -103,10 +125,14 @@ def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scen
         for collection in list(copy.collection.children):
             copy.collection.children.unlink(collection)
         settings, ffmpeg = copy.render.image_settings, copy.render.ffmpeg
+        codec = ffmpeg.codec
         with format_kept(settings):
             if hasattr(settings, "media_type"):
                 settings.media_type = "VIDEO"
             settings.file_format = "FFMPEG"
+            if codec not in ("NONE", ffmpeg.codec):
+                # Of settings that were never those of the scene's own format, Blender makes its defaults.
+                ffmpeg.codec = codec
             container = CONTAINERS[suffix]
             ffmpeg.format = container
             ffmpeg.use_autosplit = False
@@ -118,9 +144,11 @@ def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scen
         bpy.data.scenes.remove(bpy.data.scenes[name])
 
 
-def _encode(copy: bpy.types.Scene, pictures: Mapping[int, Sequence[Path]], folder: Path, file_format: str) -> Path:
-    """One movie of what the files hold. Linear pictures go through the scene's view transform, others have it behind
-    them."""
+def _encode(
+    copy: bpy.types.Scene, pictures: Mapping[int, Sequence[Path]], folder: Path, file_format: str
+) -> tuple[Path, int]:
+    """One movie of what the files hold, and its height in pixels. Linear pictures go through the scene's view
+    transform, others have it behind them."""
     frames = _span(list(pictures))
     by_frame = dict(zip(frames, pictures.values(), strict=True))
     linear = file_format in LINEAR
@@ -130,7 +158,7 @@ def _encode(copy: bpy.types.Scene, pictures: Mapping[int, Sequence[Path]], folde
     out = folder / f"encoded-{len(list(folder.iterdir()))}"
     with nullcontext() if linear else display_values(copy):
         deliver_movie(copy, picture_at, out, frames=frames)
-    return _only_file(out)
+    return _only_file(out), picture_at(frames[-1]).shape[0]
 
 
 def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:

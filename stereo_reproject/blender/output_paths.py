@@ -53,6 +53,15 @@ def output_name(scene: bpy.types.Scene) -> str:
     return re.split(r"[/\\]", scene.render.filepath)[-1]
 
 
+MOVIE_EXTENSION = re.compile(r"\.(mp4|m4v|mov|mkv|webm|avi|ogv|ogg|mpg|mpeg|flv|dv)$", re.IGNORECASE)
+
+
+def without_movie_extension(scene: bpy.types.Scene) -> str:
+    """`output_name`, in which the name of a movie may have its extension already."""
+    name = output_name(scene)
+    return MOVIE_EXTENSION.sub("", name) if scene.render.is_movie_format else name
+
+
 def output_stem(scene: bpy.types.Scene) -> str:
     """The same as the names of frames begin: its templates filled in, and without the # for the frame's number.
 

@@ -58,17 +58,30 @@ def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
     """The target eye, dimmed, with every traced pixel in the colour of its reason and a legend below."""
+    picture, shares = _holes(target, reasons)
+    _write_with_legend(
+        path, picture, [(f"{reason.label} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
+    )
+
+
+def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
+    """The same picture alone, as one of a sequence: of the target's size."""
+    _write_png(path, _holes(target, reasons)[0])
+
+
+def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
+    """The picture, (H, W, 3), and the share of the pixels that have each reason shown in it."""
     picture = (display(target) * 0.35 + 20).astype(np.uint8)
     shown = np.zeros(reasons.shape, bool)
-    legend: list[tuple[str, tuple[int, int, int]]] = []
+    shares: dict[Reason, float] = {}
     for reason, colour in COLOURS.items():
         has_reason = (reasons & reason.bit) > 0
         if not has_reason.any() and reason not in (Reason.DISOCCLUDED, Reason.OUTSIDE, Reason.SILHOUETTE):
             continue
         picture[has_reason & ~shown] = colour
         shown |= has_reason
-        legend.append((f"{reason.label} {100.0 * np.mean(has_reason):.1f} %", colour))
-    _write_with_legend(path, picture, legend)
+        shares[reason] = float(np.mean(has_reason))
+    return picture, shares
 
 
 def write_estimate(

@@ -14,7 +14,8 @@ players that look for TB in a name.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 
@@ -25,6 +26,7 @@ class Layout:
     tag: what players look for in the name, "" where they know nothing
     st3d: `stereo_mode` of an MP4's st3d box, None where it has no value
     stereo_mode: Matroska's StereoMode, None where it has no value
+    odd_mode: the same in a frame of an odd number of rows, where it is another
     across, down: whole pictures side by side and above one another; 1 where the eyes are squeezed or interlaced
     """
 
@@ -32,8 +34,13 @@ class Layout:
     tag: str = ""
     st3d: int | None = None
     stereo_mode: int | None = None
+    odd_mode: int | None = None
     across: int = 1
     down: int = 1
+
+    def at_height(self, rows: int) -> Layout:
+        """The layout in frames of so many rows."""
+        return replace(self, stereo_mode=self.odd_mode) if self.odd_mode and rows % 2 else self
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -50,9 +57,9 @@ LAYOUTS: dict[str, Layout] = {
         Layout("anaglyph-green-magenta", stereo_mode=12),
         Layout("anaglyph-yellow-blue"),
         Layout("anaglyph-dubois", stereo_mode=10),
-        Layout("interlace-rows", stereo_mode=6),
+        Layout("interlace-rows", stereo_mode=6, odd_mode=7),
         Layout("interlace-columns", stereo_mode=9),
-        Layout("interlace-checkerboard", stereo_mode=4),
+        Layout("interlace-checkerboard", stereo_mode=4, odd_mode=5),
     )
 }
 
@@ -87,18 +94,26 @@ def tagged_name(path: Path, layout: Layout) -> Path:
 
 def contradicting_tag(path: Path, layout: Layout) -> str | None:
     """The first tag in a file's name by which players would take it for another layout, as it is written there."""
-    words = list(_WORD.finditer(path.stem))
+    return next((written for tag, written in _tags(path.stem) if layout.name not in KNOWN_TAGS[tag]), None)
+
+
+def says(path: Path, layout: Layout) -> bool:
+    """Whether a file's name has a tag by which players take it for that layout, or there is none to have."""
+    return not layout.tag or any(layout.name in KNOWN_TAGS[tag] for tag, _ in _tags(path.stem))
+
+
+def _tags(stem: str) -> Iterator[tuple[str, str]]:
+    """The known tags in a name, and how each is written there."""
+    words = list(_WORD.finditer(stem))
     at = 0
     while at < len(words):
         for count in range(min(LONGEST, len(words) - at), 0, -1):
             tag = "".join(word.group() for word in words[at : at + count]).casefold()
             if tag in KNOWN_TAGS:
-                if layout.name not in KNOWN_TAGS[tag]:
-                    return path.stem[words[at].start() : words[at + count - 1].end()]
+                yield tag, stem[words[at].start() : words[at + count - 1].end()]
                 at += count - 1
                 break
         at += 1
-    return None
 
 
 def _words(stem: str) -> list[str]:

@@ -12,7 +12,7 @@ from stereo_reproject.blender.pictures import read_png
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.journal import JOURNAL
 from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.settings import StereoSettings
+from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_compositor, add_plane, add_sun, diffuse, empty_scene
 
@@ -91,6 +91,81 @@ def test_a_movie(scene, tmp_path, compositor):
     bpy.data.movieclips.remove(clip)
 
 
+@pytest.mark.parametrize(("views", "suffixes"), [("INDIVIDUAL", ("_L", "_R")), ("STEREO_3D", ("",))])
+def test_a_movie_whose_path_has_its_extension(scene, tmp_path, views, suffixes):
+    media = {"media": "VIDEO"} if bpy.app.version >= (5, 0) else {}
+    set_format(scene, "FFMPEG", views=views, **media)
+    scene.render.ffmpeg.format = "MPEG4"
+    scene.render.filepath = str(tmp_path / "out" / "mine.mp4")
+    report = render(scene)
+    movies = [str(tmp_path / "out" / f"mine{suffix}.mp4") for suffix in suffixes]
+    assert report["files"] == report["movies"] == movies
+    assert sorted(path.name for path in (tmp_path / "out").iterdir() if path.suffix == ".mp4") == sorted(
+        f"mine{suffix}.mp4" for suffix in suffixes
+    )
+
+
+@pytest.mark.parametrize("existing", ["refuse", "resume", "overwrite"])
+def test_a_file_in_the_way_of_a_movie_stays_unless_it_is_one_of_these_frames(scene, tmp_path, existing):
+    movie = tmp_path / "film.mp4"
+    movie.write_bytes(b"precious")
+    options = {"scene": scene, "movie": movie, "existing": existing}
+    if existing == "overwrite":
+        render_animation(**options)
+    else:
+        with pytest.raises(BadInputError, match="no movie of these frames"):
+            render_animation(**options)
+        assert movie.read_bytes() == b"precious"
+        assert not (tmp_path / "out").exists()
+        movie.unlink()
+        render_animation(**options)
+    whole = movie.read_bytes()
+    assert whole != b"precious"
+    report = render_animation(scene=scene, movie=movie, existing="resume")
+    assert (report["rendered"], report["movies"]) == (0, [str(movie)])
+
+
+def test_a_codec_is_the_scenes_though_its_own_format_is_of_pictures(scene, tmp_path):
+    scene.render.ffmpeg.format = "MKV"
+    scene.render.ffmpeg.codec = "FFV1"
+    render_animation(scene=scene, movie=tmp_path / "film.mkv")
+    assert b"FFV1" in (tmp_path / "film.mkv").read_bytes()
+
+
+def test_pictures_of_holes_are_of_the_frames_size(scene, tmp_path):
+    render_animation(scene=scene, holes=True)
+    for path in (tmp_path / "out" / "holes").iterdir():
+        assert read_png(path).shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_what_is_said_instead_of_the_scene_or_is_not_seen_counts_for_nothing(scene, tmp_path):
+    settings = StereoSettings(scene=SceneOverrides(size=SIZE, samples=2, seed=3), fill="packed")
+    first = render_animation(settings, scene=scene, frames=[1])
+    scene.render.resolution_x, scene.cycles.samples, scene.cycles.seed = 999, 77, 5
+    scene.timeline_markers.new("note", frame=1)
+    assert render_animation(settings, scene=scene, frames=[1], existing="resume")["rendered"] == 0
+    assert (scene.render.resolution_x, scene.cycles.samples, scene.cycles.seed) == (999, 77, 5)
+    with pytest.raises(BadInputError, match="the scene has changed"):
+        render_animation(StereoSettings(fill="packed"), scene=scene, frames=[1], existing="resume")
+    scene.timeline_markers["note"].camera = scene.camera
+    with pytest.raises(BadInputError, match="the scene has changed"):
+        render_animation(settings, scene=scene, frames=[1], existing="resume")
+    assert first["rendered"] == 1
+
+
+def test_nothing_is_left_of_an_animation_that_cannot_be_rendered(scene, tmp_path):
+    scene.camera.data.type = "PANO"
+    with pytest.raises(BadInputError):
+        render(scene)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("given", [{"movie": True}, {"output": 7}])
+def test_a_path_is_a_path(scene, given):
+    with pytest.raises(BadInputError, match="must be a path"):
+        render_animation(scene=scene, **given)
+
+
 def test_a_movie_for_each_eye_and_nothing_of_others_goes_with_its_frames(scene, tmp_path):
     media = {"media": "VIDEO"} if bpy.app.version >= (5, 0) else {}
     set_format(scene, "FFMPEG", views="INDIVIDUAL", **media)
@@ -121,7 +196,7 @@ def test_what_is_there_stays_when_overwrite_is_off(scene, tmp_path):
 def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene, tmp_path):
     (tmp_path / "file").write_text("")
     scene.render.filepath = str(tmp_path / "file" / "shot_")
-    with pytest.raises(BadInputError, match="choose another output folder"):
+    with pytest.raises(BadInputError, match="choose another folder"):
         render(scene)
 
 

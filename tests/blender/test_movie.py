@@ -258,14 +258,18 @@ def test_a_folder_that_is_in_the_way_is_said(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "layout", "warned"),
+    ("name", "layout", "warning"),
     [
-        ("film_TB.mp4", "side-by-side", "TB"),
+        ("film_TB.mp4", "side-by-side", "players take TB in film_TB.mp4 for another layout than side-by-side"),
         ("film_LR.mp4", "side-by-side", None),
         ("film.mp4", "side-by-side", None),
         ("film_LR.mp4", None, None),
+        ("film.mp4", "anaglyph-dubois", None),
+        ("film.avi", "side-by-side", "players know side-by-side by its name alone: film_LR.avi tells it"),
+        ("film sbs.avi", "side-by-side", None),
+        ("film.mkv", "top-bottom-half", "players know top-bottom-half by its name alone: film_HTB.mkv tells it"),
+        ("film_hou.mkv", "top-bottom-half", None),
     ],
 )
-def test_a_name_that_tells_players_something_else_is_warned_of(name, layout, warned):
-    warnings = movie_warnings(Path(name), layout)
-    assert warnings == ([f"players take {warned} in {name} for another layout than {layout}"] if warned else [])
+def test_a_name_that_tells_players_something_else_or_too_little_is_warned_of(name, layout, warning):
+    assert movie_warnings(Path(name), layout) == ([warning] if warning else [])

@@ -105,7 +105,9 @@ def animate(*, crash_at=None, crash_after=None, crash_in_movie=False):
         say("error", status=1, message=f"1 of {len(asked)} frames failed ({frame}); frame {frame}: {why}")
         sys.exit(1)
     totals = {"frames": len(asked), "seconds_per_frame": 2.5, "beside_seconds_per_frame": 0.25, "traced": 0.08}
-    say("done", report={"frames": [], "totals": {**totals, "speedup": 1.5, "speedup_from": "predicted"}}, files=[])
+    movies = [options["movie"]] if options["movie"] else []
+    told = {"frames": [], "totals": {**totals, "speedup": 1.5, "speedup_from": "predicted"}, "movies": movies}
+    say("done", report=told, files=[])
 
 
 note("pid", str(os.getpid()))

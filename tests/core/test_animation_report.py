@@ -65,7 +65,9 @@ def test_the_table_tells_how_the_speed_up_is_known_and_the_worst_noise():
     assert "noise" not in format_animation({"totals": totals([row()]), "frames": [row()]})
 
 
-@pytest.mark.parametrize(("name", "file"), [("", "animation.json"), ("shot_", "shot_animation.json")])
+@pytest.mark.parametrize(
+    ("name", "file"), [("", "animation.json"), ("shot_", "shot_animation.json"), ("shot", "shot_animation.json")]
+)
 def test_it_lies_beside_the_frames_and_is_called_as_they_are(tmp_path, name, file):
     assert report_path(Journal(tmp_path, name)) == tmp_path / file
 

@@ -460,7 +460,7 @@ def test_bad_output_is_one_line(place, capsys, output, part):
     assert render(place, "success", output=output) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert_one_line(printed.err, "error: ", part, "output folder")
+    assert_one_line(printed.err, "error: ", part, "another folder")
     assert snapshot(place) == before
     assert not (notes(place) / "pid").exists()
 
@@ -986,6 +986,16 @@ def test_when_one_blender_after_the_other_ends_no_more_are_tried(place, capsys):
     assert [line.split()[3] for line in warnings] == ["1", "2"]
     assert error.startswith("stereo_reproject: error: Blender stopped unexpectedly")
     assert "; frames that are finished are kept" in error
+
+
+def test_as_in_blender_two_slashes_are_the_folder_of_the_scene(place, monkeypatch, capsys):
+    monkeypatch.chdir(place.parent)
+    argv = ["animate", str(place / "room.blend"), "--output", "//out", "--frames", "1-3", "--movie", "//film.mp4"]
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "animation"))) == 0
+    (job,) = jobs_told(place)
+    assert job["output"] == str(place / "out")
+    assert job["animation"]["movie"] == str(place / "film.mp4")
+    assert f"movie         {place / 'film.mp4'}\n" in capsys.readouterr().out
 
 
 def test_a_blender_that_ends_between_frames_leaves_none_out(place, capsys):

@@ -426,6 +426,25 @@ def test_values_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
     assert journal.found("key") == {"seconds": 3.0}
 
 
+# Movies of the frames
+
+
+def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
+    movie = tmp_path / "film.mp4"
+    assert not journal.knows_movie(movie)
+    movie.write_bytes(b"moving")
+    assert not journal.knows_movie(movie)
+    journal.note_movie(movie)
+    assert journal.knows_movie(movie)
+    (tmp_path / "elsewhere").mkdir()
+    assert journal.knows_movie(movie.rename(tmp_path / "elsewhere" / "film.mp4"))
+    movie.write_bytes(b"others")
+    assert not journal.knows_movie(movie)
+    (path,) = journal.folder.glob("movie-*.json")
+    path.write_bytes(b"[1]")
+    assert not journal.knows_movie(movie)
+
+
 # Names
 
 

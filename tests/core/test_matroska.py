@@ -120,6 +120,23 @@ def test_the_eyes_keep_their_shape(ffv1, layout, shape, mode):
     assert ffv1.read_bytes() == once
 
 
+@pytest.mark.parametrize(
+    ("layout", "rows", "mode"),
+    [
+        ("interlace-rows", 36, "row_interleaved_rl"),
+        ("interlace-rows", 35, "row_interleaved_lr"),
+        ("interlace-checkerboard", 36, "checkerboard_rl"),
+        ("interlace-checkerboard", 35, "checkerboard_lr"),
+        ("interlace-columns", 35, "col_interleaved_lr"),
+        ("side-by-side", 35, "left_right"),
+    ],
+)
+def test_the_first_row_of_an_odd_number_is_the_other_eyes(ffv1, layout, rows, mode):
+    """Blender begins at the bottom."""
+    assert write_stereo_mode_of(ffv1, LAYOUTS[layout].at_height(rows))
+    assert mode in described(ffv1)
+
+
 @pytest.mark.parametrize(("half", "shape"), [("", "1:1"), ("-half", "2:1")])
 def test_a_mark_of_another_counts_for_nothing(tmp_path, half, shape):
     """Blender 5.2: the eyes at random, and squeezed pictures taken for whole ones."""

@@ -83,7 +83,7 @@ def test_bad_input_is_told_and_changes_nothing(folder):
     with pytest.raises(BadInputError, match="is not a folder"):
         render_frame(folder / "taken")
     bpy.context.scene.render.filepath = str(folder / "taken" / "shot_")
-    with pytest.raises(BadInputError, match="choose another output folder"):
+    with pytest.raises(BadInputError, match="choose another folder"):
         render_animation(frames=range(1, 2))
     bpy.context.scene.render.filepath = before["scenes", "Scene", None]["render"]["filepath"]
     assert everything() == before
