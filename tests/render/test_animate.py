@@ -111,7 +111,9 @@ class Run:
 def files_in(folder):
     """All but charts, which need matplotlib, and what frames have cost, whose name is a checksum."""
     names = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return sorted(name for name in names if not re.fullmatch(r"animation\.(png|svg)|journal/found-[\w-]+\.json", name))
+    return sorted(
+        name for name in names if not re.fullmatch(r"animation\.(png|svg)|journal/(found|movie)-[\w-]+\.json", name)
+    )
 
 
 def contents(folder):
@@ -250,8 +252,9 @@ def test_resume_renders_what_is_damaged_or_missing_and_the_same_again(first, aga
     kept = contents(again)[again / "0001.png"]
     run = animate(again, *WHOLE, "--holes", "--resume")
     assert (run.status, run.err, run.rendered) == (0, "", [2, 3])
-    assert run.out.splitlines()[:2] == [
+    assert run.out.splitlines()[:3] == [
         "1 of 3 frames are there already",
+        "to be rendered: 3",
         "rendered again, for being damaged: 2",
     ]
     assert contents(again)[again / "0001.png"] == kept
