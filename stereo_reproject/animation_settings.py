@@ -27,7 +27,7 @@ class AnimationSettings:
     the scene's own unless given. movie is the file of a movie made of all frames; with "" it is named after the frames.
     holes are pictures of what was traced, one for each frame. Each compare_every-th frame from the scene's first on is
     compared with multiview. skip are frames that are not tried, and why; finished are those that were rendered a moment
-    ago, by a process that then came to its end.
+    ago, by a process that then came to its end. goes_on is whether there was such a process.
     """
 
     frames: tuple[int, ...] | None = None
@@ -40,6 +40,7 @@ class AnimationSettings:
     compare_every: int | None = None
     skip: Mapping[int, str] = field(default_factory=dict)
     finished: tuple[int, ...] = ()
+    goes_on: bool = False
 
     def __post_init__(self) -> None:
         if self.frames is not None:

@@ -4,7 +4,7 @@
 0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
 .NAME.tmp       a file that is being written and will be called NAME
 run-TOKEN       a run at work: where, and a number that counts up as long as it lives
-movie-KEY.json  the checksum of a movie that was made of the frames
+movie-SHA.json  a movie that was made of the frames, by its checksum
 found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
 Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
@@ -19,6 +19,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import re
 import time
@@ -217,26 +218,28 @@ class Journal:
                 path.unlink(missing_ok=True)
 
     def note_movie(self, path: Path) -> None:
-        """Remember a movie that was made of the frames. Raises OSError."""
-        write_json(self._movie_path(path), checksum(path))
+        """Remember a movie of the frames, best before it is put in its place. Raises OSError."""
+        known = checksum(path)
+        write_json(self.folder / f"movie-{known['sha256'][:16]}.json", {"of": self.name, **known})
 
     def knows_movie(self, path: Path) -> bool:
         """Whether a file is a movie that was made of the frames, and still as it was then. Raises OSError."""
-        try:
-            known = json.loads(self._movie_path(path).read_bytes())
-            return path.stat().st_size == known["bytes"] and checksum(path) == known
-        except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
+        # As a rule there is one, or none: what is to be read twice is not read at all.
+        if not any(self.folder.glob("movie-*.json")):
             return False
-
-    def _movie_path(self, path: Path) -> Path:
-        # Where its folder is called otherwise, on another machine, it is still the same.
-        return self.folder / f"movie-{digest(path.name)[:16]}.json"
+        known = checksum(path)
+        try:
+            noted = json.loads((self.folder / f"movie-{known['sha256'][:16]}.json").read_bytes())
+            return noted == {"of": self.name, **known}
+        except (FileNotFoundError, *NO_RECORD):
+            return False
 
     def found(self, key: str) -> dict[str, float] | None:
         """What is there already under a key; None where there is nothing, or nothing that can be read."""
-        with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
-            values = json.loads((self.folder / f"found-{key}.json").read_bytes())
-            return {name: float(value) for name, value in values.items()}
+        with contextlib.suppress(OSError, *NO_RECORD):
+            read = json.loads((self.folder / f"found-{key}.json").read_bytes())
+            values = {name: float(value) for name, value in read.items()}
+            return values if all(map(math.isfinite, values.values())) else None
         return None
 
     def agree_on(self, key: str, values: Mapping[str, float]) -> dict[str, float]:

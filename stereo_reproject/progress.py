@@ -18,7 +18,7 @@ _PAIR = {
 }
 USUAL: Mapping[str, Mapping[str, float]] = {
     "render": {"load": 0.0, **_PAIR, "compare": 0.0},
-    "animate": {"load": 0.0, **_PAIR},
+    "animate": {"load": 0.0, "prepare": 0.0, **_PAIR},
     "inspect": {"load": 0.0, "plan": 0.0, "sketch": 1.0},
 }
 """Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.

@@ -20,6 +20,9 @@ from .worker_process import module_command, worker_environment
 BEAT_SECONDS = 2.0
 BEAT_DIGITS = 20
 
+APPEARANCES = 5
+"""How often a run tries to appear: each time, another would have to go at that very moment."""
+
 CLAIM = ".claim."
 """In the name of a file by which a run has claimed something."""
 
@@ -72,9 +75,10 @@ class Runs:
             for path in [*map(self.path, dead), *(left if dead == others else ())]:
                 path.unlink(missing_ok=True)
 
-    def any_lives(self) -> bool:
-        """Whether any run is at work. Raises OSError."""
-        return any(self.lives(path.name.removeprefix("run-")) for path in self._folder.glob("run-*"))
+    def any_lives(self, *, but: str) -> bool:
+        """Whether any run is at work, but for this one. Raises OSError."""
+        tokens = (path.name.removeprefix("run-") for path in self._folder.glob("run-*"))
+        return any(token != but and self.lives(token) for token in tokens)
 
 
 def _is_dead_here(content: bytes) -> bool:
@@ -95,7 +99,7 @@ def run_at_work(runs: Runs) -> Iterator[str]:
     token = secrets.token_hex(8)
     path = runs.path(token)
     facts = {"machine": machine(), "pid": os.getpid()}
-    path.write_text(f"{json.dumps(facts)}\n{0:0{BEAT_DIGITS}}", encoding="ascii")
+    _appear(path, f"{json.dumps(facts)}\n{0:0{BEAT_DIGITS}}")
     try:
         with _heartbeat(path):
             runs.clear(token)
@@ -104,6 +108,16 @@ def run_at_work(runs: Runs) -> Iterator[str]:
         runs.clear(token)
         with contextlib.suppress(OSError):
             path.unlink(missing_ok=True)
+
+
+def _appear(path: Path, text: str) -> None:
+    """Write the file, in a folder that a run which has just ended may take away."""
+    for _ in range(APPEARANCES):
+        with contextlib.suppress(FileNotFoundError):
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="ascii")
+            return
+    path.write_text(text, encoding="ascii")
 
 
 @contextmanager

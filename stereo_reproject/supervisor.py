@@ -216,7 +216,7 @@ def run_animation(
                 raise
             # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
-            animation = replace(animation, finished=tuple(done), existing=existing)
+            animation = replace(animation, finished=tuple(done), existing=existing, goes_on=True)
             if stage["stage"] == HANDED_OVER:
                 on_event({"event": "warning", "message": f"Blender is started again: {error}"})
                 continue

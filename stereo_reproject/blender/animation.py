@@ -64,14 +64,17 @@ def render_animation_files(
     options, output = output_of(scene, options)
     told.on_stage("plan", "")
     journal = Journal(output.folder, output.name)
-    _check_movies(scene, options, output, journal)
+    if not (for_movie_alone and options.existing == "resume"):
+        # What was known of such a movie went with the frames that it was made of.
+        _check_movies(scene, options, output, journal)
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
         journal.make()
         stack.callback(journal.remove_empty)
         token = stack.enter_context(run_at_work(journal.runs))
-        plan = _plan(journal, output, wanted, options)
+        there = all(path.exists() for path in _movies_of(scene, options, output))
+        plan = _plan(journal, output, wanted, options, movies_are_there=there)
         _say_plan(plan, options, told)
         if options.movie is not None and plan.todo:
             _try_movie(scene, settings, Path(options.movie), output, private / "tried")
@@ -96,11 +99,14 @@ def render_animation_files(
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
         report = write_animation_report(journal, wanted, options, failed, [*scene_warnings(scene), *said])
-    _check_all_rendered(failed, len(output.files))
-    movies = _movie(scene, options, output, journal, told)
-    written = [*([] if for_movie_alone else output.all_files), *movies]
+        _check_all_rendered(failed, len(output.files))
+        movies = _movie(scene, options, output, journal, told)
+        if for_movie_alone:
+            _remove_waiting(journal, output, movies[0], token)
     if for_movie_alone:
-        _remove_waiting(journal, output, movies[0])
+        with contextlib.suppress(OSError):
+            output.folder.rmdir()
+    written = [*([] if for_movie_alone else output.all_files), *movies]
     done = {"rendered": len(plan.todo), "there_already": sorted(plan.kept), "last": last}
     done["movies"] = [str(path) for path in movies]
     return {**report, "files": [str(path) for path in written], **done}
@@ -116,14 +122,15 @@ def _also_kept(told: Told, said: list[str]) -> Told:
     return replace(told, warn=warn)
 
 
-def _plan(journal: Journal, output: Output, wanted: Fingerprints, options: AnimationSettings) -> FramePlan:
+def _plan(
+    journal: Journal, output: Output, wanted: Fingerprints, options: AnimationSettings, *, movies_are_there: bool
+) -> FramePlan:
     untouched = {*options.skip, *options.finished}
     files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
     for frame, paths in files.items() if options.holes else ():
         paths.append(output.folder / holes_name(journal, frame))
     plan = plan_frames(journal, files, wanted, options.existing)
-    movie_is_there = options.movie is None or Path(options.movie).exists()
-    if options.existing == "keep" and not plan.todo and not untouched and movie_is_there:
+    if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
         raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
     return plan
@@ -162,8 +169,8 @@ def _settings_digest(settings: StereoSettings, output: Output) -> str:
 
 
 def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
-    """The scene's fingerprints, to which it is nothing what it says itself of what is overridden: that is among the
-    settings. Another Blender renders another picture of it, too."""
+    """The scene's fingerprints, to which it is nothing what size, samples and seed it has itself where those are
+    overridden, and so among the settings. Another Blender renders another picture of it, too."""
     with ExitStack() as changes:
         if overrides.size is not None:
             size = {"resolution_x": 1920, "resolution_y": 1080, "resolution_percentage": 100}
@@ -171,6 +178,8 @@ def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str
         if overrides.samples is not None:
             changes.enter_context(changed(scene.cycles, samples=1))
             changes.enter_context(changed(scene.eevee, taa_render_samples=1))
+            for layer in scene.view_layers:
+                changes.enter_context(changed(layer, samples=0))
         if overrides.seed is not None:
             changes.enter_context(changed(scene.cycles, seed=0))
         prints = scene_fingerprints(scene)
@@ -181,8 +190,7 @@ def _say_plan(plan: FramePlan, options: AnimationSettings, told: Told) -> None:
     by_state: dict[FrameState, list[int]] = {}
     for frame, state in plan.todo.items():
         by_state.setdefault(state, []).append(frame)
-    goes_on = bool(options.skip or options.finished)
-    if plan.kept and not goes_on:
+    if plan.kept and not options.goes_on:
         told.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
         if FrameState.MISSING in by_state:
             told.note(f"to be rendered: {spelled(by_state[FrameState.MISSING])}")
@@ -208,18 +216,24 @@ def _order(blend: Path, session: Session, output: Output, options: AnimationSett
     )
 
 
+def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
+    """Where the movie of all frames belongs; or several, or none."""
+    return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
+
+
 def _check_movies(scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal) -> None:
     """Raises BadInputError when a file is in the way of the movie that is not one made of these frames."""
-    if options.movie is None or options.existing not in ("refuse", "resume"):
+    if options.existing == "overwrite":
         return
-    for path in movie_files(scene, Path(options.movie), output.movie_layout):
+    how = "switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it"
+    for path in _movies_of(scene, options, output):
         try:
             in_the_way = path.exists() and not journal.knows_movie(path)
         except OSError as error:
             raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
         if in_the_way:
             what = "is there already and is no movie of these frames"
-            raise BadInputError(f"{path} {what}: --overwrite replaces it, another name keeps it")
+            raise BadInputError(f"{path} {what}: {how}, another name keeps it")
 
 
 def _movie(
@@ -236,12 +250,11 @@ def _movie(
         made = write_movie(
             scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
         )
-        finished = [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
-    for movie in finished:
-        # Without it the movie is there all the same.
-        with contextlib.suppress(OSError):
-            journal.note_movie(movie)
-    return finished
+        for movie in made:
+            # Without it the next run does not know the movie, and says so.
+            with contextlib.suppress(OSError):
+                journal.note_movie(movie)
+        return [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
 
 
 def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:
@@ -253,10 +266,10 @@ def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, out
     try_movie(scene, path, layout.across * width, layout.down * height, folder)
 
 
-def _remove_waiting(journal: Journal, output: Output, movie: Path) -> None:
+def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> None:
     """Remove the frames that only waited for their movie, and what is known of them; the report stays beside the movie.
-    Nothing of it while another run is at work there, and nothing that is not of this animation."""
-    if journal.runs.any_lives():
+    Nothing of it while another run than one's own is at work there, and nothing that is not of this animation."""
+    if journal.runs.any_lives(but=own):
         return
     with contextlib.suppress(OSError):
         for kind in (".json", ".png", ".svg"):
@@ -266,7 +279,6 @@ def _remove_waiting(journal: Journal, output: Output, movie: Path) -> None:
         for path in output.all_files:
             path.unlink(missing_ok=True)
         shutil.rmtree(journal.folder, ignore_errors=True)
-        output.folder.rmdir()
 
 
 def _put_in_place(made: Path, destination: Path) -> Path:

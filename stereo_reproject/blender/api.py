@@ -53,8 +53,6 @@ def render_frame(
     one, its current frame unless the settings name another.
     """
     settings = settings or StereoSettings()
-    if not os.fspath(output):
-        raise BadInputError("the output is empty; name a folder for the result")
     folder, files = Path(_absolute(output, "output")), pair_files(compare=settings.compare)
     with work_folder(folder, files) as work:
         report, _ = render_files(_scene(scene), settings, work, files=files)
@@ -123,8 +121,14 @@ def _absolute(path: Any, what: str) -> str:
     try:
         name = os.fspath(path)
     except TypeError as error:
-        raise BadInputError(f"{what} must be a path, not {path!r}") from error
-    return os.path.abspath(bpy.path.abspath(name))  # noqa: PTH100 - links stay
+        raise BadInputError(f"the {what} must be a path, not {path!r}") from error
+    if not name:
+        raise BadInputError(f"the {what} is empty; name a folder for the result")
+    if name.startswith("//") and not bpy.data.filepath:
+        raise BadInputError(f"the {what} is relative to a file that was never saved: save it, or change the path")
+    folder = os.sep if name.endswith(("/", os.sep)) else ""
+    # Links stay.
+    return f"{os.path.abspath(bpy.path.abspath(name))}{folder}"  # noqa: PTH100
 
 
 def _frames(frames: Iterable[int]) -> tuple[int, ...]:

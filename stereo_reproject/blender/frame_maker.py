@@ -8,9 +8,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..animation import blamed_on_output, failed_output
 from ..animation_settings import AnimationSettings
+from ..denoising import LEAST_LEFT
 from ..errors import StereoReprojectError, as_told
 from ..exr import VIEWS, write_eye
 from ..fill import SourceCost
@@ -76,11 +78,11 @@ class AgreedPrecedent(Precedent):
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
     def noise_left(self, find: Callable[[], float]) -> float:
-        known = self._journal.found(self._of_block) or {}
-        if "noise_left" not in known:
+        known = (self._journal.found(self._of_block) or {}).get("noise_left")
+        if known is None:
             found = find()
-            known = {"noise_left": found, **self._agree(self._of_block, {"noise_left": found})}
-        return known["noise_left"]
+            known = self._agree(self._of_block, {"noise_left": found}).get("noise_left", found)
+        return float(np.clip(known, LEAST_LEFT, 1.0))
 
     def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
         try:

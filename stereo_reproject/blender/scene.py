@@ -123,7 +123,7 @@ def working_scene(
 
 def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
     """Have a working scene stand at a frame."""
-    working.frame_set(frame, subframe=subframe)
+    stand_at(working, frame, subframe)
     # The fills look at it, and the copy's own value may be that of another frame.
     working.cycles.filter_width = evaluated(working, working).cycles.filter_width
     if DRIVEN_SEED in working:
@@ -243,7 +243,13 @@ def return_to_own_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.
     """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
     own = _standing(scene)
     if own != (frame, subframe):
-        scene.frame_set(own[0], subframe=own[1])
+        stand_at(scene, *own)
+
+
+def stand_at(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
+    """Have a scene stand where another does: before frame 0 a subframe is negative, which Blender takes from nobody."""
+    before = 1 if subframe < 0.0 else 0
+    scene.frame_set(frame - before, subframe=subframe + before)
 
 
 def _standing(scene: bpy.types.Scene) -> tuple[int, float]:

@@ -105,6 +105,22 @@ def test_a_movie_whose_path_has_its_extension(scene, tmp_path, views, suffixes):
     )
 
 
+@pytest.mark.parametrize("existing", ["resume", "overwrite", "keep", "refuse"])
+def test_a_movie_of_the_scenes_own_format_is_made_again_as_far_as_may_be(scene, tmp_path, existing):
+    media = {"media": "VIDEO"} if bpy.app.version >= (5, 0) else {}
+    set_format(scene, "FFMPEG", views="STEREO_3D", **media)
+    scene.render.ffmpeg.format = "MKV"
+    (movie,) = render_animation(scene=scene)["movies"]
+    before = everything()
+    if existing in ("keep", "refuse"):
+        with pytest.raises(BadInputError, match="is there already and is no movie of these frames"):
+            render_animation(scene=scene, existing=existing)
+    else:
+        assert render_animation(scene=scene, existing=existing)["movies"] == [movie]
+    assert everything() == before
+    assert not (tmp_path / "out" / "shot_0001-0003.frames").exists()
+
+
 @pytest.mark.parametrize("existing", ["refuse", "resume", "overwrite"])
 def test_a_file_in_the_way_of_a_movie_stays_unless_it_is_one_of_these_frames(scene, tmp_path, existing):
     movie = tmp_path / "film.mp4"

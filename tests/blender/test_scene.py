@@ -134,6 +134,14 @@ def test_a_frame_that_is_asked_for_has_no_subframe(scene, asked, subframe):
     assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
 
 
+def test_a_scene_between_two_frames_before_0_stays_there(scene):
+    scene.frame_set(-3, subframe=0.5)
+    stood = scene.frame_current, scene.frame_subframe
+    with working_scene(scene, SceneOverrides()) as working:
+        assert (working.frame_current, working.frame_subframe) == stood
+    assert (scene.frame_current, scene.frame_subframe) == stood
+
+
 @pytest.mark.parametrize(
     ("border", "width", "expected"),
     [(None, 64, (64, 36)), ((0.4, 0.45, 0.5, 0.52), 8, (18, 4)), ((0.0, 0.5, 0.0, 1.0), 900, (160, 180))],

@@ -873,6 +873,7 @@ def test_an_animation_as_the_worker_gets_it(place, monkeypatch):
         "compare_every": 24,
         "skip": {},
         "finished": [],
+        "goes_on": False,
     }
     assert job["settings"]["scene"]["size"] == [64, 32]
     assert (job["settings"]["accuracy"], job["settings"]["compare"]) == ("draft", False)

@@ -419,7 +419,19 @@ def test_values_are_agreed_on_by_whoever_comes_first(journal):
     assert journal.agree_on("other", {"seconds": 9.0}) == {"seconds": 9.0}
 
 
-@pytest.mark.parametrize("rubbish", [b"", b"{", b"[]", b'{"seconds": "long"}', b"\xff"])
+@pytest.mark.parametrize(
+    "rubbish",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b'{"seconds": "long"}',
+        b'{"seconds": NaN}',
+        b"[" * 100_000,
+        b'{"seconds": 1%s}' % (b"0" * 400),
+        b"\xff",
+    ],
+)
 def test_values_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
     (journal.folder / "found-key.json").write_bytes(rubbish)
     assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
@@ -431,18 +443,27 @@ def test_values_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
 
 def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
     movie = tmp_path / "film.mp4"
-    assert not journal.knows_movie(movie)
     movie.write_bytes(b"moving")
     assert not journal.knows_movie(movie)
     journal.note_movie(movie)
     assert journal.knows_movie(movie)
-    (tmp_path / "elsewhere").mkdir()
-    assert journal.knows_movie(movie.rename(tmp_path / "elsewhere" / "film.mp4"))
+    assert journal.knows_movie(movie.rename(tmp_path / "renamed.mp4"))
     movie.write_bytes(b"others")
     assert not journal.knows_movie(movie)
-    (path,) = journal.folder.glob("movie-*.json")
-    path.write_bytes(b"[1]")
-    assert not journal.knows_movie(movie)
+    others = Journal(journal.frames_folder, "others_")
+    assert not others.knows_movie(tmp_path / "renamed.mp4"), "of other frames in the same folder"
+    (note,) = journal.folder.glob("movie-*.json")
+    note.write_bytes(b"[1]")
+    assert not journal.knows_movie(tmp_path / "renamed.mp4")
+
+
+def test_a_movie_that_was_not_put_in_its_place_takes_nothing_from_the_one_that_is_there(journal, tmp_path):
+    movie, following = tmp_path / "film.mp4", tmp_path / "made.mp4"
+    for content in (b"moving", b"moving on", b"moving on still"):
+        following.write_bytes(content)
+        journal.note_movie(following)
+    movie.write_bytes(b"moving")
+    assert journal.knows_movie(movie)
 
 
 # Names

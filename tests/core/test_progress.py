@@ -1,5 +1,6 @@
 """How far a run is said to be."""
 
+import numpy as np
 import pytest
 
 from stereo_reproject.progress import USUAL, Progress, clock
@@ -49,6 +50,18 @@ def test_frames_are_counted_by_their_stages_starting_over():
         assert progress.fraction(4.0 * frame) == pytest.approx(frame / 4)
         assert progress.remaining(4.0 * frame) == pytest.approx(16.0 - 4.0 * frame)
         progress.begin("fill", 4.0 * frame + 3.0)
+
+
+def test_frames_of_an_animation_are_counted_from_the_first_on():
+    """By the stages as they come; a stage out of order would hide where a frame begins."""
+    progress = Progress(0.0, USUAL["animate"], frames=4)
+    progress.begin("load", 0.0)
+    told = []
+    for frame in range(4):
+        for k, stage in enumerate(("prepare", "source", "warp", "fill", "refine", "composite", "account", "write")):
+            progress.begin(stage, 80.0 * frame + 10.0 * k)
+        told.append(progress.fraction(80.0 * frame + 70.0))
+    assert np.diff(told) == pytest.approx([0.25] * 3, abs=0.02)
 
 
 def test_a_stage_that_nobody_expects_changes_nothing_but_comes_last():
