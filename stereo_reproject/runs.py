@@ -111,13 +111,18 @@ def run_at_work(runs: Runs) -> Iterator[str]:
 
 
 def _appear(path: Path, text: str) -> None:
-    """Write the file, in a folder that a run which has just ended may take away."""
-    for _ in range(APPEARANCES):
-        with contextlib.suppress(FileNotFoundError):
+    """Write the file, which is there whole or not at all, in a folder that a run which has just ended may take away."""
+    beside = path.with_name(f".{path.name}.tmp")
+    for left in reversed(range(APPEARANCES)):
+        try:
             path.parent.mkdir(exist_ok=True)
-            path.write_text(text, encoding="ascii")
+            beside.write_text(text, encoding="ascii")
+            beside.replace(path)
+        except FileNotFoundError:
+            if not left:
+                raise
+        else:
             return
-    path.write_text(text, encoding="ascii")
 
 
 @contextmanager

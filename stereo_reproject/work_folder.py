@@ -170,8 +170,9 @@ def _is_abandoned(folder: Path) -> bool:
             return False
         return not is_running(int(pid))
     except (OSError, ValueError):
+        # By the drive's clock, for this machine's may be another; what is made or removed there sets the folder's.
         with contextlib.suppress(OSError):
-            return time.time() - folder.stat().st_mtime > NAMELESS_SECONDS
+            return folder.parent.stat().st_mtime - folder.stat().st_mtime > NAMELESS_SECONDS
         return False
 
 

@@ -280,8 +280,8 @@ def test_an_animation_is_written_as_blender_names_it(extension, tmp_path, views_
     assert facts["result"] == ["FINISHED"]
     # Beside them, what tells of them.
     names = {path.name for path in tmp_path.iterdir()}
-    assert sorted(name for name in names if not name.startswith(("journal", "nameanimation."))) == files
-    assert "nameanimation.json" in names
+    assert sorted(name for name in names if not name.startswith(("journal", "name_animation."))) == files
+    assert "name_animation.json" in names
     # Blender's default for both views in one picture is an anaglyph, as large as either.
     assert {size_of_png(tmp_path / name) for name in files} == {SIZE}
     assert any(line.startswith("Info: 2 stereo frames rendered") for line in facts["said"])
