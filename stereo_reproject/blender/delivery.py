@@ -25,7 +25,7 @@ from .image_settings import side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path, written_to
-from .scene import changed, main_layer, return_to_own_frame
+from .scene import changed, main_layer, return_to_own_frame, stand_at
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -247,7 +247,7 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
         yield
     finally:
         if (scene.frame_current, scene.frame_subframe) != stood_at:
-            scene.frame_set(stood_at[0], subframe=stood_at[1])
+            stand_at(scene, *stood_at)
 
 
 @contextmanager

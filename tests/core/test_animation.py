@@ -17,6 +17,8 @@ from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectE
 from stereo_reproject.journal import Fingerprints, FrameState, Journal
 from stereo_reproject.runs import BEAT_DIGITS, STALE_SECONDS, Runs
 
+from .clock import Clock
+
 ROOT = Path(__file__).resolve().parents[2]
 
 WANTED = Fingerprints("settings", {"Object": "1"})
@@ -42,19 +44,9 @@ with run_at_work(journal.runs) as token:
 """
 
 
-class Clock:
-    """Seconds that pass when they are told to."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
 def clock():
-    return Clock()
+    return Clock(0.0)
 
 
 @pytest.fixture

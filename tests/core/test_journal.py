@@ -17,6 +17,8 @@ from stereo_reproject import runs as runs_module
 from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
 from stereo_reproject.runs import BEAT_DIGITS, Runs, machine, run_at_work
 
+from .clock import Clock
+
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 30.0
 
@@ -39,19 +41,9 @@ heartbeat.main()
 """
 
 
-class Clock:
-    """Seconds that pass when they are told to."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
 def clock():
-    return Clock()
+    return Clock(1000.0)
 
 
 @pytest.fixture
