@@ -66,6 +66,7 @@ class WriterProcess:
     def start(self) -> None:
         """Have it open its file, which takes a while. Raises StereoReprojectError."""
         own_python = self._command is None
+        self.close()
         try:
             with self._log.open("ab") as log:
                 self._process = subprocess.Popen(
@@ -108,6 +109,7 @@ class WriterProcess:
         if self._process is None:
             return
         assert self._process.stdin is not None
+        # What it was not there any more to read is of no use.
         with contextlib.suppress(OSError):
             self._process.stdin.close()
         self._process.wait()
@@ -128,12 +130,13 @@ class WriterProcess:
             try:
                 answer = json.loads(path.read_bytes())
             except FileNotFoundError:
-                if not ended:
+                gone = self._is_gone()
+                if not ended and not gone:
                     # They are written one after the other.
                     return
-                answer = {"error": self._how_it_ended(frame), "status": 1, "hopeless": not self._answers.is_dir()}
+                answer = {"error": self._how_it_ended(frame), "status": 1, "hopeless": gone}
             else:
-                path.unlink()
+                path.unlink(missing_ok=True)
             del self._pending[frame]
             self._results.append((frame, _result(answer)))
             if ended and "error" in answer and not answer["hopeless"]:
@@ -150,8 +153,13 @@ class WriterProcess:
     def _has_ended(self) -> bool:
         return self._process is None or self._process.poll() is not None
 
+    def _is_gone(self) -> bool:
+        """Whether the folder that the answers lay in is no longer there. Another of that name may be: Blender makes
+        folders that are missing on the way to its files."""
+        return not self._log.exists()
+
     def _how_it_ended(self, frame: int) -> str:
-        if not self._answers.is_dir():
+        if self._is_gone():
             return f"{self._order.folder} is gone, with the frames that were in it"
         status = None if self._process is None else self._process.returncode
         ending = f"exit status {status}" if os.name != "posix" or not status or status > 0 else f"signal {-status}"
