@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
+from .rectified import MAX_STRETCH, Shift, shift_of, warp_rows
 
 CHUNK = 192
 """Cells drawn at a time: some 25 000 pixels, whose temporaries stay in a processor's cache."""
@@ -22,9 +23,6 @@ CHUNK = 192
 EDGE_TOLERANCE = 1e-3
 """How far, in quads, a pixel centre may lie outside a triangle and still be covered: neighbouring quads share their
 vertices, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
-
-MAX_STRETCH = 2.5
-"""A source quad that covers more target pixels than this holds too little to fill them: it is left a hole."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +57,30 @@ def forward_warp(
     (H - 1, W) say between which neighbouring pixels the surface is torn: quads across a tear are not drawn, so that
     what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
-    shape = (target.height, target.width)
-    surface = _Surface(shape)
     vertices = lattice_depth(depth)
+    torn = _torn_quads(cut_right, cut_down, vertices)
+    shift = shift_of(source, target)
+    if shift is not None:
+        return _along_rows(depth, source, target, shift, grid, torn)
+    return _drawn(vertices, source, target, grid, torn)
+
+
+def _along_rows(
+    depth: NDArray, source: Camera, target: Camera, shift: Shift, grid: Grid, torn: NDArray[np.bool_]
+) -> Warp:
+    """The warp of a rectified pair. torn (lattice - 1) are the quads that are, in subdivided cells."""
+    height, width = depth.shape
+    native = grid.subdivided.repeat(CELL, axis=0).repeat(CELL, axis=1)
+    x, nearness = warp_rows(depth, source, target.width, shift, grid, (torn & native)[: height + 1, : width + 1])
+    rows = np.arange(height, dtype=np.float32)[:, None] + np.float32(0.5)
+    return Warp(x, np.where(np.isnan(x), x, rows), nearness)
+
+
+def _drawn(vertices: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]) -> Warp:
+    """The warp of any pair, quad by quad; vertices are the depths of the lattice, torn (lattice - 1) as above."""
+    surface = _Surface((target.height, target.width))
     for quads in _coarse_quads(vertices, source, target, grid):
         surface.draw(quads)
-    torn = _torn_quads(cut_right, cut_down, vertices)
     for quads in _fine_quads(vertices, torn, source, target, grid):
         surface.draw(quads)
     return surface.warp()
@@ -156,10 +172,8 @@ def _torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], verti
     """(lattice - 1) bool: quads with a torn side, an unknown depth, or a place beyond the frame's outer ring."""
     height, width = cut_down.shape[0] + 1, cut_right.shape[1] + 1
     torn = np.ones((vertices.shape[0] - 1, vertices.shape[1] - 1), bool)
-    sides_right = np.pad(cut_right, ((1, 1), (1, 1)), mode="edge")
-    sides_right[:, 0] = sides_right[:, -1] = False
-    sides_down = np.pad(cut_down, ((1, 1), (1, 1)), mode="edge")
-    sides_down[0] = sides_down[-1] = False
+    sides_right = np.pad(np.pad(cut_right, ((0, 0), (1, 1))), ((1, 1), (0, 0)), mode="edge")
+    sides_down = np.pad(np.pad(cut_down, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="edge")
     unknown = np.isnan(vertices[: height + 2, : width + 2])
     torn[: height + 1, : width + 1] = (
         sides_right[:-1]

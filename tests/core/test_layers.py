@@ -20,6 +20,7 @@ NUMERIC = {
     "parallax",
     "grid",
     "warp",
+    "rectified",
     "holes",
     "lookup",
     "masks",

@@ -1,0 +1,151 @@
+"""A rectified pair, warped row by row: the same as when its quads are drawn, and calm where numbers are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereo_reproject.camera import target_px_from_source_px
+from stereo_reproject.grid import build_grid, lattice_depth
+from stereo_reproject.rectified import shift_of
+from stereo_reproject.warp import _drawn, _torn_quads, forward_warp
+
+from .analytic import camera, pixel_centres, pose, stereo_rig
+
+SIZE = (93, 70)
+RECTIFIED = ["off-axis", "parallel", "orthographic parallel"]
+
+TIES = 2e-4
+"""Share of pixels whose centre lies on a corner, and which rounding gives to one side or the other."""
+
+
+def pair(kind, *, swapped=False, size=SIZE):
+    orthographic = kind.startswith("orthographic ")
+    mode = kind.removeprefix("orthographic ")
+    rig = stereo_rig(size, mode=mode, ipd=0.12, convergence=3.5, orthographic=orthographic)
+    return (rig["right"], rig["left"]) if swapped else (rig["left"], rig["right"])
+
+
+def steps(seed, size=SIZE):
+    """A wall that slants and waves, with slabs before it, and which of them each pixel shows."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(size[0]) / size[0], np.arange(size[1]) / size[1])
+    depth = 5.0 + rng.uniform(-1, 1) * x + rng.uniform(-1, 1) * y + 0.02 * np.sin(9 * x + 5 * y)
+    index = np.zeros(depth.shape, int)
+    for k in range(1, 9):
+        left, top, wide, high = rng.uniform(0, 0.9), rng.uniform(-0.2, 0.8), rng.uniform(0.02, 0.3), rng.uniform(0.1, 1)
+        inside = (x > left) & (x < left + wide) & (y > top) & (y < top + high)
+        near = rng.uniform(1.0, 4.0) + 0.5 * (x - left)
+        inside &= near < depth
+        depth, index = np.where(inside, near, depth), np.where(inside, k, index)
+    return depth.astype(np.float32), index
+
+
+def both(depth, index, source, target, threshold):
+    """The warp row by row, and that of its quads."""
+    grid = build_grid(depth, source, target, threshold=threshold)
+    cuts = {"cut_right": np.diff(index, axis=1) != 0, "cut_down": np.diff(index, axis=0) != 0}
+    vertices = lattice_depth(depth)
+    torn = _torn_quads(*cuts.values(), vertices)
+    return forward_warp(depth, source, target, grid, **cuts), _drawn(vertices, source, target, grid, torn)
+
+
+@pytest.mark.parametrize("kind", RECTIFIED)
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_what_drawing_the_quads_gives(kind, swapped, seed):
+    source, target = pair(kind, swapped=swapped)
+    ours, drawn = both(*steps(seed), source, target, threshold=0.0)
+    assert np.mean(ours.covered != drawn.covered) <= TIES
+    there = ours.covered & drawn.covered
+    close = np.abs(ours.x[there] - drawn.x[there]) < 2e-3
+    assert np.mean(~close) <= TIES
+    np.testing.assert_allclose(ours.y[there][close], drawn.y[there][close], atol=2e-3)
+    # Where a centre lies on a corner at which a surface ends, either side may have it.
+    apart = np.abs(ours.nearness[there] - drawn.nearness[there]) > 1e-4 * np.abs(drawn.nearness[there])
+    assert np.mean(apart[close]) <= 0.01
+    assert 0.5 < there.mean() < 1.0
+
+
+@pytest.mark.parametrize("kind", RECTIFIED[:2])
+@pytest.mark.parametrize("seed", range(4))
+def test_coarse_cells_are_flat_as_their_two_triangles_are(kind, seed):
+    source, target = pair(kind)
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.arange(SIZE[0]) / SIZE[0], np.arange(SIZE[1]) / SIZE[1])
+    depth = (5.0 + rng.uniform(-1, 1) * x + rng.uniform(-1, 1) * y + 0.2 * np.sin(9 * x + 5 * y)).astype(np.float32)
+    whole = np.zeros(depth.shape, int)
+    ours, drawn = both(depth, whole, source, target, threshold=1000.0)
+    native = both(depth, whole, source, target, threshold=0.0)[0]
+    there = ours.covered & drawn.covered & native.covered
+    assert np.mean(ours.covered != drawn.covered) <= 4 * TIES
+    assert np.abs(ours.x[there] - drawn.x[there]).max() < 5e-3 < np.abs(ours.x[there] - native.x[there]).max()
+
+
+@pytest.mark.parametrize("kind", RECTIFIED)
+@pytest.mark.parametrize("wider", [0, 30])
+def test_the_shift_is_where_points_go(kind, wider):
+    source, target = pair(kind)
+    if wider:
+        plane = target.plane
+        size = (plane.right - plane.left) / target.width
+        target = replace(target, width=target.width + wider, plane=replace(plane, right=plane.right + wider * size))
+    shift = shift_of(source, target)
+    x, y = pixel_centres(source)
+    depth = np.random.default_rng(1).uniform(0.5, 50.0, x.shape)
+    target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
+    moved = shift.offset + shift.per_nearness * source.nearness_from_depth(depth)
+    np.testing.assert_allclose(x + moved, target_x, atol=1e-9)
+    np.testing.assert_allclose(y, target_y, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"world_from_camera": pose((0.12, 0.01, 0.0))},
+        {"world_from_camera": pose((0.12, 0.0, 0.1))},
+        {"world_from_camera": pose((0.12, 0.0, 0.0), yaw=0.01)},
+        {"height": SIZE[1] + 1},
+        {"width": SIZE[0] + 1},
+    ],
+)
+def test_whatever_else_differs_it_is_no_rectified_pair(change):
+    left, right = pair("off-axis")
+    assert shift_of(left, right) is not None
+    assert shift_of(left, replace(right, **change)) is None
+
+
+def test_neither_are_eyes_that_are_toed_in_or_of_two_kinds():
+    assert shift_of(*pair("toe-in")) is None
+    left, right = pair("off-axis")
+    assert shift_of(left, replace(right, plane=replace(right.plane, top=1.01 * right.plane.top))) is None
+    assert shift_of(left, camera(SIZE, orthographic=True)) is None
+
+
+@pytest.mark.parametrize("kind", RECTIFIED)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_no_depth_disturbs_it(kind, swapped):
+    """Side by side: next to nothing, denormal, far, the sky, and nothing that is known."""
+    values = np.array([1e-45, 1e-6, 1e-3, 1.0, 3.5, 1e4, 1e9, 3e38, np.inf, np.nan], np.float32)
+    depth = np.random.default_rng(2).choice(values, (SIZE[1], SIZE[0])).astype(np.float32)
+    source, target = pair(kind, swapped=swapped)
+    grid = build_grid(depth, source, target, threshold=1.0)
+    cuts = {"cut_right": np.zeros((SIZE[1], SIZE[0] - 1), bool), "cut_down": np.zeros((SIZE[1] - 1, SIZE[0]), bool)}
+    with np.errstate(all="raise", under="ignore", divide="ignore"):
+        ours = forward_warp(depth, source, target, grid, **cuts)
+    assert np.array_equal(np.isnan(ours.x), ~ours.covered)
+    assert np.array_equal(np.isnan(ours.y), ~ours.covered)
+    assert not np.isnan(ours.nearness).any()
+    x = ours.x[ours.covered]
+    assert np.all((x >= -0.5) & (x <= SIZE[0] + 0.5))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (16, 16), (17, 33), (15, 2)])
+def test_pictures_of_any_size(size):
+    source, target = pair("off-axis", size=size)
+    depth = np.full(size[::-1], 3.5, np.float32)
+    ours, drawn = both(depth, np.zeros(depth.shape, int), source, target, threshold=1.0)
+    assert np.array_equal(ours.covered, drawn.covered)
+    np.testing.assert_allclose(ours.x[ours.covered], drawn.x[ours.covered], atol=2e-3)
