@@ -110,6 +110,8 @@ def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
     Depth is that of one ray through the lens: where blur (H, W) is the circle of confusion's radius, it belongs to a
     point up to so many pixels away, and the slope of a surface makes steps of it.
     """
+    if not blur.any():
+        return steps
     right = 1.0 + np.maximum(blur[:, 1:], blur[:, :-1])
     down = 1.0 + np.maximum(blur[1:], blur[:-1])
     return Steps((steps.right / right).astype(np.float32), (steps.down / down).astype(np.float32))

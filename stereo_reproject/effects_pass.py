@@ -114,6 +114,8 @@ def materials_of(passes: Passes) -> NDArray[np.int32] | None:
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
     """(H, W): the pixels that are known to show the effect."""
+    if EFFECTS_PASS not in passes:
+        return np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     return flagged(effects_of(passes), effect)
 
 

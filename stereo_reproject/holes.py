@@ -13,6 +13,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .camera import Camera, target_px_from_source_px
 from .masks import dilate
 from .warp import Warp
@@ -77,19 +78,28 @@ def disparity_steps(disparity: NDArray) -> Steps:
     NaN where there is no answer: no step is seen there. In place of the paper's Sobel magnitude, which any slanted
     floor exceeds.
     """
-    return Steps(_steps_along_rows(disparity), _steps_along_rows(disparity.T).T)
+    height, width = disparity.shape
+    right = np.empty((height, max(width - 1, 0)), np.float32)
+    down = np.empty((max(height - 1, 0), width), np.float32)
+    for rows in bands(disparity.shape):
+        right[rows] = _steps_down(disparity[rows].T).T
+        # A row before and two after them tell how the slope bends.
+        top, last = max(rows.start - 1, 0), min(rows.stop, height - 1)
+        down[rows.start : last] = _steps_down(disparity[top : rows.stop + 2])[rows.start - top : last - top]
+    return Steps(right, down)
 
 
-def _steps_along_rows(disparity: NDArray) -> NDArray[np.float32]:
-    with np.errstate(invalid="ignore"):
-        slope = np.diff(disparity, axis=1)
-        bend = np.abs(np.diff(slope, axis=1))
-    step = np.abs(slope)
-    # A bend that cannot be told (at the border, or beside a pixel without an answer) explains nothing away.
-    before = np.nan_to_num(bend, nan=np.inf, posinf=np.inf)
-    step[:, 1:] = np.minimum(step[:, 1:], before)
-    step[:, :-1] = np.minimum(step[:, :-1], before)
-    return np.nan_to_num(step, nan=0.0, posinf=0.0)
+def _steps_down(disparity: NDArray) -> NDArray[np.float32]:
+    """(h - 1, w), of the disparity (h, w)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        slope = disparity[1:] - disparity[:-1]
+        bend = np.abs(slope[1:] - slope[:-1])
+        step = np.abs(slope)
+        # A bend that cannot be told (at the border, or beside a pixel without an answer) explains nothing away.
+        np.fmin(step[1:], bend, out=step[1:])
+        np.fmin(step[:-1], bend, out=step[:-1])
+    np.copyto(step, 0.0, where=~(step < np.inf))
+    return step
 
 
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
@@ -101,21 +111,26 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     its left and right in the row stands in for its depth, and tells whether the source could have seen it. A row
     without any answer is outside.
     """
-    with np.errstate(invalid="ignore"):
-        beyond = (warp.x < 0) | (warp.x > source.width) | (warp.y < 0) | (warp.y > source.height)
-    flags = np.where(beyond, Reason.OUTSIDE.bit, np.uint16(0))
-    rows, columns = np.nonzero(~warp.covered)
-    if rows.size == 0:
-        return flags
-    behind = _farther_neighbour(warp.nearness, rows, columns)
-    sky = target.nearness_from_depth(np.array(np.inf))
-    depth = target.depth_from_nearness(np.where(np.isfinite(behind), behind, sky).astype(np.float64))
-    x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
-    with np.errstate(invalid="ignore"):
-        inside = (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
-    seen = inside & np.isfinite(behind)
-    flags[rows, columns] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
+    flags = np.empty(warp.nearness.shape, np.uint16)
+    for rows in bands(flags.shape):
+        x, y, nearness = warp.x[rows], warp.y[rows], warp.nearness[rows]
+        beyond = (x < 0) | (x > source.width) | (y < 0) | (y > source.height)
+        np.multiply(beyond, Reason.OUTSIDE.bit, out=flags[rows])
+        row, column = np.nonzero(nearness == -np.inf)
+        if row.size:
+            behind = _farther_neighbour(nearness, row, column)
+            seen = _is_within(source, target, row + rows.start, column, behind)
+            flags[rows][row, column] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
     return flags
+
+
+def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:
+    """(N,): whether the source's frame has what the target sees in these pixels; not where the nearness is unknown."""
+    known = np.isfinite(nearness)
+    sky = target.nearness_from_depth(np.array(np.inf))
+    depth = target.depth_from_nearness(np.where(known, nearness, sky).astype(np.float64))
+    x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
+    return known & (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
 
 
 def _farther_neighbour(nearness: NDArray, rows: NDArray, columns: NDArray) -> NDArray:

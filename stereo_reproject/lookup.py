@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .masks import dilate
-
-BAND = 64
-"""Rows looked up at a time, so that the temporaries stay in a processor's cache."""
 
 
 def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation: str = "linear") -> NDArray[np.float32]:
@@ -18,75 +18,105 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
     overshoots, and is held within the range of the pixels that it looks at, 4 x 4 of them. Outside the picture its
     border is repeated.
     """
-    kernel = {"linear": _linear_taps, "cubic": _cubic_taps, "nearest": _nearest_taps}[interpolation]
-    height, width, channels = image.shape
-    texels = image.reshape(height * width, channels)
-    result = np.empty((*x.shape, channels), np.float32)
-    for start in range(0, x.shape[0], BAND):
-        rows = slice(start, start + BAND)
-        result[rows] = _lookup_band(texels, (height, width), x[rows], y[rows], kernel)
+    sample: Callable[[_Texels, NDArray, NDArray], NDArray[np.float32]]
+    sample = {"linear": _linear, "cubic": _cubic, "nearest": _nearest}[interpolation]
+    texels = _Texels(image)
+    result = np.empty((*x.shape, image.shape[2]), np.float32)
+    for rows in bands(x.shape):
+        at_x, at_y = x[rows], y[rows]
+        result[rows] = sample(texels, at_x.ravel(), at_y.ravel()).reshape(*at_x.shape, -1)
+        unanswered = np.isnan(at_x) | np.isnan(at_y)
+        if unanswered.any():
+            result[rows][unanswered] = 0.0
     return result
 
 
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
     """(h, w): whether a bilinear lookup at x, y takes more than `share` of its weight from pixels of `mask` (H, W)."""
     result = np.zeros(x.shape, bool)
-    rows, columns = np.nonzero(~np.isnan(x))
-    at_x, at_y = x[rows, columns], y[rows, columns]
-    height, width = mask.shape
-    around = dilate(mask, 1)
-    near = around[np.clip(at_y.astype(np.int32), 0, height - 1), np.clip(at_x.astype(np.int32), 0, width - 1)]
-    rows, columns = rows[near], columns[near]
-    if rows.size == 0:
+    if not mask.any():
         return result
-    weight = lookup(mask[..., None].astype(np.float32), at_x[near][None], at_y[near][None])
-    result[rows, columns] = weight[0, :, 0] > share
+    # A lookup reaches no further than the pixels around the one that it lies in.
+    around, texels = _Texels(dilate(mask, 1)[..., None]), _Texels(mask[..., None])
+    for rows in bands(x.shape):
+        at_x, at_y = x[rows].ravel(), y[rows].ravel()
+        near = _nearest(around, at_x, at_y)[:, 0] & ~np.isnan(at_x) & ~np.isnan(at_y)
+        chosen = np.flatnonzero(near)
+        if chosen.size:
+            near[chosen] = _linear(texels, at_x[chosen], at_y[chosen])[:, 0] > share
+            result[rows] = near.reshape(-1, x.shape[1])
     return result
 
 
-def _lookup_band(texels: NDArray, size: tuple[int, int], x: NDArray, y: NDArray, kernel) -> NDArray[np.float32]:
-    height, width = size
-    answered = ~(np.isnan(x) | np.isnan(y))
-    columns, weights_x = kernel(np.where(answered, x, 0.5).ravel())
-    rows, weights_y = kernel(np.where(answered, y, 0.5).ravel())
-    total = np.zeros((columns[0].size, texels.shape[1]), np.float32)
-    limits = (np.full_like(total, np.inf), np.full_like(total, -np.inf)) if kernel is _cubic_taps else None
-    for row, weight_y in zip(rows, weights_y, strict=True):
-        base = np.clip(row, 0, height - 1) * width
-        for column, weight_x in zip(columns, weights_x, strict=True):
-            weight = weight_x * weight_y
-            if np.any(weight):
-                taken = texels[base + np.clip(column, 0, width - 1)]
-                if limits:
-                    # A mask takes its time.
-                    looked_at = True if weight.all() else (weight != 0.0)[:, None]
-                    for limit, extreme in zip(limits, (np.minimum, np.maximum), strict=True):
-                        extreme(limit, taken, out=limit, where=looked_at)
-                total += taken * weight[:, None]
-    if limits:
-        np.clip(total, *limits, out=total)
-    total[~answered.ravel()] = 0.0
-    return total.reshape(*x.shape, -1)
+class _Texels:
+    """The pixels of `image` (H, W, C), by row and column; beyond its border, that is repeated."""
+
+    def __init__(self, image: NDArray) -> None:
+        self.height, self.width, self.channels = image.shape
+        self._pixels = np.ascontiguousarray(image).reshape(self.height * self.width, self.channels)
+
+    def take(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray:
+        """(N, C)"""
+        start = np.clip(row, 0, self.height - 1).astype(np.int64) * self.width
+        return self._pixels.take(start + np.clip(column, 0, self.width - 1), axis=0)
+
+    def spread(self, weight: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N,) to (N, C): numpy multiplies the same shapes much faster than it broadcasts so few."""
+        return weight.repeat(self.channels).reshape(-1, self.channels)
 
 
-def _linear_taps(position: NDArray) -> tuple[list[NDArray], list[NDArray]]:
-    first, t = _split(position)
-    return [first, first + 1], [1.0 - t, t]
+def _nearest(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
+    return texels.take(_whole(np.floor(y)), _whole(np.floor(x)))
 
 
-def _cubic_taps(position: NDArray) -> tuple[list[NDArray], list[NDArray]]:
-    first, t = _split(position)
+def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
+    row, down = _split(y)
+    column, across = _split(x)
+    weight = texels.spread(across)
+
+    def along(row: NDArray[np.int32]) -> NDArray[np.float32]:
+        return texels.take(row, column) * (1.0 - weight) + texels.take(row, column + 1) * weight
+
+    if not np.any(down > 0.0):
+        return along(row)
+    weight_down = texels.spread(down)
+    return along(row) * (1.0 - weight_down) + along(row + 1) * weight_down
+
+
+def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
+    row, down = _split(y)
+    column, across = _split(x)
+    total = np.zeros((x.size, texels.channels), np.float32)
+    low, high = np.full_like(total, np.inf), np.full_like(total, -np.inf)
+    for i, weight_down in enumerate(_catmull_rom(down)):
+        # NaN is no weight either; where rows meet rows, three of four have none.
+        if not np.any(np.abs(weight_down) > 0.0):
+            continue
+        for j, weight_across in enumerate(_catmull_rom(across)):
+            weight = weight_down * weight_across
+            taken = texels.take(row + (i - 1), column + (j - 1))
+            # A mask takes its time.
+            looked_at = True if weight.all() else (weight != 0.0)[:, None]
+            np.minimum(low, taken, out=low, where=looked_at)
+            np.maximum(high, taken, out=high, where=looked_at)
+            total += taken * texels.spread(weight)
+    return np.clip(total, low, high, out=total)
+
+
+def _catmull_rom(t: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+    """The weights of the pixels before, at, after and two after the position."""
     t2, t3 = t * t, t * t * t
-    weights = [-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2]
-    return [first - 1, first, first + 1, first + 2], weights
+    return -0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2
 
 
-def _nearest_taps(position: NDArray) -> tuple[list[NDArray], list[NDArray]]:
-    return [np.floor(position).astype(np.int64)], [np.ones_like(position)]
-
-
-def _split(position: NDArray) -> tuple[NDArray, NDArray]:
+def _split(position: NDArray) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Index of the pixel whose centre is at or before the position, and how far past it, 0..1."""
     shifted = position - np.float32(0.5)
     floor = np.floor(shifted)
-    return floor.astype(np.int64), (shifted - floor).astype(np.float32)
+    return _whole(floor), (shifted - floor).astype(np.float32, copy=False)
+
+
+def _whole(number: NDArray) -> NDArray[np.int32]:
+    """The integers; anything, where there is no number."""
+    with np.errstate(invalid="ignore"):
+        return number.astype(np.int32)

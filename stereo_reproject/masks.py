@@ -6,6 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+def count_within(mask: NDArray[np.bool_], radius: int) -> NDArray[np.uint8]:
+    """(H, W): how many pixels are set in the square that reaches `radius` pixels each way, at most 7."""
+    height, width = mask.shape
+    counts = np.pad(mask.view(np.uint8), radius)
+    down = sum((counts[shift : shift + height] for shift in range(1, 2 * radius + 1)), start=counts[:height].copy())
+    return sum((down[:, shift : shift + width] for shift in range(1, 2 * radius + 1)), start=down[:, :width].copy())
+
+
 def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
     """The mask and what lies within `radius` pixels of it along each axis: in a square, as a pixel filter reaches."""
     result = mask

@@ -1,9 +1,10 @@
 """The forward warp of a rectified pair, whose rows stay rows: the grid is then a chain of corners in each row.
 
 Both eyes look the same way and stand side by side, as all but those that are toed in. A row of target pixel centres is
-a row of the grid's corners, so nothing is left of its quads but their sides: interval k, between the corners k and
-k + 1. With d how far a corner moves, in pixels, it covers the centres k - 1 + ceil(d[k]) up to k - 1 + ceil(d[k + 1]),
-the last one left out, each by exactly one interval of a surface that does not fold.
+a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner columns, one
+column long where a cell is subdivided, as long as the cell where it is not. With c the column of an interval's first
+corner and d how far that moves, in pixels, it covers the centres from c - 1 + ceil(d) up to the same of its last
+corner, which is left out: each by exactly one interval of a surface that does not fold.
 
 No depth test is needed. Of two intervals that cover a centre, the one that comes later in the direction in which what
 is near moves less is the nearer one (McMillan's occlusion-compatible order, 1995): with x + c n the same for two
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .camera import Camera, OrthographicCamera, target_from_source
 from .grid import CELL, Grid
 
@@ -61,98 +63,114 @@ def warp_rows(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Source x (H, width) in pixels, NaN where nothing lands, and nearness (H, width), -inf there.
 
-    depth (H, W) as for `warp.forward_warp`; torn (H + 1, W + 1) are the quads of subdivided cells that are not drawn.
+    depth (H, W) as for `warp.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
     """
-    height, columns = depth.shape
+    height = depth.shape[0]
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
-    chain = _Chain(columns, width, shift)
-    for top in range(0, height + 1, CELL):
+    for band, coarse in enumerate(~grid.subdivided):
         # Lattice row i is the picture's row i - 1.
-        rows = slice(max(top, 1) - 1, min(top + CELL, height + 1) - 1)
-        if rows.start >= rows.stop:
-            continue
-        near = _corners(depth, source, grid, top // CELL, rows)
-        undrawn = torn[rows.start : rows.stop] & torn[rows.start + 1 : rows.stop + 1]
-        x[rows], nearness[rows] = chain.warp(near, undrawn)
+        top, bottom = max(band * CELL, 1) - 1, min((band + 1) * CELL, height + 1) - 1
+        chain = _Chain(coarse, grid.width, width, shift)
+        near = _corners(depth, source, grid, band, chain)
+        for part in bands((bottom - top, width)):
+            rows = slice(top + part.start, top + part.stop)
+            undrawn = torn[rows] & torn[rows.start + 1 : rows.stop + 1]
+            x[rows], nearness[rows] = chain.warp(near[part], undrawn)
     return x, nearness
 
 
-def _corners(depth: NDArray, source: Camera, grid: Grid, band: int, rows: slice) -> NDArray[np.float32]:
-    """(rows, W + 2): nearness of the corners in some rows of a band of cells; on a coarse cell, by its own corners."""
-    known = np.pad(depth[rows], ((0, 0), (1, 1)), mode="edge").astype(np.float64)
-    near = source.nearness_from_depth(known)
-    coarse = ~grid.subdivided[band]
-    if coarse.any():
-        inside = np.repeat(coarse, CELL)[: grid.width + 1]
-        both = np.concatenate([inside[:1], inside[1:] & inside[:-1], inside[-1:]])
-        near[:, both] = _flat(depth, source, grid, band, rows)[:, both]
-    return np.clip(near, -LARGEST, LARGEST).astype(np.float32)
+def _corners(depth: NDArray, source: Camera, grid: Grid, band: int, chain: _Chain) -> NDArray[np.float32]:
+    """(rows, K + 1): nearness of the corners in the rows of a band of cells.
 
-
-def _flat(depth: NDArray, source: Camera, grid: Grid, band: int, rows: slice) -> NDArray[np.float64]:
-    """(rows, W + 2): the same as if all cells of the band were coarse: two triangles each."""
+    Those at which only coarse cells meet have theirs from the band's first and last row, linearly.
+    """
     height, width = depth.shape
     top, bottom = band * CELL, min((band + 1) * CELL, height + 1)
-    edges = np.minimum(np.arange(grid.subdivided.shape[1] + 1) * CELL, width + 1)
-    lines = [np.clip(line - 1, 0, height - 1) for line in (top, bottom)]
-    above, below = (
-        source.nearness_from_depth(depth[line][np.clip(edges - 1, 0, width - 1)].astype(np.float64)) for line in lines
-    )
-    column = np.arange(width + 2)
-    cell = np.minimum(column // CELL, edges.size - 2)
-    u = ((column - edges[cell]) / (edges[cell + 1] - edges[cell]))[None]
-    v = ((np.arange(rows.start, rows.stop) + 1 - top) / (bottom - top))[:, None]
-    upper = above[cell] + u * (above[cell + 1] - above[cell]) + v * (below[cell] - above[cell])
-    lower = (
-        below[cell + 1] + (1.0 - u) * (below[cell] - below[cell + 1]) + (1.0 - v) * (above[cell + 1] - below[cell + 1])
-    )
-    return np.where(u + v <= 1.0, upper, lower)
+    column = np.clip(chain.corner - 1, 0, width - 1)
+
+    def near(lines: NDArray) -> NDArray[np.float32]:
+        with np.errstate(over="ignore"):
+            return np.clip(source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST, LARGEST)
+
+    rows = slice(max(top, 1) - 1, bottom - 1)
+    if chain.coarse.all():
+        result = np.empty((rows.stop - rows.start, column.size), np.float32)
+    else:
+        result = near(depth[rows].take(column, axis=1))
+    flat = np.flatnonzero(chain.flat)
+    first, last = (near(depth[np.clip(line - 1, 0, height - 1)][column[flat]]) for line in (top, bottom))
+    down = ((np.arange(rows.start, rows.stop) + 1 - top) / (bottom - top)).astype(np.float32)[:, None]
+    result[:, flat] = first * (1.0 - down) + last * down
+    return result
 
 
 class _Chain:
-    """Rows of corners, W + 2 in each, drawn into rows of `width` target pixels."""
+    """The corners of a band of cells, drawn into rows of `width` target pixels; coarse (C,) are its coarse cells.
 
-    def __init__(self, columns: int, width: int, shift: Shift) -> None:
+    corner (K + 1,) are their columns in the lattice; flat (K + 1,) those at which no subdivided cell ends.
+    """
+
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: Shift) -> None:
         self._width, self._shift = width, shift
-        self._interval = np.arange(columns + 1, dtype=np.int32)
-        self._pixel = np.arange(width, dtype=np.int32)
+        lattice = np.arange(columns + 2, dtype=np.int32)
+        in_coarse = coarse.repeat(CELL)[: columns + 1]
+        self.coarse = coarse
+        self.corner = lattice[np.append(~in_coarse | (lattice[:-1] % CELL == 0), True)]
+        after = np.append(in_coarse, in_coarse[-1])[self.corner]
+        before = np.insert(in_coarse, 0, in_coarse[0])[self.corner]
+        self.flat = before & after
+        self._torn_column = self.corner[:-1][~after[:-1]]
+        self._tearable = np.flatnonzero(~after[:-1])
+        self._length = np.diff(self.corner).astype(np.float32)
 
-    def warp(self, near: NDArray[np.float32], undrawn: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
-        """near (h, W + 2) and undrawn (h, W + 1), of corners and intervals, to source x and nearness (h, width)."""
+    def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
+        """near (h, K + 1) and torn (h, W + 1), of corners and of the lattice's intervals, to source x and nearness
+        (h, width)."""
         moved = self._moved(near)
-        whole = np.ceil(moved).astype(np.int32)
-        first = self._interval - 1 + whole[:, :-1]
-        count = 1 + whole[:, 1:] - whole[:, :-1]
-        drawn = (count > 0) & (1.0 + moved[:, 1:] - moved[:, :-1] < MAX_STRETCH) & ~undrawn
-        nearest = self._nearest(first, count, drawn)
+        first = (np.ceil(moved) + (self.corner - np.float32(1.0))).astype(np.int32)
+        stretched = self._length + (moved[:, 1:] - moved[:, :-1])
+        drawn = stretched < MAX_STRETCH * self._length
+        drawn[:, self._tearable] &= ~torn[:, self._torn_column]
+        nearest = self._nearest(first, drawn)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slope = self._length / stretched
+            table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
+            return self._looked_up(nearest, table)
+
+    def _looked_up(self, nearest: NDArray[np.int32], table: NDArray[np.float32]) -> tuple[NDArray, NDArray]:
+        """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
+        pixel, nearness there, and its change per source pixel."""
+        height, intervals, _ = table.shape
         covered = nearest >= 0
-        corner = np.where(covered, nearest, 0) + (np.arange(near.shape[0], dtype=np.int32) * near.shape[1])[:, None]
-        left, right = moved.ravel().take(corner), moved.ravel().take(corner + 1)
-        along = (self._pixel + 1 - nearest - left) / (1.0 + right - left)
-        left, right = near.ravel().take(corner), near.ravel().take(corner + 1)
-        x = (nearest - np.float32(0.5)) + along
-        return np.where(covered, x, np.nan), np.where(covered, left + along * (right - left), -np.inf)
+        found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
+        interval = nearest - (np.arange(height, dtype=np.int32) * intervals)[:, None]
+        corner = self.corner.take(interval, mode="clip")
+        along = ((np.arange(1, self._width + 1, dtype=np.int32) - corner) - found[..., 0]) * found[..., 1]
+        x = (corner - np.float32(0.5)) + along
+        nearness = found[..., 2] + along * found[..., 3]
+        np.copyto(x, np.nan, where=~covered)
+        np.copyto(nearness, -np.inf, where=~covered)
+        return x, nearness
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
         with np.errstate(over="ignore", invalid="ignore"):
             moved = near * np.float32(self._shift.per_nearness) + np.float32(self._shift.offset)
-        return np.clip(np.nan_to_num(moved, nan=0.0, posinf=FARTHEST, neginf=-FARTHEST), -FARTHEST, FARTHEST)
+        # Of a NaN, fmin and fmax have the other: what has no depth is torn.
+        return np.fmax(np.fmin(moved, FARTHEST, out=moved), -FARTHEST, out=moved)
 
-    def _nearest(self, first: NDArray, count: NDArray, drawn: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """(h, width): the nearest interval that covers each pixel, -1 where none does."""
-        height = first.shape[0]
-        step = -1 if self._shift.per_nearness > 0.0 else 1
-        won = np.full(height * self._width, -1 if step > 0 else self._interval.size, np.int32)
-        start = (np.arange(height, dtype=np.int32) * self._width)[:, None]
-        interval = np.broadcast_to(self._interval, first.shape)
-        for pixel in range(int(np.ceil(MAX_STRETCH))):
-            there = drawn & (count > pixel) & (first >= -pixel) & (first < self._width - pixel)
-            place, candidate = (first + start)[there][::step] + pixel, interval[there][::step]
-            # The last one that is written stands, as a rule; what else may happen is put right.
-            waiting = step * (candidate - won[place]) > 0
-            while waiting.any():
-                place, candidate = place[waiting], candidate[waiting]
-                won[place] = candidate
-                waiting = step * (candidate - won[place]) > 0
-        won[won == self._interval.size] = -1
+    def _nearest(self, first: NDArray[np.int32], drawn: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
+        none. first (h, K + 1) are the pixels that begin at the corners."""
+        height, intervals = drawn.shape
+        edge = np.clip(first, 0, self._width)
+        count = np.where(drawn, np.maximum(edge[:, 1:] - edge[:, :-1], 0), 0).ravel()
+        start = edge[:, :-1] + (np.arange(height, dtype=np.int32) * self._width)[:, None]
+        interval = np.repeat(np.arange(count.size, dtype=np.int32), count)
+        ahead = np.cumsum(count, dtype=np.int64) - count
+        place = np.repeat(start.ravel() - ahead, count) + np.arange(interval.size)
+        if self._shift.per_nearness > 0.0:
+            place, interval = place[::-1].copy(), interval[::-1].copy()
+        won = np.full(height * self._width, -1, np.int32)
+        # Of several that are written to one place the last one stands.
+        won[place] = interval
         return won.reshape(height, self._width)

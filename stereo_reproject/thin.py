@@ -22,8 +22,7 @@ from .camera import (
     target_from_source,
     target_px_from_source_px,
 )
-from .masks import dilate
-from .risk import box_sum
+from .masks import count_within, dilate
 from .warp import Warp
 
 THRESHOLD = 0.1
@@ -46,8 +45,9 @@ FARTHEST = 8
 def sparse(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Those of (H, W) around which there are few: where there are many, depth is noise (of what moves while the shutter
     is open) or a thicket, of which probes tell."""
-    around = box_sum(pixels, (NEAR, NEAR)) / (2 * NEAR + 1) ** 2
-    return pixels & (around <= FEW)
+    if not pixels.any():
+        return pixels
+    return pixels & (count_within(pixels, NEAR) <= FEW * (2 * NEAR + 1) ** 2)
 
 
 def landings(

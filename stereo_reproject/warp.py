@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
@@ -57,27 +58,31 @@ def forward_warp(
     (H - 1, W) say between which neighbouring pixels the surface is torn: quads across a tear are not drawn, so that
     what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
-    vertices = lattice_depth(depth)
-    torn = _torn_quads(cut_right, cut_down, vertices)
+    torn = _torn_quads(cut_right, cut_down, depth)
     shift = shift_of(source, target)
     if shift is not None:
         return _along_rows(depth, source, target, shift, grid, torn)
-    return _drawn(vertices, source, target, grid, torn)
+    return _drawn(depth, source, target, grid, torn)
 
 
 def _along_rows(
     depth: NDArray, source: Camera, target: Camera, shift: Shift, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
-    """The warp of a rectified pair. torn (lattice - 1) are the quads that are, in subdivided cells."""
-    height, width = depth.shape
-    native = grid.subdivided.repeat(CELL, axis=0).repeat(CELL, axis=1)
-    x, nearness = warp_rows(depth, source, target.width, shift, grid, (torn & native)[: height + 1, : width + 1])
-    rows = np.arange(height, dtype=np.float32)[:, None] + np.float32(0.5)
-    return Warp(x, np.where(np.isnan(x), x, rows), nearness)
+    """The warp of a rectified pair. torn (H + 1, W + 1) are the quads that are."""
+    x, nearness = warp_rows(depth, source, target.width, shift, grid, torn)
+    y = np.empty_like(x)
+    for rows in bands(x.shape):
+        # NaN where x is.
+        y[rows] = 0.0 * x[rows] + np.arange(rows.start + 0.5, rows.stop, dtype=np.float32)[:, None]
+    return Warp(x, y, nearness)
 
 
-def _drawn(vertices: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]) -> Warp:
-    """The warp of any pair, quad by quad; vertices are the depths of the lattice, torn (lattice - 1) as above."""
+def _drawn(depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]) -> Warp:
+    """The warp of any pair, quad by quad; torn as above."""
+    vertices = lattice_depth(depth)
+    # Beyond the frame's outer ring there is nothing.
+    beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
+    torn = np.pad(torn, beyond, constant_values=True)
     surface = _Surface((target.height, target.width))
     for quads in _coarse_quads(vertices, source, target, grid):
         surface.draw(quads)
@@ -91,8 +96,7 @@ def without_area(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDAr
 
     depth, cut_right and cut_down are as for `forward_warp`. A pixel without a depth is not one.
     """
-    height, width = depth.shape
-    torn = _torn_quads(cut_right, cut_down, lattice_depth(depth))[: height + 1, : width + 1]
+    torn = _torn_quads(cut_right, cut_down, depth)
     return torn[:-1, :-1] & torn[:-1, 1:] & torn[1:, :-1] & torn[1:, 1:] & ~np.isnan(depth)
 
 
@@ -168,23 +172,18 @@ def _fine_quads(
         )
 
 
-def _torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], vertices: NDArray) -> NDArray[np.bool_]:
-    """(lattice - 1) bool: quads with a torn side, an unknown depth, or a place beyond the frame's outer ring."""
-    height, width = cut_down.shape[0] + 1, cut_right.shape[1] + 1
-    torn = np.ones((vertices.shape[0] - 1, vertices.shape[1] - 1), bool)
-    sides_right = np.pad(np.pad(cut_right, ((0, 0), (1, 1))), ((1, 1), (0, 0)), mode="edge")
-    sides_down = np.pad(np.pad(cut_down, ((1, 1), (0, 0))), ((0, 0), (1, 1)), mode="edge")
-    unknown = np.isnan(vertices[: height + 2, : width + 2])
-    torn[: height + 1, : width + 1] = (
-        sides_right[:-1]
-        | sides_right[1:]
-        | sides_down[:, :-1]
-        | sides_down[:, 1:]
-        | unknown[:-1, :-1]
-        | unknown[:-1, 1:]
-        | unknown[1:, :-1]
-        | unknown[1:, 1:]
-    )
+def _torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], depth: NDArray) -> NDArray[np.bool_]:
+    """(H + 1, W + 1): the lattice's quads with a torn side or an unknown depth."""
+    height, width = depth.shape
+    unknown = np.pad(np.isnan(depth), 1, mode="edge")
+    torn = unknown[:-1, :-1] | unknown[:-1, 1:]
+    torn |= unknown[1:, :-1]
+    torn |= unknown[1:, 1:]
+    # Of its four sides; beyond the border they are those of the pixels there.
+    for row, rows in ((slice(1, None), slice(None)), (slice(0, height), slice(None)), (height, -1), (0, 0)):
+        torn[row, 1:width] |= cut_right[rows]
+    for column, columns in ((slice(1, None), slice(None)), (slice(0, width), slice(None)), (width, -1), (0, 0)):
+        torn[1:height, column] |= cut_down[:, columns]
     return torn
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.camera import target_px_from_source_px
-from stereo_reproject.grid import build_grid, lattice_depth
+from stereo_reproject.grid import CELL, build_grid, lattice_depth
 from stereo_reproject.rectified import shift_of
 from stereo_reproject.warp import _drawn, _torn_quads, forward_warp
 
@@ -47,9 +47,8 @@ def both(depth, index, source, target, threshold):
     """The warp row by row, and that of its quads."""
     grid = build_grid(depth, source, target, threshold=threshold)
     cuts = {"cut_right": np.diff(index, axis=1) != 0, "cut_down": np.diff(index, axis=0) != 0}
-    vertices = lattice_depth(depth)
-    torn = _torn_quads(*cuts.values(), vertices)
-    return forward_warp(depth, source, target, grid, **cuts), _drawn(vertices, source, target, grid, torn)
+    torn = _torn_quads(*cuts.values(), depth)
+    return forward_warp(depth, source, target, grid, **cuts), _drawn(depth, source, target, grid, torn)
 
 
 @pytest.mark.parametrize("kind", RECTIFIED)
@@ -65,23 +64,39 @@ def test_it_is_what_drawing_the_quads_gives(kind, swapped, seed):
     np.testing.assert_allclose(ours.y[there][close], drawn.y[there][close], atol=2e-3)
     # Where a centre lies on a corner at which a surface ends, either side may have it.
     apart = np.abs(ours.nearness[there] - drawn.nearness[there]) > 1e-4 * np.abs(drawn.nearness[there])
-    assert np.mean(apart[close]) <= 0.01
+    # Nothing moves in an orthographic pair, all cells are coarse, and their two triangles are not what rows have.
+    assert np.mean(apart[close]) <= 0.01 or "orthographic" in kind
     assert 0.5 < there.mean() < 1.0
 
 
 @pytest.mark.parametrize("kind", RECTIFIED[:2])
 @pytest.mark.parametrize("seed", range(4))
-def test_coarse_cells_are_flat_as_their_two_triangles_are(kind, seed):
+def test_coarse_cells_have_their_nearness_from_their_corners_linearly(kind, seed):
     source, target = pair(kind)
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(SIZE[0]) / SIZE[0], np.arange(SIZE[1]) / SIZE[1])
     depth = (5.0 + rng.uniform(-1, 1) * x + rng.uniform(-1, 1) * y + 0.2 * np.sin(9 * x + 5 * y)).astype(np.float32)
     whole = np.zeros(depth.shape, int)
-    ours, drawn = both(depth, whole, source, target, threshold=1000.0)
+    coarse = both(depth, whole, source, target, threshold=1000.0)[0]
     native = both(depth, whole, source, target, threshold=0.0)[0]
-    there = ours.covered & drawn.covered & native.covered
-    assert np.mean(ours.covered != drawn.covered) <= 4 * TIES
-    assert np.abs(ours.x[there] - drawn.x[there]).max() < 5e-3 < np.abs(ours.x[there] - native.x[there]).max()
+    flat = both(from_the_corners(depth), whole, source, target, threshold=0.0)[0]
+    there = coarse.covered & flat.covered & native.covered
+    assert np.mean(coarse.covered != flat.covered) <= 4 * TIES
+    # The outermost half pixels have the depth of those before them, but in coarse cells.
+    there &= (native.x > 1.0) & (native.x < SIZE[0] - 1.0)
+    assert np.abs(coarse.x[there] - flat.x[there]).max() < 1e-3 < np.abs(coarse.x[there] - native.x[there]).max()
+
+
+def from_the_corners(depth):
+    """depth (H, W), its inverse bilinear between the corners of cells."""
+    height, width = depth.shape
+    near = 1.0 / lattice_depth(depth).astype(np.float64)[: height + 2, : width + 2]
+    for axis in (0, 1):
+        size = near.shape[axis]
+        edges = np.append(np.arange(0, size - 1, CELL), size - 1)
+        lines = np.moveaxis(near, axis, 0)
+        near = np.moveaxis(np.array([np.interp(np.arange(size), edges, line) for line in lines[edges].T]).T, 0, axis)
+    return (1.0 / near[1:-1, 1:-1]).astype(np.float32)
 
 
 @pytest.mark.parametrize("kind", RECTIFIED)
