@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
@@ -69,14 +70,20 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     Not the warp's nearness, which a coarse cell has from its corners alone. Nearness is what may be interpolated: it is
     linear on any plane.
     """
-    nearness = source.nearness_from_depth(depth.astype(np.float64)).astype(np.float32)
-    looked_up = lookup(np.nan_to_num(nearness), warp.x, warp.y)[..., 0]
-    seen = np.where(warp.covered, source.depth_from_nearness(looked_up), np.nan)
-    transform = target_from_source(source, target)
-    if not np.allclose(transform[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12):
-        # An orthographic camera's sky has a place; its depth is none for all that.
-        seen = np.where(np.isposinf(seen), seen, target_px_from_source_px(source, target, warp.x, warp.y, seen)[2])
-    return np.where(warp.covered, seen, np.inf).astype(np.float32)
+    with np.errstate(over="ignore"):
+        nearness = np.nan_to_num(source.nearness_from_depth(depth))
+    seen = lookup(nearness, warp.x, warp.y)[..., 0]
+    moves = not np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
+    for rows in bands(seen.shape):
+        x, y, covered = warp.x[rows], warp.y[rows], warp.nearness[rows] > -np.inf
+        away = source.depth_from_nearness(seen[rows])
+        if moves:
+            away = np.where(covered, away, np.nan)
+            # An orthographic camera's sky has a place; its depth is none for all that.
+            away = np.where(np.isposinf(away), away, target_px_from_source_px(source, target, x, y, away)[2])
+        seen[rows] = away
+        np.copyto(seen[rows], np.inf, where=~covered)
+    return seen
 
 
 def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:

@@ -56,7 +56,7 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
     subdivided too, so that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
     """
     height, width = depth.shape
-    near, far = _cell_extremes(lattice_depth(depth))
+    near, far = _cell_extremes(depth)
     difference = _parallax_range(near, far, source, target)
     with np.errstate(invalid="ignore"):
         steep = ~(difference <= threshold * ARC_MINUTE)
@@ -77,20 +77,17 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
     return (nearness_near - nearness_far) * per_nearness
 
 
-def _cell_extremes(vertices: NDArray) -> tuple[NDArray, NDArray]:
-    """Least and greatest depth of each cell's 17 x 17 vertices."""
+def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
+    """Least and greatest depth of each cell's 17 x 17 vertices; NaN where one is not known."""
+    height, width = depth.shape
+    cells = [-(-(height + 1) // CELL), -(-(width + 1) // CELL)]
     result = []
     for extreme in (np.minimum, np.maximum):
-        along_rows = _shared_reduce(vertices, extreme, axis=1)
-        result.append(_shared_reduce(along_rows, extreme, axis=0))
+        lines = np.empty((cells[0], width), depth.dtype)
+        for band in range(cells[0]):
+            # Lattice row i is the picture's row i - 1; beyond the border they are repeated.
+            extreme.reduce(depth[max(band * CELL - 1, 0) : (band + 1) * CELL], axis=0, out=lines[band])
+        columns = np.pad(lines, ((0, 0), (1, cells[1] * CELL - width)), mode="edge")
+        shared = columns[:, CELL::CELL]
+        result.append(extreme(extreme.reduce(columns[:, :-1].reshape(cells[0], -1, CELL), axis=2), shared))
     return result[0], result[1]
-
-
-def _shared_reduce(values: NDArray, extreme: np.ufunc, *, axis: int) -> NDArray:
-    """Reduce runs of 17 that share their ends along `axis`."""
-    values = np.moveaxis(values, axis, 0)
-    cells = (values.shape[0] - 1) // CELL
-    result = values[0 : cells * CELL : CELL].copy()
-    for offset in range(1, CELL + 1):
-        extreme(result, values[offset : offset + (cells - 1) * CELL + 1 : CELL], out=result)
-    return np.moveaxis(result, 0, axis)

@@ -116,9 +116,8 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
         x, y, nearness = warp.x[rows], warp.y[rows], warp.nearness[rows]
         beyond = (x < 0) | (x > source.width) | (y < 0) | (y > source.height)
         np.multiply(beyond, Reason.OUTSIDE.bit, out=flags[rows])
-        row, column = np.nonzero(nearness == -np.inf)
+        row, column, behind = _behind_empty(nearness)
         if row.size:
-            behind = _farther_neighbour(nearness, row, column)
             seen = _is_within(source, target, row + rows.start, column, behind)
             flags[rows][row, column] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
     return flags
@@ -133,16 +132,20 @@ def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, 
     return known & (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
 
 
-def _farther_neighbour(nearness: NDArray, rows: NDArray, columns: NDArray) -> NDArray:
-    """(N,): for the empty pixels at (rows, columns) the smaller of the last answer to the left and the first to the
-    right in the row, NaN where there is none."""
-    affected, row = np.unique(rows, return_inverse=True)
-    lines = nearness[affected]
-    width = lines.shape[1]
-    place = np.arange(width, dtype=np.int32)
-    answered = lines > -np.inf
-    left = np.maximum.accumulate(np.where(answered, place, -1), axis=1)[row, columns]
-    right = np.minimum.accumulate(np.where(answered, place, width)[:, ::-1], axis=1)[:, ::-1][row, columns]
-    from_left = np.where(left >= 0, lines[row, np.maximum(left, 0)], np.nan)
-    from_right = np.where(right < width, lines[row, np.minimum(right, width - 1)], np.nan)
-    return np.fmin(from_left, from_right)
+def _behind_empty(nearness: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """(N,) row and column of the empty pixels of (h, W), and the smaller nearness of the last answer to the left and the
+    first to the right in the row, NaN where there is none."""
+    height, width = nearness.shape
+    # With a column that is never empty between them, all rows are one.
+    empty = np.zeros((height, width + 1), bool)
+    np.equal(nearness, -np.inf, out=empty[:, :width])
+    flat = empty.ravel()
+    starts = np.flatnonzero(np.diff(flat, prepend=False) & flat)
+    stops = np.flatnonzero(np.diff(flat, prepend=False) & ~flat)
+    row, first = np.divmod(starts, width + 1)
+    after = stops - row * (width + 1)
+    from_left = np.where(first > 0, nearness[row, np.maximum(first - 1, 0)], np.nan)
+    from_right = np.where(after < width, nearness[row, np.minimum(after, width - 1)], np.nan)
+    length = after - first
+    column = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length - first, length)
+    return np.repeat(row, length), column, np.repeat(np.fmin(from_left, from_right), length)
