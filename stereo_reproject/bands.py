@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-PIXELS = 1 << 15
+PIXELS = 1 << 16
 """Of a band: some temporaries of four bytes per pixel each fit a megabyte."""
 
 

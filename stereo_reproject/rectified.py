@@ -13,6 +13,8 @@ points, n grows along the row as 1 / -c.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,40 +69,49 @@ def warp_rows(
     """
     height = depth.shape[0]
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
-    for band, coarse in enumerate(~grid.subdivided):
+    for cells in _alike(~grid.subdivided):
         # Lattice row i is the picture's row i - 1.
-        top, bottom = max(band * CELL, 1) - 1, min((band + 1) * CELL, height + 1) - 1
+        lattice = np.arange(max(cells.start * CELL, 1), min(cells.stop * CELL, height + 1))
+        coarse = ~grid.subdivided[cells.start]
         chain = _Chain(coarse, grid.width, width, shift)
-        near = _corners(depth, source, grid, band, chain)
-        for part in bands((bottom - top, width)):
-            rows = slice(top + part.start, top + part.stop)
-            undrawn = torn[rows] & torn[rows.start + 1 : rows.stop + 1]
-            x[rows], nearness[rows] = chain.warp(near[part], undrawn)
+        for part in bands((lattice.size, width)):
+            rows = slice(lattice[part][0] - 1, lattice[part][-1])
+            undrawn = None if coarse.all() else torn[rows] & torn[rows.start + 1 : rows.stop + 1]
+            x[rows], nearness[rows] = chain.warp(_corners(depth, source, chain, lattice[part]), undrawn)
     return x, nearness
 
 
-def _corners(depth: NDArray, source: Camera, grid: Grid, band: int, chain: _Chain) -> NDArray[np.float32]:
-    """(rows, K + 1): nearness of the corners in the rows of a band of cells.
+def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
+    """The rows of cells (R, C), one by one, but as many as are wholly coarse together."""
+    whole = coarse.all(axis=1)
+    ends = np.flatnonzero(~(whole[1:] & whole[:-1])) + 1
+    for start, stop in itertools.pairwise([0, *ends.tolist(), len(whole)]):
+        yield slice(start, stop)
 
-    Those at which only coarse cells meet have theirs from the band's first and last row, linearly.
+
+def _corners(depth: NDArray, source: Camera, chain: _Chain, lattice: NDArray) -> NDArray[np.float32]:
+    """(h, K + 1): nearness of the corners in these rows (h,) of the lattice.
+
+    Those at which only coarse cells meet have theirs from the cells' first and last row, linearly.
     """
     height, width = depth.shape
-    top, bottom = band * CELL, min((band + 1) * CELL, height + 1)
     column = np.clip(chain.corner - 1, 0, width - 1)
 
     def near(lines: NDArray) -> NDArray[np.float32]:
         with np.errstate(over="ignore"):
             return np.clip(source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST, LARGEST)
 
-    rows = slice(max(top, 1) - 1, bottom - 1)
-    if chain.coarse.all():
-        result = np.empty((rows.stop - rows.start, column.size), np.float32)
-    else:
-        result = near(depth[rows].take(column, axis=1))
-    flat = np.flatnonzero(chain.flat)
-    first, last = (near(depth[np.clip(line - 1, 0, height - 1)][column[flat]]) for line in (top, bottom))
-    down = ((np.arange(rows.start, rows.stop) + 1 - top) / (bottom - top)).astype(np.float32)[:, None]
-    result[:, flat] = first * (1.0 - down) + last * down
+    cell = lattice // CELL
+    edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL, height + 1)
+    above = cell - cell[0]
+    down = ((lattice - edges[above]) / (edges[above + 1] - edges[above])).astype(np.float32)[:, None]
+    flat = column[chain.flat]
+    line = near(depth[np.clip(edges - 1, 0, height - 1)[:, None], flat])
+    between = line[above] * (1.0 - down) + line[above + 1] * down
+    if flat.size == column.size:
+        return between
+    result = near(depth[lattice[0] - 1 : lattice[-1]].take(column, axis=1))
+    result[:, chain.flat] = between
     return result
 
 
@@ -122,15 +133,19 @@ class _Chain:
         self._torn_column = self.corner[:-1][~after[:-1]]
         self._tearable = np.flatnonzero(~after[:-1])
         self._length = np.diff(self.corner).astype(np.float32)
+        # Where intervals begin in the source, and target pixels' centres as if nothing moved.
+        self._begin = self.corner[:-1] - np.float32(0.5)
+        self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
-    def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
+    def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
         """near (h, K + 1) and torn (h, W + 1), of corners and of the lattice's intervals, to source x and nearness
-        (h, width)."""
+        (h, width). Without torn none is."""
         moved = self._moved(near)
         first = (np.ceil(moved) + (self.corner - np.float32(1.0))).astype(np.int32)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
         drawn = stretched < MAX_STRETCH * self._length
-        drawn[:, self._tearable] &= ~torn[:, self._torn_column]
+        if torn is not None:
+            drawn[:, self._tearable] &= ~torn[:, self._torn_column]
         nearest = self._nearest(first, drawn)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
@@ -140,17 +155,19 @@ class _Chain:
     def _looked_up(self, nearest: NDArray[np.int32], table: NDArray[np.float32]) -> tuple[NDArray, NDArray]:
         """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
         pixel, nearness there, and its change per source pixel."""
-        height, intervals, _ = table.shape
-        covered = nearest >= 0
+        empty = nearest < 0
         found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
-        interval = nearest - (np.arange(height, dtype=np.int32) * intervals)[:, None]
-        corner = self.corner.take(interval, mode="clip")
-        along = ((np.arange(1, self._width + 1, dtype=np.int32) - corner) - found[..., 0]) * found[..., 1]
-        x = (corner - np.float32(0.5)) + along
-        nearness = found[..., 2] + along * found[..., 3]
-        np.copyto(x, np.nan, where=~covered)
-        np.copyto(nearness, -np.inf, where=~covered)
-        return x, nearness
+        x = np.tile(self._begin, table.shape[0]).take(nearest, mode="clip")
+        along = self._beyond - x
+        along -= found[..., 0]
+        along *= found[..., 1]
+        x += along
+        along *= found[..., 3]
+        along += found[..., 2]
+        if empty.any():
+            np.copyto(x, np.nan, where=empty)
+            np.copyto(along, -np.inf, where=empty)
+        return x, along
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -163,11 +180,20 @@ class _Chain:
         none. first (h, K + 1) are the pixels that begin at the corners."""
         height, intervals = drawn.shape
         edge = np.clip(first, 0, self._width)
-        count = np.where(drawn, np.maximum(edge[:, 1:] - edge[:, :-1], 0), 0).ravel()
+        count = edge[:, 1:] - edge[:, :-1]
+        interval = np.arange(count.size, dtype=np.int32)
+        if count.min() >= 0:
+            # Nothing lies before anything else: each row is one interval after the other.
+            nothing = np.full((height, 1), -1, np.int32)
+            shown = np.where(drawn, interval.reshape(count.shape), nothing)
+            beside = edge[:, :1], self._width - edge[:, -1:]
+            whole = np.hstack([beside[0], count, beside[1]])
+            return np.hstack([nothing, shown, nothing]).repeat(whole.ravel()).reshape(height, self._width)
+        count = np.where(drawn, np.maximum(count, 0), 0).ravel()
         start = edge[:, :-1] + (np.arange(height, dtype=np.int32) * self._width)[:, None]
-        interval = np.repeat(np.arange(count.size, dtype=np.int32), count)
+        interval = interval.repeat(count)
         ahead = np.cumsum(count, dtype=np.int64) - count
-        place = np.repeat(start.ravel() - ahead, count) + np.arange(interval.size)
+        place = (start.ravel() - ahead).repeat(count) + np.arange(interval.size)
         if self._shift.per_nearness > 0.0:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
