@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bands import bands
-from .camera import Camera, target_px_from_source_px
+from .camera import Camera, disparity_per_nearness, target_px_from_source_px
 from .masks import dilate
 from .warp import Warp
 
@@ -70,6 +70,14 @@ class Steps:
         result[:-1] |= down
         result[1:] |= down
         return result
+
+
+def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> NDArray[np.float32]:
+    """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
+    with np.errstate(over="ignore"):
+        disparity = camera.nearness_from_depth(depth)
+        disparity *= np.float32(disparity_per_nearness(camera, other))
+    return disparity
 
 
 def disparity_steps(disparity: NDArray) -> Steps:
@@ -133,8 +141,8 @@ def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, 
 
 
 def _behind_empty(nearness: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """(N,) row and column of the empty pixels of (h, W), and the smaller nearness of the last answer to the left and the
-    first to the right in the row, NaN where there is none."""
+    """(N,) row and column of the empty pixels of (h, W), and what they have behind them: the smaller nearness of the
+    last answer to the left and the first to the right in the row, NaN where there is none."""
     height, width = nearness.shape
     # With a column that is never empty between them, all rows are one.
     empty = np.zeros((height, width + 1), bool)

@@ -69,12 +69,12 @@ def _nearest(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
     return texels.take(_whole(np.floor(y)), _whole(np.floor(x)))
 
 
-def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
+def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
     row, down = _split(y)
     column, across = _split(x)
     weight = texels.spread(across)
 
-    def along(row: NDArray[np.int32]) -> NDArray[np.float32]:
+    def along(row: NDArray[np.int32]) -> NDArray:
         return texels.take(row, column) * (1.0 - weight) + texels.take(row, column + 1) * weight
 
     if not np.any(down > 0.0):
@@ -103,7 +103,7 @@ def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
     return np.clip(total, low, high, out=total)
 
 
-def _catmull_rom(t: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:
     """The weights of the pixels before, at, after and two after the position."""
     t2, t3 = t * t, t * t * t
     return -0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2

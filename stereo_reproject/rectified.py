@@ -152,7 +152,7 @@ class _Chain:
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
             return self._looked_up(nearest, table)
 
-    def _looked_up(self, nearest: NDArray[np.int32], table: NDArray[np.float32]) -> tuple[NDArray, NDArray]:
+    def _looked_up(self, nearest: NDArray[np.int32], table: NDArray) -> tuple[NDArray, NDArray]:
         """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
         pixel, nearness there, and its change per source pixel."""
         empty = nearest < 0
@@ -178,7 +178,7 @@ class _Chain:
     def _nearest(self, first: NDArray[np.int32], drawn: NDArray[np.bool_]) -> NDArray[np.int32]:
         """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
         none. first (h, K + 1) are the pixels that begin at the corners."""
-        height, intervals = drawn.shape
+        height = drawn.shape[0]
         edge = np.clip(first, 0, self._width)
         count = edge[:, 1:] - edge[:, :-1]
         interval = np.arange(count.size, dtype=np.int32)

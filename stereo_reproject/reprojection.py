@@ -12,23 +12,23 @@ from numpy.typing import NDArray
 
 from .accuracy import Accuracy
 from .camera import Camera, PerspectiveCamera, disparity_per_nearness, see_the_same
-from .composite import warp_passes
+from .carrying import Carry, carry
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .effects import Effect
 from .effects_pass import shows
 from .frustum import Lens, covered_by
-from .grid import Grid, build_grid
-from .holes import TEAR, Reason, Steps, disparity_steps, empty_reasons
+from .grid import Grid
+from .holes import TEAR, Reason, Steps, disparity_of, disparity_steps
 from .lookup import touches
 from .masks import dilate
 from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
-from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, seen_in_mirrors
+from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, seen_in_mirrors
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
 from .thin import THRESHOLD, landings, sparse, thin_things
-from .warp import Warp, forward_warp, without_area
+from .warp import Warp, without_area
 
 PINHOLE = Lens()
 
@@ -90,35 +90,34 @@ def reproject(
     lens: Lens = PINHOLE,
     volumes: Sequence[NDArray] = (),
     motion: tuple[Moving, Moving] | None = None,
+    carry: Carry = carry,
 ) -> Reprojection:
     """Warp the source into the target and flag what is known beforehand to need tracing.
 
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
     whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
     boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
-    interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands.
+    interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands. carry is who
+    carries: numpy, or a GPU.
     """
 
     def carried(passes: Passes) -> Reprojection:
-        depth = passes[DEPTH_PASS][..., 0]
-        grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
-        disparity = _disparity(depth, source_camera, target_camera)
-        steps = disparity_steps(disparity)
-        warp = forward_warp(
-            depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
-        )
-        warped = warp_passes(
-            {name: image for name, image in passes.items() if name not in OF_SOURCE},
-            warp,
+        made = carry(
+            passes,
             source_camera,
             target_camera,
+            grid_threshold=grid_threshold,
             interpolation=interpolation,
             colour_interpolation=colour_interpolation,
             motion=motion,
         )
+        disparity = disparity_of(passes[DEPTH_PASS][..., 0], source_camera, target_camera)
+        steps = made.steps or disparity_steps(disparity)
         cubic = "cubic" in (interpolation, colour_interpolation)
-        marking = Marking(passes, source_camera, target_camera, disparity, steps, invalid, cubic, lens, volumes)
-        return Reprojection(warped, grid, warp, marking, accuracy)
+        marking = Marking(
+            passes, source_camera, target_camera, disparity, steps, made.empty, invalid, cubic, lens, volumes
+        )
+        return Reprojection(made.passes, made.grid, made.warp, marking, accuracy)
 
     seen = carried(source)
     if not (accuracy.silhouette_radius > 0 and _lengths_tell(source_camera, target_camera, lens, volumes)):
@@ -158,6 +157,8 @@ class Marking:
     target_camera: Camera
     disparity: NDArray[np.float32]
     steps: Steps
+    empty: NDArray[np.uint16]
+    """(H, W) flags of the target's pixels on which nothing landed."""
     invalid: NDArray[np.bool_]
     cubic: bool
     """Whether a pass was looked up so."""
@@ -166,7 +167,7 @@ class Marking:
 
     def reasons(self, warped: Passes, warp: Warp, accuracy: Accuracy) -> NDArray[np.uint16]:
         """(H, W) `Reason` flags of the target's pixels."""
-        reasons = empty_reasons(warp, self.source_camera, self.target_camera)
+        reasons = self.empty.copy()
         answered = reasons == 0
         blurred = _source_silhouettes(self, accuracy) | self._thin_things(accuracy)
         target = _TargetEdges(self, warped, warp)
@@ -222,12 +223,6 @@ def _within_fur(warped: Passes, warp: Warp) -> NDArray[np.bool_]:
     """
     strands = _strands(warped)
     return strands & ~dilate(warp.covered & ~strands, FUR) if strands.any() else strands
-
-
-def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
-    nearness = camera.nearness_from_depth(depth.astype(np.float64))
-    return (nearness * disparity_per_nearness(camera, other)).astype(np.float32)
 
 
 def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool_]:

@@ -21,6 +21,8 @@ NUMERIC = {
     "grid",
     "warp",
     "rectified",
+    "bands",
+    "carrying",
     "holes",
     "lookup",
     "masks",
