@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
-from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered
+from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
 from .warp import Warp
 
 
@@ -95,8 +95,7 @@ def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
     invalid = np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     for name, image in passes.items():
         if name == DEPTH_PASS:
-            known = (image > 0.0) & ~np.isnan(image)
-            clean[name] = np.where(known, image, np.nan).astype(np.float32)
+            clean[name] = known_depth(image)
             continue
         number = np.isfinite(image)
         clean[name] = image if number.all() else np.where(number, image, 0.0).astype(np.float32)
