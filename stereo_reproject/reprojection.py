@@ -23,7 +23,7 @@ from .lookup import touches
 from .masks import dilate
 from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
-from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, seen_in_mirrors
+from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, known_depth, seen_in_mirrors
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
@@ -98,6 +98,8 @@ def reproject(
     boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
     interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands.
     """
+
+    source = {**source, DEPTH_PASS: known_depth(source[DEPTH_PASS])}
 
     def carried(passes: Passes) -> Reprojection:
         depth = passes[DEPTH_PASS][..., 0]
