@@ -101,7 +101,8 @@ class PerspectiveCamera(_PlanarCamera):
             return 1.0 / depth
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        with np.errstate(divide="ignore"):
+        # Beside the sky a mean of two may be so small that it is the sky.
+        with np.errstate(divide="ignore", over="ignore"):
             return 1.0 / nearness
 
 
