@@ -24,6 +24,7 @@ from .masks import dilate
 from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, OF_SOURCE, Passes, known_depth, seen_in_mirrors
+from .rectified import LARGEST
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
@@ -229,7 +230,11 @@ def _within_fur(warped: Passes, warp: Warp) -> NDArray[np.bool_]:
 def _disparity(depth: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
     """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
     nearness = camera.nearness_from_depth(depth.astype(np.float64))
-    return (nearness * disparity_per_nearness(camera, other)).astype(np.float32)
+    return _held(nearness * disparity_per_nearness(camera, other))
+
+
+def _held(disparity: NDArray) -> NDArray[np.float32]:
+    return np.clip(disparity, -LARGEST, LARGEST).astype(np.float32)
 
 
 def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool_]:
@@ -248,8 +253,9 @@ class _TargetEdges:
     def __init__(self, marking: Marking, warped: Passes, warp: Warp) -> None:
         self._marking, self._warped, self._warp = marking, warped, warp
         source, target = marking.source_camera, marking.target_camera
-        self._disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target, source)
-        self._steps = disparity_steps(self._disparity.astype(np.float32))
+        nearness = np.where(warp.covered, warp.nearness, np.nan).astype(np.float64)
+        self._disparity = _held(nearness * disparity_per_nearness(target, source))
+        self._steps = disparity_steps(self._disparity)
         depth = warped[DEPTH_PASS][..., 0]
         self._blur = circle_of_confusion(depth, target, marking.lens)
 
