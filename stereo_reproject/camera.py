@@ -171,7 +171,9 @@ def target_px_from_source_px(
     """
     transform = target_from_source(source, target)
     origin, direction = source.ray_from_px(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    weight = 1.0 / np.asarray(depth, np.float64)
+    depth = np.asarray(depth, np.float64)
+    # In its plane an orthographic camera sees as well as anywhere.
+    weight = 1.0 / np.where(depth == 0.0, np.finfo(np.float32).tiny, depth)
     if isinstance(source, OrthographicCamera):
         weight = np.maximum(weight, 1.0 / OrthographicCamera.SKY_DEPTH)
     local = [o * weight + d for o, d in zip(origin, direction, strict=True)]
