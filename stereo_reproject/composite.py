@@ -76,7 +76,8 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     if not np.allclose(transform[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12):
         # An orthographic camera's sky has a place; its depth is none for all that.
         seen = np.where(np.isposinf(seen), seen, target_px_from_source_px(source, target, warp.x, warp.y, seen)[2])
-    return np.where(warp.covered, seen, np.inf).astype(np.float32)
+    with np.errstate(over="ignore"):
+        return np.where(warp.covered, seen, np.inf).astype(np.float32)
 
 
 def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:
