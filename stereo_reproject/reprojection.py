@@ -95,16 +95,17 @@ def reproject(
     """Warp the source into the target and flag what is known beforehand to need tracing.
 
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
-    whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
-    boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
-    interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands.
+    whose colour is no number; grid_threshold is in arc minutes, of which no more count than make a tear; lens is both
+    eyes'. volumes are the corners (8, 3) of boxes in the world that hold the scene's volumes, infinite for one that is
+    everywhere. motion and both interpolations are as for `warp_passes`. What flat mirrors show is carried by where its
+    image stands.
     """
 
     source = {**source, DEPTH_PASS: known_depth(source[DEPTH_PASS])}
 
     def carried(passes: Passes) -> Reprojection:
         depth = passes[DEPTH_PASS][..., 0]
-        grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
+        grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold, most=TEAR)
         disparity = _disparity(depth, source_camera, target_camera)
         steps = disparity_steps(disparity)
         warp = forward_warp(
