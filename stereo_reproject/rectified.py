@@ -45,7 +45,12 @@ def shift_of(source: Camera, target: Camera) -> Shift | None:
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
+    # So much is lost of the difference between two places that are far from the world's origin.
+    lost = 8.0 * np.finfo(np.float64).eps * float(np.abs(source.world_from_camera[:3, 3]).max())
+    aside, moved[1:3, 3] = np.abs(moved[1:3, 3]), 0.0
     if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME):
+        return None
+    if aside.max() > SAME + lost:
         return None
     one, other = source.plane, target.plane
     rows = (one.bottom, one.top, source.height) == (other.bottom, other.top, target.height)
