@@ -190,12 +190,24 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     Exact for rigs whose image planes coincide, a first-order estimate for toe-in: good enough to judge how large a
     step in depth is, which is all that it is used for.
     """
-    baseline = float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
+    transform = target_from_source(source, target)
+    baseline = float(np.linalg.norm(transform[:3, 3]))
+    if isinstance(source, OrthographicCamera) and isinstance(target, OrthographicCamera):
+        return float(np.linalg.norm(transform[:2, 2] * _px_per_unit(target)))
     x, y = np.array(source.width / 2), np.array(source.height / 2)
     # Some tens of baselines away, where the finite difference loses no digits.
     scale = 50.0 * baseline if baseline > 0 else 1.0
     depth = np.array([scale, 2.0 * scale])
     target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
     moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
+    if not np.isfinite(moved):
+        # The eyes are turned so far that the middle of the one's picture is behind the other.
+        return float(_px_per_unit(target).max() * baseline)
     nearness = source.nearness_from_depth(depth)
     return moved / float(abs(nearness[0] - nearness[1]))
+
+
+def _px_per_unit(camera: Camera) -> Array:
+    """(2,) pixels per unit of the view plane, across and down."""
+    plane = camera.plane
+    return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])
