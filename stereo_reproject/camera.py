@@ -111,6 +111,7 @@ class OrthographicCamera(_PlanarCamera):
     """Parallel rays; the view plane is in scene units. Its sky is put at a depth that float32 still tells apart."""
 
     SKY_DEPTH = 1e9
+    SKY_ROUNDING = 1e-6
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         zero, forward = np.array(0.0), np.array(-1.0)
@@ -128,7 +129,7 @@ class OrthographicCamera(_PlanarCamera):
         return -np.minimum(depth, self.SKY_DEPTH)
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        return np.where(nearness > -0.5 * self.SKY_DEPTH, -nearness, np.inf)
+        return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
 def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
