@@ -128,10 +128,9 @@ class _Chain:
         whole = np.ceil(moved).astype(np.int32)
         first = self._interval - 1 + whole[:, :-1]
         count = 1 + whole[:, 1:] - whole[:, :-1]
-        known = (count > 0) & ~undrawn
-        drawn = known & (1.0 + moved[:, 1:] - moved[:, :-1] < MAX_STRETCH)
+        drawn = (count > 0) & (1.0 + moved[:, 1:] - moved[:, :-1] < MAX_STRETCH) & ~undrawn
         nearest = self._nearest(first, count, drawn)
-        self._hide(nearest, first, count, known & ~drawn)
+        self._hide(nearest, first, count, (count != 0) & ~drawn & ~undrawn)
         covered = nearest >= 0
         corner = np.where(covered, nearest, 0) + (np.arange(near.shape[0], dtype=np.int32) * near.shape[1])[:, None]
         left, right = moved.ravel().take(corner), moved.ravel().take(corner + 1)
@@ -164,13 +163,15 @@ class _Chain:
         won[won == self._interval.size] = -1
         return won.reshape(height, self._width)
 
-    def _hide(self, nearest: NDArray, first: NDArray, count: NDArray, stretched: NDArray[np.bool_]) -> None:
-        """Take from `nearest` what lies behind intervals that hold too little to fill what they cover."""
-        rows, interval = np.nonzero(stretched)
+    def _hide(self, nearest: NDArray, first: NDArray, count: NDArray, surface: NDArray[np.bool_]) -> None:
+        """Take from `nearest` what lies behind a surface that is not drawn: too slanted, or seen from its other side."""
+        rows, interval = np.nonzero(surface)
         if rows.size == 0:
             return
-        low = np.clip(first[rows, interval], 0, self._width)
-        wide = np.clip(first[rows, interval] + count[rows, interval], 0, self._width) - low
+        one = first[rows, interval]
+        other = one + count[rows, interval]
+        low = np.clip(np.minimum(one, other), 0, self._width)
+        wide = np.clip(np.maximum(one, other), 0, self._width) - low
         rows, interval, start = (np.repeat(a, wide) for a in (rows, interval, low - np.cumsum(wide) + wide))
         pixel = start + np.arange(start.size)
         behind = nearest[rows, pixel] < interval if self._shift.per_nearness <= 0.0 else nearest[rows, pixel] > interval
