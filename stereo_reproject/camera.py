@@ -14,6 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+TURNED = 2.0
+"""How many times as far as between eyes that look the same way a point moves between eyes that are toed in, at most."""
+
 Array = NDArray[np.floating]
 Vector = tuple[Array, Array, Array]
 
@@ -201,11 +204,13 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     depth = np.array([scale, 2.0 * scale])
     target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
     moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
-    if not np.isfinite(moved):
-        # The eyes are turned so far that the middle of the one's picture is behind the other.
-        return float(_px_per_unit(target).max() * baseline)
     nearness = source.nearness_from_depth(depth)
-    return moved / float(abs(nearness[0] - nearness[1]))
+    estimate = moved / float(abs(nearness[0] - nearness[1]))
+    if not isinstance(source, PerspectiveCamera) or not isinstance(target, PerspectiveCamera):
+        return estimate
+    # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.
+    limit = TURNED * float(_px_per_unit(target).max()) * baseline
+    return min(estimate, limit) if np.isfinite(estimate) else limit
 
 
 def _px_per_unit(camera: Camera) -> Array:
