@@ -14,6 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+TURNED = 2.0
+"""How many times as far as between eyes that look the same way a point moves between eyes that are toed in, at most."""
+
 Array = NDArray[np.floating]
 Vector = tuple[Array, Array, Array]
 
@@ -101,7 +104,8 @@ class PerspectiveCamera(_PlanarCamera):
             return 1.0 / depth
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        with np.errstate(divide="ignore"):
+        # Beside the sky a mean of two may be so small that it is the sky.
+        with np.errstate(divide="ignore", over="ignore"):
             return 1.0 / nearness
 
 
@@ -110,6 +114,7 @@ class OrthographicCamera(_PlanarCamera):
     """Parallel rays; the view plane is in scene units. Its sky is put at a depth that float32 still tells apart."""
 
     SKY_DEPTH = 1e9
+    SKY_ROUNDING = 1e-6
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         zero, forward = np.array(0.0), np.array(-1.0)
@@ -127,7 +132,7 @@ class OrthographicCamera(_PlanarCamera):
         return -np.minimum(depth, self.SKY_DEPTH)
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        return np.where(nearness > -0.5 * self.SKY_DEPTH, -nearness, np.inf)
+        return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
 def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
@@ -170,7 +175,9 @@ def target_px_from_source_px(
     """
     transform = target_from_source(source, target)
     origin, direction = source.ray_from_px(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    weight = 1.0 / np.asarray(depth, np.float64)
+    depth = np.asarray(depth, np.float64)
+    # In its plane an orthographic camera sees as well as anywhere.
+    weight = 1.0 / np.where(depth == 0.0, np.finfo(np.float32).tiny, depth)
     if isinstance(source, OrthographicCamera):
         weight = np.maximum(weight, 1.0 / OrthographicCamera.SKY_DEPTH)
     local = [o * weight + d for o, d in zip(origin, direction, strict=True)]
@@ -187,7 +194,10 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     Exact for rigs whose image planes coincide, a first-order estimate for toe-in: good enough to judge how large a
     step in depth is, which is all that it is used for.
     """
-    baseline = float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
+    transform = target_from_source(source, target)
+    baseline = float(np.linalg.norm(transform[:3, 3]))
+    if isinstance(source, OrthographicCamera) and isinstance(target, OrthographicCamera):
+        return float(np.linalg.norm(transform[:2, 2] * _px_per_unit(target)))
     x, y = np.array(source.width / 2), np.array(source.height / 2)
     # Some tens of baselines away, where the finite difference loses no digits.
     scale = 50.0 * baseline if baseline > 0 else 1.0
@@ -195,4 +205,15 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
     moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
     nearness = source.nearness_from_depth(depth)
-    return moved / float(abs(nearness[0] - nearness[1]))
+    estimate = moved / float(abs(nearness[0] - nearness[1]))
+    if not isinstance(source, PerspectiveCamera) or not isinstance(target, PerspectiveCamera):
+        return estimate
+    # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.
+    limit = TURNED * float(_px_per_unit(target).max()) * baseline
+    return min(estimate, limit) if np.isfinite(estimate) else limit
+
+
+def _px_per_unit(camera: Camera) -> Array:
+    """(2,) pixels per unit of the view plane, across and down."""
+    plane = camera.plane
+    return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])

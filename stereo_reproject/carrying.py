@@ -61,7 +61,7 @@ def carry(
 ) -> Carried:
     """As `Carry` has it, in numpy."""
     depth = source[DEPTH_PASS][..., 0]
-    grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold)
+    grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold, most=TEAR)
     steps = disparity_steps(disparity_of(depth, source_camera, target_camera))
     warp = forward_warp(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR

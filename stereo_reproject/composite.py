@@ -9,7 +9,7 @@ from .bands import bands
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
-from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered
+from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
 from .warp import Warp
 
 
@@ -81,7 +81,8 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
             away = np.where(covered, away, np.nan)
             # An orthographic camera's sky has a place; its depth is none for all that.
             away = np.where(np.isposinf(away), away, target_px_from_source_px(source, target, x, y, away)[2])
-        seen[rows] = away
+        with np.errstate(over="ignore"):
+            seen[rows] = away
         np.copyto(seen[rows], np.inf, where=~covered)
     return seen
 
@@ -102,8 +103,7 @@ def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
     invalid = np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     for name, image in passes.items():
         if name == DEPTH_PASS:
-            known = (image > 0.0) & ~np.isnan(image)
-            clean[name] = np.where(known, image, np.nan).astype(np.float32)
+            clean[name] = known_depth(image)
             continue
         number = np.isfinite(image)
         clean[name] = image if number.all() else np.where(number, image, 0.0).astype(np.float32)

@@ -49,17 +49,20 @@ def lattice_depth(depth: NDArray) -> NDArray:
     return np.pad(depth, ((1, rows * CELL - height), (1, columns * CELL - width)), mode="edge")
 
 
-def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float) -> Grid:
+def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float, most: float = float("inf")) -> Grid:
     """Subdivide the cells whose depths differ by more than `threshold` arc minutes of binocular parallax.
 
-    depth is (H, W), +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are
-    subdivided too, so that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
+    Or by more than `most` pixels of it: a long lens makes many of a minute, and so does what is nearer than the eyes
+    are to each other. depth is (H, W), +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a
+    subdivided cell are subdivided too, so that a coarse edge only ever meets a fine one where both are flat (paper: no
+    T-junctions).
     """
     height, width = depth.shape
     near, far = _cell_extremes(depth)
     difference = _parallax_range(near, far, source, target)
     with np.errstate(invalid="ignore"):
         steep = ~(difference <= threshold * ARC_MINUTE)
+        steep |= _disparity_range(near, far, source, target) > most
     guarded = steep.copy()
     guarded[1:] |= steep[:-1]
     guarded[:-1] |= steep[1:]
@@ -72,9 +75,13 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
     if isinstance(source, PerspectiveCamera):
         baseline = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
         return parallax_difference(near, far, float(np.linalg.norm(baseline)))
-    per_nearness = disparity_per_nearness(source, target) * ORTHOGRAPHIC_VIEW_ANGLE / source.width
-    nearness_near, nearness_far = source.nearness_from_depth(near), source.nearness_from_depth(far)
-    return (nearness_near - nearness_far) * per_nearness
+    return _disparity_range(near, far, source, target) * ORTHOGRAPHIC_VIEW_ANGLE / source.width
+
+
+def _disparity_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
+    """In pixels."""
+    near, far = (source.nearness_from_depth(depth.astype(np.float64)) for depth in (near, far))
+    return (near - far) * disparity_per_nearness(source, target)
 
 
 def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .bands import bands
 from .camera import Camera, disparity_per_nearness, target_px_from_source_px
 from .masks import dilate
+from .rectified import LARGEST
 from .warp import Warp
 
 TEAR = 1.0
@@ -74,10 +75,14 @@ class Steps:
 
 def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> NDArray[np.float32]:
     """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
+    return disparity_of_nearness(camera.nearness_from_depth(depth), camera, other)
+
+
+def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
+    """The same of the nearness (H, W) that `camera` sees."""
     with np.errstate(over="ignore"):
-        disparity = camera.nearness_from_depth(depth)
-        disparity *= np.float32(disparity_per_nearness(camera, other))
-    return disparity
+        disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
+    return np.clip(disparity, -LARGEST, LARGEST, out=disparity)
 
 
 def disparity_steps(disparity: NDArray) -> Steps:

@@ -29,9 +29,10 @@ def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float
     near = np.asarray(near, np.float64)
     far = np.asarray(far, np.float64)
     half = 0.5 * interocular_distance
-    with np.errstate(invalid="ignore"):
-        numerator = half * (far - near)
-        denominator = near * far + half * half
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Over `far`, so that no product of two of them leaves what a float64 holds.
+        numerator = half * ((far - near) / far)
+        denominator = near + half * (half / far)
         finite = 2.0 * np.arctan2(numerator, denominator)
     both_sky = np.isinf(near) & np.isinf(far)
     only_far_sky = np.isinf(far) & ~np.isinf(near)

@@ -109,6 +109,19 @@ _FARTHEST = 1e9
 """No surface is as deep as this."""
 
 
+_NEAREST = float(np.finfo(np.float32).tiny)
+"""What is nearer is a denormal, and one over it no float32."""
+
+
+def known_depth(depth: NDArray) -> NDArray[np.float32]:
+    """The depth with NaN for what is none: 0, below it, or next to nothing, as a broken pass may have it."""
+    known = depth >= _NEAREST
+    if depth.dtype == np.float32 and known.all():
+        return depth
+    with np.errstate(over="ignore"):
+        return np.where(known, depth, np.nan).astype(np.float32)
+
+
 def as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
     """A pass as it leaves the code."""
     return np.where(np.isinf(image), np.float32(NO_SURFACE), image) if name == DEPTH_PASS else image

@@ -49,7 +49,12 @@ def shift_of(source: Camera, target: Camera) -> Shift | None:
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
+    # So much is lost of the difference between two places that are far from the world's origin.
+    lost = 8.0 * np.finfo(np.float64).eps * float(np.abs(source.world_from_camera[:3, 3]).max())
+    aside, moved[1:3, 3] = np.abs(moved[1:3, 3]), 0.0
     if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME):
+        return None
+    if aside.max() > SAME + lost:
         return None
     one, other = source.plane, target.plane
     rows = (one.bottom, one.top, source.height) == (other.bottom, other.top, target.height)
@@ -143,10 +148,10 @@ class _Chain:
         moved = self._moved(near)
         first = (np.ceil(moved) + (self.corner - np.float32(1.0))).astype(np.int32)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
-        drawn = stretched < MAX_STRETCH * self._length
+        undrawn = np.zeros(stretched.shape, bool)
         if torn is not None:
-            drawn[:, self._tearable] &= ~torn[:, self._torn_column]
-        nearest = self._nearest(first, drawn)
+            undrawn[:, self._tearable] = torn[:, self._torn_column]
+        nearest = self._nearest(first, undrawn, stretched < MAX_STRETCH * self._length)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
@@ -175,28 +180,35 @@ class _Chain:
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
         return np.fmax(np.fmin(moved, FARTHEST, out=moved), -FARTHEST, out=moved)
 
-    def _nearest(self, first: NDArray[np.int32], drawn: NDArray[np.bool_]) -> NDArray[np.int32]:
+    def _nearest(
+        self, first: NDArray[np.int32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
+    ) -> NDArray[np.int32]:
         """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
-        none. first (h, K + 1) are the pixels that begin at the corners."""
-        height = drawn.shape[0]
+        none, or what is nearest has nothing to show: it is seen from its other side, or not tight but overstretched.
+
+        first (h, K + 1) are the pixels that begin at the corners. What is torn covers nothing.
+        """
+        height = torn.shape[0]
         edge = np.clip(first, 0, self._width)
         count = edge[:, 1:] - edge[:, :-1]
         interval = np.arange(count.size, dtype=np.int32)
+        shown = tight & ~torn
         if count.min() >= 0:
             # Nothing lies before anything else: each row is one interval after the other.
             nothing = np.full((height, 1), -1, np.int32)
-            shown = np.where(drawn, interval.reshape(count.shape), nothing)
-            beside = edge[:, :1], self._width - edge[:, -1:]
-            whole = np.hstack([beside[0], count, beside[1]])
-            return np.hstack([nothing, shown, nothing]).repeat(whole.ravel()).reshape(height, self._width)
-        count = np.where(drawn, np.maximum(count, 0), 0).ravel()
-        start = edge[:, :-1] + (np.arange(height, dtype=np.int32) * self._width)[:, None]
-        interval = interval.repeat(count)
-        ahead = np.cumsum(count, dtype=np.int64) - count
-        place = (start.ravel() - ahead).repeat(count) + np.arange(interval.size)
+            inside = np.where(shown, interval.reshape(count.shape), nothing)
+            whole = np.hstack([edge[:, :1], count, self._width - edge[:, -1:]])
+            return np.hstack([nothing, inside, nothing]).repeat(whole.ravel()).reshape(height, self._width)
+        shown &= count > 0
+        start = np.minimum(edge[:, :-1], edge[:, 1:]) + (np.arange(height, dtype=np.int32) * self._width)[:, None]
+        wide = np.where(torn, 0, np.abs(count)).ravel()
+        interval = interval.repeat(wide)
+        ahead = np.cumsum(wide, dtype=np.int64) - wide
+        place = (start.ravel() - ahead).repeat(wide) + np.arange(interval.size)
         if self._shift.per_nearness > 0.0:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
         # Of several that are written to one place the last one stands.
         won[place] = interval
+        np.copyto(won, -1, where=~shown.ravel().take(won, mode="clip"))
         return won.reshape(height, self._width)

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
-from .camera import Camera, PerspectiveCamera, disparity_per_nearness, see_the_same
+from .camera import Camera, PerspectiveCamera, see_the_same
 from .carrying import Carry, carry
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .effects import Effect
 from .effects_pass import shows
 from .frustum import Lens, covered_by
 from .grid import Grid
-from .holes import TEAR, Reason, Steps, disparity_of, disparity_steps
+from .holes import TEAR, Reason, Steps, disparity_of, disparity_of_nearness, disparity_steps
 from .lookup import touches
 from .masks import dilate
 from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
-from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, seen_in_mirrors
+from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, known_depth, seen_in_mirrors
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
@@ -100,6 +100,8 @@ def reproject(
     interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands. carry is who
     carries: numpy, or a GPU.
     """
+
+    source = {**source, DEPTH_PASS: known_depth(source[DEPTH_PASS])}
 
     def carried(passes: Passes) -> Reprojection:
         made = carry(
@@ -241,8 +243,9 @@ class _TargetEdges:
     def __init__(self, marking: Marking, warped: Passes, warp: Warp) -> None:
         self._marking, self._warped, self._warp = marking, warped, warp
         source, target = marking.source_camera, marking.target_camera
-        self._disparity = np.where(warp.covered, warp.nearness, np.nan) * disparity_per_nearness(target, source)
-        self._steps = disparity_steps(self._disparity.astype(np.float32))
+        self._disparity = disparity_of_nearness(warp.nearness, target, source)
+        np.copyto(self._disparity, np.nan, where=~warp.covered)
+        self._steps = disparity_steps(self._disparity)
         depth = warped[DEPTH_PASS][..., 0]
         self._blur = circle_of_confusion(depth, target, marking.lens)
 

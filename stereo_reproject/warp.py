@@ -26,6 +26,10 @@ EDGE_TOLERANCE = 1e-3
 vertices, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
 
 
+LARGEST_AREA = 1e12
+"""Square pixels: what is larger is so by rounding."""
+
+
 @dataclass(frozen=True)
 class Warp:
     """Where each target pixel comes from.
@@ -199,6 +203,9 @@ class _Surface:
 
     def warp(self) -> Warp:
         shape = (self.height, self.width)
+        # What was drawn without a place hides what is behind it, and is a hole.
+        self.nearness[np.isnan(self.x)] = -np.inf
+        self.y[np.isnan(self.x)] = np.nan
         return Warp(self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape))
 
     def draw(self, quads: _Quads) -> None:
@@ -237,6 +244,8 @@ class _Surface:
         x = spread(quads.source_x)[inside] + u[inside] * (
             spread(quads.size_x)[inside] if quads.size_x.ndim else quads.size_x
         )
+        hides = np.where(in_upper, *((t.hides if single else t.hides[quad]) for t in (upper, lower)))
+        x = np.where(hides[inside], np.nan, x)
         y = spread(quads.source_y)[inside] + v[inside] * (
             spread(quads.size_y)[inside] if quads.size_y.ndim else quads.size_y
         )
@@ -289,6 +298,8 @@ class _Triangle:
     u: NDArray
     v: NDArray
     nearness: NDArray
+    hides: NDArray[np.bool_]
+    """(Q,): turned away or overstretched: it holds nothing to show, but what is behind it is not seen."""
 
 
 def _triangles(quads: _Quads, chosen: NDArray, x: NDArray, y: NDArray) -> tuple[_Triangle, _Triangle]:
@@ -302,12 +313,13 @@ def _triangles(quads: _Quads, chosen: NDArray, x: NDArray, y: NDArray) -> tuple[
 
 
 def _triangle(corner_x, corner_y, corner_n, origin, along_u, along_v, x, y, area) -> _Triangle:
-    """Coefficients of one triangle with its right angle at `origin`; empty where it is turned away or overstretched."""
+    """Coefficients of one triangle with its right angle at `origin`; empty where it has no area."""
     ux, uy = corner_x[along_u] - corner_x[origin], corner_y[along_u] - corner_y[origin]
     vx, vy = corner_x[along_v] - corner_x[origin], corner_y[along_v] - corner_y[origin]
     determinant = ux * vy - uy * vx
-    drawn = (determinant > 1e-9) & (determinant < MAX_STRETCH * area)
-    inverse = np.where(drawn, 1.0 / np.where(drawn, determinant, 1.0), np.nan)
+    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA)
+    hides = (determinant < 0.0) | (determinant >= MAX_STRETCH * area)
+    inverse = np.where(known, 1.0 / np.where(known, determinant, 1.0), np.nan)
     dx, dy = x - corner_x[origin], y - corner_y[origin]
     u = np.array([(dx * vy - dy * vx) * inverse, vy * inverse, -vx * inverse])
     v = np.array([(ux * dy - uy * dx) * inverse, -uy * inverse, ux * inverse])
@@ -315,4 +327,4 @@ def _triangle(corner_x, corner_y, corner_n, origin, along_u, along_v, x, y, area
     slope_u, slope_v = corner_n[along_u] - near, corner_n[along_v] - near
     nearness = u * slope_u + v * slope_v
     nearness[0] += near
-    return _Triangle(u.astype(np.float32), v.astype(np.float32), nearness)
+    return _Triangle(u.astype(np.float32), v.astype(np.float32), nearness, hides)

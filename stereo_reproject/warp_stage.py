@@ -1,0 +1,43 @@
+"""Which part of the machine carries pixels from one eye to the other: numpy on a core, or a GPU."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .carrying import Carry, carry
+
+LEAST_PIXELS = 4_000_000
+"""From which a GPU is thought of unasked: for fewer, numpy is done (in a third of a second) before one is started."""
+
+
+@dataclass(frozen=True)
+class WarpStage:
+    """Who carries; device is the GPU's name."""
+
+    carry: Carry
+    device: str | None = None
+
+
+NUMPY = WarpStage(carry)
+
+
+def choose_stage(
+    asked: str, pixels: int, gpu: Callable[[], WarpStage | None], is_faster: Callable[[WarpStage], bool]
+) -> WarpStage:
+    """Of `settings.WARPS` what was asked for; numpy, without a word, where there is no GPU that works.
+
+    gpu finds one, which takes a while; is_faster measures whether one is, for pictures of so many pixels.
+    """
+    if asked == "numpy" or (asked == "auto" and pixels < LEAST_PIXELS):
+        return NUMPY
+    found = gpu()
+    return NUMPY if found is None or (asked == "auto" and not is_faster(found)) else found
+
+
+def takes(run: Callable[[Carry], object], stage: WarpStage) -> float:
+    """Seconds that `run` takes with it."""
+    start = time.perf_counter()
+    run(stage.carry)
+    return time.perf_counter() - start
