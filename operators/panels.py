@@ -224,7 +224,7 @@ class _Advanced:
         layout.use_property_decorate = False
         for names in (
             ("screen_width", "eye_distance"),
-            ("grid_threshold", "interpolation"),
+            ("grid_threshold", "interpolation", "warp"),
             ("compare", "use_scripts"),
         ):
             column = layout.column(align=True)

@@ -27,6 +27,12 @@ LOOKUPS = {
     "cubic": "Sharper where textures are fine",
 }
 
+WARP_STAGES = {
+    "auto": ("Automatic", "The faster of the two, which is measured for pictures so large that it matters"),
+    "numpy": ("NumPy", "On one core of the processor"),
+    "gpu": ("GPU", "On the graphics card; as NumPy where none can be used"),
+}
+
 
 def promise(name: str) -> str:
     """What an accuracy promises, as an artist reads it."""
@@ -82,6 +88,12 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         description="How colours between the source's pixels are found",
         items=[(name, name.capitalize(), LOOKUPS[name]) for name in INTERPOLATIONS],
         default=StereoSettings.interpolation,
+    )
+    warp: bpy.props.EnumProperty(
+        name="Warp",
+        description="What carries pixels from one eye to the other",
+        items=[(name, title, text) for name, (title, text) in WARP_STAGES.items()],
+        default=StereoSettings.warp,
     )
     use_scripts: bpy.props.BoolProperty(
         name="Run Scripts of the File",

@@ -119,6 +119,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
         fill=chosen.fill,
         grid_threshold=chosen.grid_threshold,
         interpolation=chosen.interpolation,
+        warp=chosen.warp,
         compare=chosen.compare and not preview,
         scene=overrides,
     )

@@ -19,6 +19,7 @@ from .settings import (
     FILL_METHODS,
     INTERPOLATIONS,
     SOURCE_ENGINES,
+    WARPS,
     SceneOverrides,
     StereoSettings,
 )
@@ -49,6 +50,7 @@ def settings_of(arguments: argparse.Namespace) -> StereoSettings:
         fill=arguments.fill,
         grid_threshold=arguments.grid_threshold,
         interpolation=arguments.interpolation,
+        warp=arguments.warp,
         compare=arguments.compare,
         scene=overrides_of(arguments),
     )
@@ -254,6 +256,13 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         default=StereoSettings.interpolation,
         help="how passes are looked up between pixels; cubic is sharper, and what auto takes for the colour of a "
         "denoised picture (%(default)s)",
+    )
+    parser.add_argument(
+        "--warp",
+        choices=WARPS,
+        default=StereoSettings.warp,
+        help="what carries pixels over; auto measures once, for pictures so large that it matters, which is faster; "
+        "gpu is numpy where no GPU can be used (%(default)s)",
     )
 
 

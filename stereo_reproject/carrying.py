@@ -23,13 +23,14 @@ from .warp import Warp, forward_warp
 @dataclass(frozen=True)
 class Carried:
     """The source's passes as the target sees them; empty (H, W) the `holes.Reason` flags of the pixels on which nothing
-    landed. steps are the source's, where they were asked for on the way."""
+    landed. steps are the source's, where they were found on the way; by is who has carried: numpy or gpu."""
 
     passes: Passes
     grid: Grid
     warp: Warp
     empty: NDArray[np.uint16]
     steps: Steps | None = None
+    by: str = "numpy"
 
 
 class Carry(Protocol):

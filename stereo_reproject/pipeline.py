@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of, for_denoised
 from .camera import Camera, see_the_same
+from .carrying import Carry
 from .composite import contain
 from .denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from .effects import Effect, EffectsPlan
@@ -30,6 +31,7 @@ from .precedent import Precedent
 from .price import WHOLE, Price, next_better, price_of
 from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
+from .warp_stage import NUMPY, WarpStage, choose_stage, takes
 from .tracing import Means, Refinement, TargetEye
 
 
@@ -41,6 +43,8 @@ class Renderer(Protocol):
     """What the scene calls for; where nothing in it may look different from each eye, no probe is traced."""
     lens: Lens
     """Both eyes'."""
+    gpu: Callable[[], WarpStage | None]
+    """What finds a GPU that can warp."""
     volumes: Sequence[NDArray]
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
@@ -80,7 +84,7 @@ class StereoFrame:
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
     cost; price is what the next better accuracy would have. metadata is the renderer's. correction is how far traced
-    pixels were moved to match a source of another engine.
+    pixels were moved to match a source of another engine. warped_by is numpy or gpu, whose name is gpu.
     """
 
     eyes: dict[str, Passes]
@@ -97,6 +101,8 @@ class StereoFrame:
     invalid_pixels: dict[str, int]
     metadata: dict[str, str]
     correction: Correction | None = None
+    warped_by: str = "numpy"
+    gpu: str | None = None
 
 
 class Stopwatch:
@@ -162,7 +168,8 @@ def render_stereo_frame(
     watch.lap("warp")
     motion = renderer.motion
     interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=denoising is not None)
-    reprojection = reproject(
+    warp = partial(
+        reproject,
         source,
         source_camera,
         target_camera,
@@ -175,6 +182,8 @@ def render_stereo_frame(
         volumes=renderer.volumes,
         motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
     )
+    stage = _warp_stage(settings, renderer, precedent, target_camera, lambda carry: warp(carry=carry).reasons)
+    reprojection = warp(carry=stage.carry)
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
@@ -221,6 +230,8 @@ def render_stereo_frame(
         invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
         metadata=dict(renderer.metadata),
         correction=target.correction if isinstance(target, MatchedEye) else None,
+        warped_by=reprojection.carried_by,
+        gpu=stage.device,
     )
 
 
@@ -238,6 +249,19 @@ def _target_eye(
     if renderer.foreign:
         return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
+
+
+def _warp_stage(
+    settings: StereoSettings,
+    renderer: Renderer,
+    precedent: Precedent,
+    camera: Camera,
+    run: Callable[[Carry], object],
+) -> WarpStage:
+    def is_faster(gpu: WarpStage) -> bool:
+        return precedent.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
+
+    return choose_stage(settings.warp, camera.width * camera.height, renderer.gpu, is_faster)
 
 
 def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
-from .settings import ACCURACIES, CUSTOM, FILL_METHODS
+from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
 from .work_folder import flush
 
 REPORT_SCHEMA = 1
@@ -120,6 +120,11 @@ _PARTS: dict[str, dict[str, _Rule]] = {
     },
     "parallax": dict.fromkeys(("nearest", "farthest"), _PARALLAX),
     "correction": {"mean": _AMOUNT, "p95": _AMOUNT},
+    "warp": {
+        "asked": (lambda value: value in WARPS, f"one of {', '.join(WARPS)}"),
+        "used": (lambda value: value in WARPS[1:], f"one of {', '.join(WARPS[1:])}"),
+        "gpu": (lambda value: value is None or _is_text(value), "a text or null"),
+    },
     "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
 }
 _EFFECT: dict[str, _Rule] = {

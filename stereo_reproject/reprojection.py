@@ -57,13 +57,15 @@ class InMirrors:
 
 @dataclass(frozen=True)
 class Reprojection:
-    """The source's passes as the target sees them, and where they are not the answer. grid and warp are of surfaces."""
+    """The source's passes as the target sees them, and where they are not the answer. grid and warp are of surfaces;
+    carried_by is as `Carried` has it."""
 
     passes: Passes
     grid: Grid
     warp: Warp
     marking: Marking
     accuracy: Accuracy
+    carried_by: str
     mirrors: InMirrors | None = None
 
     @cached_property
@@ -119,7 +121,7 @@ def reproject(
         marking = Marking(
             passes, source_camera, target_camera, disparity, steps, made.empty, invalid, cubic, lens, volumes
         )
-        return Reprojection(made.passes, made.grid, made.warp, marking, accuracy)
+        return Reprojection(made.passes, made.grid, made.warp, marking, accuracy, made.by)
 
     seen = carried(source)
     if not (accuracy.silhouette_radius > 0 and _lengths_tell(source_camera, target_camera, lens, volumes)):

@@ -15,6 +15,7 @@ EYES = ("left", "right")
 SOURCE_ENGINES = ("cycles", "eevee")
 CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
 INTERPOLATIONS = ("auto", "linear", "cubic")
+WARPS = ("auto", "numpy", "gpu")
 
 MAX_SIZE = 65536
 MAX_SAMPLES = 1 << 24
@@ -97,7 +98,8 @@ class StereoSettings:
 
     tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
     grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's
-    colour, where it is sharper and there is no noise to sharpen too, and linear for all else.
+    colour, where it is sharper and there is no noise to sharpen too, and linear for all else. warp is what carries
+    pixels over: "gpu" is numpy where there is none that works, and "auto" the faster one of the two.
     """
 
     source: str = "left"
@@ -108,6 +110,7 @@ class StereoSettings:
     compare: bool = False
     scene: SceneOverrides = field(default_factory=SceneOverrides)
     tolerance: float | None = None
+    warp: str = "auto"
 
     def __post_init__(self) -> None:
         _check_choice("the source eye", self.source, EYES)
@@ -120,6 +123,7 @@ class StereoSettings:
             object.__setattr__(self, "accuracy", CUSTOM)
         _check_choice("fill", self.fill, FILL_METHODS)
         _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
+        _check_choice("warp", self.warp, WARPS)
         _check_float("the grid threshold", self.grid_threshold, 0.0)
 
     @property

@@ -168,6 +168,7 @@ def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: Stere
             "subdivided": int(frame.grid.subdivided.sum()),
             "triangles": frame.grid.triangles,
         },
+        "warp": {"asked": settings.warp, "used": frame.warped_by, "gpu": frame.gpu},
         "fractions": traced_fractions(frame),
         "effects": effects_fields(renderer.plan, frame.accounts),
         "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),

@@ -78,11 +78,17 @@ class AgreedPrecedent(Precedent):
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
     def noise_left(self, find: Callable[[], float]) -> float:
-        known = (self._journal.found(self._of_block) or {}).get("noise_left")
+        return float(np.clip(self._found(self._of_block, "noise_left", find), LEAST_LEFT, 1.0))
+
+    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
+        return bool(self._found(f"{self._of_layer}-gpu", "gpu_is_faster", lambda: float(find())))
+
+    def _found(self, key: str, name: str, find: Callable[[], float]) -> float:
+        known = (self._journal.found(key) or {}).get(name)
         if known is None:
             found = find()
-            known = self._agree(self._of_block, {"noise_left": found}).get("noise_left", found)
-        return float(np.clip(known, LEAST_LEFT, 1.0))
+            known = self._agree(key, {name: found}).get(name, found)
+        return known
 
     def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
         try:

@@ -66,6 +66,12 @@ class BlenderRenderer:
         """What may look different from each eye, in words."""
         return self.plan.view_dependent
 
+    @staticmethod
+    def gpu() -> WarpStage | None:
+        """The GPU, if there is one that can warp. To find that out takes a while, once."""
+        device = gpu_warp.usable()
+        return None if device is None else WarpStage(gpu_warp.carry, device)
+
     def _noisy(self) -> AbstractContextManager[None]:
         return nullcontext() if self.denoise is None else left_noisy(self.scene)
 

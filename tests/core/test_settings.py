@@ -29,6 +29,7 @@ BAD_SETTINGS = [
     *[("accuracy", value) for value in ["best", "", 1.0]],
     *[("fill", value) for value in ["osl", "", 0, "pack\ned"]],
     *[("interpolation", value) for value in ["nearest", "lanczos", ""]],
+    *[("warp", value) for value in ["GPU", "cuda", "", None]],
     *[("grid_threshold", value) for value in [*NO_NUMBERS, -1.0, -1e-12]],
 ]
 
