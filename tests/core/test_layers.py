@@ -47,6 +47,7 @@ NUMERIC = {
     "refracted",
     "thin",
     "label_places",
+    "made_up",
     "animation_series",
     "delivery.anaglyph",
     "delivery.layouts",
