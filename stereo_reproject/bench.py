@@ -23,7 +23,7 @@ WARPS = ("numpy", "gpu")
 FEWEST_RUNS = 5
 MOST_RUNS = 1000
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """What numpy's linear algebra reads when it is loaded."""
 
 
