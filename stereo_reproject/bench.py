@@ -19,6 +19,9 @@ BENCH_SCHEMA = 1
 SCENES = ("room", "smooth")
 """The names of `made_up.SCENES`, which take numpy to look up."""
 
+MODES = ("off-axis", "toe-in")
+"""How the eyes converge. Off-axis is warped row by row, toe-in quad by quad."""
+
 WARPS = ("numpy", "gpu")
 FEWEST_RUNS = 5
 MOST_RUNS = 1000
@@ -33,15 +36,19 @@ class BenchSettings:
 
     size: tuple[int, int] = (1920, 1080)
     scene: str = "room"
+    mode: str = "off-axis"
     warp: str = "numpy"
     runs: int = FEWEST_RUNS
 
     def __post_init__(self) -> None:
         SceneOverrides(size=self.size)
-        if self.scene not in SCENES:
-            raise BadInputError(f"the scene must be one of {', '.join(SCENES)}, not {self.scene!r}")
-        if self.warp not in WARPS:
-            raise BadInputError(f"the warp must be one of {', '.join(WARPS)}, not {self.warp!r}")
+        for name, value, choices in (
+            ("the scene", self.scene, SCENES),
+            ("the mode", self.mode, MODES),
+            ("the warp", self.warp, WARPS),
+        ):
+            if value not in choices:
+                raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
         if not FEWEST_RUNS <= self.runs <= MOST_RUNS:
             raise BadInputError(f"runs must be from {FEWEST_RUNS} to {MOST_RUNS}, not {self.runs}")
 
@@ -94,7 +101,7 @@ def format_bench(report: Mapping[str, Any]) -> str:
     threshold = f"above {scene['grid_threshold']:g} arc minutes"
     return "\n".join(
         (
-            f"warp stage    {scene['name']}, {width}x{height}, {report['warp']} on {report['device']}",
+            f"warp stage    {scene['name']}, {scene['mode']}, {width}x{height}, {report['warp']} on {report['device']}",
             f"  seconds         {report['seconds']:10.4f}   {spread}",
             f"    carry         {report['carry_seconds']:10.4f}   grid, forward warp, lookup of the passes",
             f"    reasons       {report['reasons_seconds']:10.4f}   which pixels are to be traced, and why",

@@ -154,7 +154,7 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
 def _bench_warp(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     file = None if arguments.json is None else _file_to_write(arguments.json)
     settings = StereoSettings(grid_threshold=arguments.grid_threshold)
-    bench = BenchSettings(arguments.size, arguments.scene, arguments.warp, arguments.runs)
+    bench = BenchSettings(arguments.size, arguments.scene, arguments.mode, arguments.warp, arguments.runs)
     job = Job(None, None, settings, "bench-warp", files=(), bench=bench)
     report = _have_done(job, console, host, console.on_event)
     console.show(format_bench(report))

@@ -21,18 +21,22 @@ POSTS = 24
 SEED = 5
 
 
-def eyes(width: int, height: int) -> tuple[PerspectiveCamera, PerspectiveCamera]:
-    """The source's and the target's camera, an off-axis pair."""
+def eyes(width: int, height: int, mode: str = "off-axis") -> tuple[PerspectiveCamera, PerspectiveCamera]:
+    """The source's and the target's camera: off-axis, whose rows correspond, or toe-in, where the target is turned."""
     half_x = np.tan(0.5 * VIEW_ANGLE)
     half_y = half_x * height / width
-    shift = -INTEROCULAR / CONVERGENCE
+    plane = ViewPlane(-half_x, half_x, -half_y, half_y)
+    shift = INTEROCULAR / CONVERGENCE
     world_from_target = np.eye(4)
     world_from_target[0, 3] = INTEROCULAR
+    seen = ViewPlane(-half_x - shift, half_x - shift, -half_y, half_y)
+    if mode == "toe-in":
+        cosine, sine = 1.0 / np.hypot(1.0, shift), shift / np.hypot(1.0, shift)
+        world_from_target[:3, :3] = ((cosine, 0.0, sine), (0.0, 1.0, 0.0), (-sine, 0.0, cosine))
+        seen = plane
     return (
-        PerspectiveCamera(width, height, np.eye(4), ViewPlane(-half_x, half_x, -half_y, half_y)),
-        PerspectiveCamera(
-            width, height, world_from_target, ViewPlane(-half_x + shift, half_x + shift, -half_y, half_y)
-        ),
+        PerspectiveCamera(width, height, np.eye(4), plane),
+        PerspectiveCamera(width, height, world_from_target, seen),
     )
 
 

@@ -50,7 +50,7 @@ class Stage:
     def __init__(self, settings: BenchSettings, grid_threshold: float) -> None:
         width, height = settings.size
         self.source = SCENES[settings.scene](width, height)
-        self._eyes = eyes(width, height)
+        self._eyes = eyes(width, height, settings.mode)
         self._invalid = np.zeros((height, width), bool)
         self._threshold = grid_threshold
 
@@ -138,6 +138,7 @@ def _times(turns: list[Turn]) -> dict[str, Any]:
 def _scene_facts(settings: BenchSettings, grid_threshold: float) -> dict[str, Any]:
     return {
         "name": settings.scene,
+        "mode": settings.mode,
         "interocular_distance": INTEROCULAR,
         "convergence_distance": CONVERGENCE,
         "grid_threshold": grid_threshold,

@@ -155,6 +155,24 @@ def test_the_scenes_have_what_they_are_for():
     assert smooth["holes"] < hard["holes"] < 0.5
 
 
+@pytest.mark.parametrize("mode", bench.MODES)
+def test_both_eyes_look_at_where_they_converge(mode):
+    """The source's centre at the convergence distance is the target's centre too; and toe-in is no shift of rows."""
+    source, target = made_up.eyes(640, 360, mode)
+    point = source.world_from_camera @ np.array([0.0, 0.0, -made_up.CONVERGENCE, 1.0])
+    x, y, z, _ = np.linalg.inv(target.world_from_camera) @ point
+    plane = target.plane
+    assert x / -z == pytest.approx(0.5 * (plane.left + plane.right))
+    assert y == pytest.approx(0.0)
+    assert np.array_equal(target.world_from_camera[:3, :3], np.eye(3)) == (mode == "off-axis")
+
+
+def test_a_pair_that_is_toed_in_is_measured_too():
+    report = measured(mode="toe-in")
+    assert report["scene"]["mode"] == "toe-in"
+    assert report["holes"] < 0.6
+
+
 @pytest.mark.parametrize("scene", bench.SCENES)
 def test_a_threshold_of_nothing_subdivides_every_cell(scene):
     settings = BenchSettings(size=(96, 64), scene=scene)
@@ -168,6 +186,7 @@ def test_a_threshold_of_nothing_subdivides_every_cell(scene):
         (["--size", "0x4"], "--size: the width must be from 4"),
         (["--runs", "4"], "--runs: runs must be from 5"),
         (["--scene", "garden"], "--scene: invalid choice: 'garden'"),
+        (["--mode", "parallel"], "--mode: invalid choice: 'parallel'"),
         (["--grid-threshold", "-1"], "--grid-threshold: the grid threshold must be at least 0"),
         (["--json", "nowhere/warp.json"], "nowhere does not exist; make it"),
         (["--json", "."], "is a folder; name a file in it"),

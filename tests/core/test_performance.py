@@ -381,6 +381,7 @@ def test_each_scene_size_and_method_has_its_row(results):
     ]
     peer, card, _ = rows[:3]
     assert peer["seconds"]["total"] == pytest.approx(2.0 * card["seconds"]["total"]), "as measured in the same run"
+    assert card["multiview_seconds"] == pytest.approx(2.0 * card["seconds"]["total"])
     assert peer["peak_mb"] == 250.0, "of a process of its own"
     assert (card["speedup"], card["holes"], card["traced"]) == (2.0, pytest.approx(0.04), 0.06)
 

@@ -34,7 +34,7 @@ from tests.bench.performance.options import parse, plan_of
 from tests.bench.performance.pictures import draw_all
 from tests.bench.performance.plan import DEMO, PATH, TRIANGLES, Case, Plan, Run, Scene, cases, scene_of, scenes_in
 from tests.bench.performance.results import analysed, write_csv
-from tests.bench.performance.running import ROOT, Runner, last_json, run_process
+from tests.bench.performance.running import ROOT, Runner, code_digest, last_json, run_process
 from tests.bench.performance.tables import as_markdown
 
 INTERRUPTED = 130
@@ -76,7 +76,11 @@ def _analyse(options: argparse.Namespace, tell: Callable[[str], None]) -> int:
     subdivided = _subdivided(plan, study, output)
     planned = cases(plan, scenes, study, path, subdivided)
     records = have_run(
-        planned, Kept(output / "runs", facts), Runner(output / "work"), tell=tell, seconds=options.seconds
+        planned,
+        Kept(output / "runs", {**facts, "code": code_digest()}),
+        Runner(output / "work"),
+        tell=tell,
+        seconds=options.seconds,
     )
     _write(output, options, facts, planned, records)
     tell(f"files: {output}")

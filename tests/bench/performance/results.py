@@ -110,6 +110,7 @@ def _median_row(method: str, records: Sequence[Record]) -> Row:
         "message": None,
         "turns": len(reports),
         "seconds": {name: _median(report["seconds"].get(name) for report in reports) for name in names},
+        "multiview_seconds": _median(compare["multiview_seconds"] for compare in compared),
         "speedup": _median(compare["speedup"] for compare in compared),
         "noise_ratio": _median(compare["noise_ratio"] for compare in compared),
         "holes": _median(part["disoccluded"] + part["outside"] for part in fractions),
@@ -130,6 +131,7 @@ def _peer_row(records: Sequence[Record]) -> Row:
         "message": None,
         "turns": len(seconds),
         "seconds": {"total": _median(seconds)},
+        "multiview_seconds": _median(seconds),
         "speedup": 1.0,
         "noise_ratio": 1.0,
         "holes": None,
@@ -158,10 +160,8 @@ def path_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]
     rows = []
     for frame, method in dict.fromkeys((run.frame, run.method) for run in runs):
         own = [run for run in runs if (run.frame, run.method) == (frame, method)]
-        reports = _reports(records[run] for run in own)
-        peers = [report["compare"]["multiview_seconds"] for report in reports if report.get("compare")]
         row = {"scene": own[0].scene.name, "size": list(own[0].size), "samples": own[0].samples, "frame": frame}
-        rows.append({**row, **_median_row(method, [records[run] for run in own]), "multiview_seconds": _median(peers)})
+        rows.append({**row, **_median_row(method, [records[run] for run in own])})
     return rows
 
 

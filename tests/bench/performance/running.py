@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -83,6 +84,16 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         return
     process.kill()
     process.wait()
+
+
+def code_digest() -> str:
+    """Of the package's sources: what was measured of others says nothing of these."""
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "stereo_reproject").rglob("*")):
+        if path.suffix in (".py", ".osl"):
+            digest.update(str(path.relative_to(ROOT)).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 class Runner:
