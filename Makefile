@@ -3,7 +3,8 @@
 # make gui-test   the same in a real window: BLENDER_WINDOW="xvfb-run blender" (pictures in build/gui)
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
-# make bench      time the warp
+# make bench      what a pair costs by every method, over scenes, sizes and a camera path (SCENES=folder); hours, and goes
+#                 on where it was interrupted. BENCH_OPTIONS=--quick: the demo scene alone, in five minutes
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
 # make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
@@ -21,6 +22,7 @@ DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x480 --samples 32 
 DEMO_OUTPUT ?= demo-output
 
 SCENES ?= ../shared/scenes
+BENCH_OPTIONS ?=
 COVERAGE_OPTIONS ?=
 SPENDING_OPTIONS ?=
 
@@ -55,7 +57,7 @@ extension: $(INSTALLED)
 	@$(VENV)/bin/python .ci/extension.py
 
 bench: $(TEST_INSTALLED)
-	@$(VENV)/bin/python tests/bench/warp.py
+	@$(VENV)/bin/python -m tests.bench.performance --scenes $(SCENES) $(BENCH_OPTIONS)
 
 coverage: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/coverage.py --scenes $(SCENES) $(COVERAGE_OPTIONS)

@@ -10,6 +10,7 @@ from typing import Any
 
 from .accuracy import SETTINGS
 from .animation_settings import AnimationSettings, read_every, read_frames
+from .bench import FEWEST_RUNS, MODES, SCENES, WARPS, BenchSettings
 from .delivery.layouts import LAYOUTS
 from .errors import BadInputError
 from .settings import (
@@ -165,6 +166,27 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
     _add_quiet(parser)
 
 
+def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
+    def measured(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        default = getattr(BenchSettings, field)
+        parser.add_argument(
+            option, metavar=metavar, type=_value_of(BenchSettings, field, read), default=default, help=text
+        )
+
+    measured("--size", "WxH", "size", _size, "size of one eye in pixels (1920x1080)")
+    parser.add_argument(
+        "--scene",
+        choices=SCENES,
+        default=BenchSettings.scene,
+        help="a room full of posts, or one smooth surface, for which the adaptive grid is made (%(default)s)",
+    )
+    parser.add_argument("--mode", choices=MODES, default=BenchSettings.mode, help="how the eyes converge (%(default)s)")
+    parser.add_argument("--warp", choices=WARPS, default=BenchSettings.warp, help="who does the work (%(default)s)")
+    measured("--runs", "N", "runs", _whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
+    _add_grid_threshold(parser)
+    parser.add_argument("--json", metavar="FILE", help="also write all figures into this file")
+
+
 def _promises() -> str:
     """What each setting promises, in a line: the noise ratio at most."""
     words = []
@@ -243,13 +265,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
         "whole eye; auto takes the cheapest (%(default)s)",
     )
-    parser.add_argument(
-        "--grid-threshold",
-        metavar="ARCMIN",
-        type=_value_of(StereoSettings, "grid_threshold", _number),
-        default=StereoSettings.grid_threshold,
-        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
-    )
+    _add_grid_threshold(parser)
     parser.add_argument(
         "--interpolation",
         choices=INTERPOLATIONS,
@@ -263,6 +279,16 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         default=StereoSettings.warp,
         help="what carries pixels over; auto measures once, for pictures so large that it matters, which is faster; "
         "gpu is numpy where no GPU can be used (%(default)s)",
+    )
+
+
+def _add_grid_threshold(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--grid-threshold",
+        metavar="ARCMIN",
+        type=_value_of(StereoSettings, "grid_threshold", _number),
+        default=StereoSettings.grid_threshold,
+        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
     )
 
 

@@ -71,7 +71,9 @@ def wrapped(notes: Sequence[str]) -> str:
 
 
 def source_note(prices: Mapping[str, Any]) -> str:
-    """What is counted of the source."""
+    """What is counted of the source: what the prices say of it themselves, or how a price list has it."""
+    if "note" in prices:
+        return str(prices["note"])
     seconds = prices["source"]["seconds"]
     shared = f"The source eye was rendered once; its {seconds:.2f} s, with the sync of the scene, count in every run"
     own = any(row["kind"] == HEURISTIC for row in prices["rows"])

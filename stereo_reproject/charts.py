@@ -7,9 +7,9 @@ pyplot: nothing that a caller does with matplotlib changes them, nor they it.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .animation_chart import draw_animation
 from .chart_canvas import BLACK, DPI, GREY, PALE
@@ -17,6 +17,9 @@ from .errors import BadInputError
 from .report import whole_file
 from .stages_chart import draw_stages
 from .tradeoff_chart import draw_tradeoff
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def check_charts() -> None:
@@ -58,8 +61,17 @@ def _style() -> Iterator[None]:
 
 def draw_animation_chart(report: Mapping[str, Any], path: Path) -> None:
     """Write path.svg and path.png of what animation.json holds. Raises OSError."""
+    _draw_whole(draw_animation, report, path)
+
+
+def draw_stages_chart(prices: Mapping[str, Any], path: Path) -> None:
+    """Write path.svg and path.png of where the time goes in what tradeoff.json holds. Raises OSError."""
+    _draw_whole(draw_stages, prices, path)
+
+
+def _draw_whole(draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path) -> None:
     with _style():
-        figure = draw_animation(report)
+        figure = draw(data)
         # Several runs on the same frames may end at once.
         with whole_file(path.with_name(f"{path.name}.svg")) as beside:
             figure.savefig(beside, format="svg", metadata={"Date": None})

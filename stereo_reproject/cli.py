@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from .animation_report import format_animation
 from .arguments import (
     add_animate_arguments,
+    add_bench_warp_arguments,
     add_inspect_arguments,
     add_render_arguments,
     add_tradeoff_arguments,
@@ -26,10 +27,11 @@ from .arguments import (
     overrides_of,
     settings_of,
 )
+from .bench import BenchSettings, format_bench
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
 from .inspection import format_inspection
-from .report import format_report_table, to_json
+from .report import format_report_table, to_json, write_json
 from .settings import StereoSettings
 from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_animation, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
@@ -82,6 +84,7 @@ def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
 def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     settings = settings_of(arguments)
     job = _scene_job(arguments, settings, command="animate", files=())
+    assert job.blend is not None
     assert job.output is not None
     if arguments.movie:
         named = arguments.movie.endswith(("/", os.sep))
@@ -146,6 +149,34 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
     inspection = _have_done(job, console, host, on_event)
     console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
     return 0
+
+
+def _bench_warp(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    file = None if arguments.json is None else _file_to_write(arguments.json)
+    settings = StereoSettings(grid_threshold=arguments.grid_threshold)
+    bench = BenchSettings(arguments.size, arguments.scene, arguments.mode, arguments.warp, arguments.runs)
+    job = Job(None, None, settings, "bench-warp", files=(), bench=bench)
+    report = _have_done(job, console, host, console.on_event)
+    console.show(format_bench(report))
+    if file is not None:
+        try:
+            write_json(file, report)
+        except OSError as error:
+            raise BadInputError(f"{file} cannot be written ({error.strerror}); name another file") from error
+        console.show(f"file          {file}")
+    return 0
+
+
+def _file_to_write(name: str) -> Path:
+    """The absolute path of a file that is to be written. Raises BadInputError where it could not be."""
+    path = _absolute(name)
+    if not name or path.is_dir():
+        raise BadInputError(f"{path} is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise BadInputError(f"the folder {path.parent} does not exist; make it, or name a file in another")
+    if not os.access(path.parent, os.W_OK):
+        raise BadInputError(f"the folder {path.parent} cannot be written; name a file in another")
+    return path
 
 
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
@@ -251,6 +282,13 @@ COMMANDS = (
         "  %(prog)s room.blend --output prices --size 640x360 --samples 64\n",
         add_tradeoff_arguments,
         _tradeoff,
+    ),
+    Command(
+        "bench-warp",
+        "Measure the warp stage on a made-up scene, on one core, against SciPy's bare lookup; needs SciPy.",
+        "  %(prog)s --size 3840x2160 --json warp.json\n  %(prog)s --size 3840x2160 --scene smooth --grid-threshold 0\n",
+        add_bench_warp_arguments,
+        _bench_warp,
     ),
 )
 

@@ -6,9 +6,10 @@ removes the run's private folder, and only a complete result is moved into the o
 
 The worker (`python -m stereo_reproject.worker`)
 ------------------------------------------------
-stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
-         "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
-         Session as a dict, "animation": AnimationSettings as a dict, or null}.
+stdin    one line of JSON: {"command": what to do, "blend" (null where no scene is opened), "output" (null without
+         files), "work": absolute paths, "settings": StereoSettings as nested dicts, "files": those to be made, "only":
+         names of runs, "session": a Session as a dict, "animation": AnimationSettings as a dict, or null, "bench":
+         BenchSettings as a dict, or null}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
@@ -42,6 +43,7 @@ from typing import Any
 
 from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
+from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
 from .report import check_report
 from .settings import StereoSettings
@@ -81,12 +83,12 @@ class Session:
 class Job:
     """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
 
-    files are those that the command (one of `worker.COMMANDS`) is to make, the one that vouches for the others last;
-    without any, output may be None. only names the runs that a price list is to have; without any it has all. animation
-    is how the frames of one are rendered.
+    blend is None where no scene is opened. files are those that the command (one of `worker.COMMANDS`) is to make, the
+    one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
+    have; without any it has all. animation is how the frames of one are rendered, bench what is measured of the warp.
     """
 
-    blend: Path
+    blend: Path | None
     output: Path | None
     settings: StereoSettings
     command: str = "render"
@@ -94,6 +96,12 @@ class Job:
     only: tuple[str, ...] = ()
     session: Session = field(default_factory=Session)
     animation: AnimationSettings | None = None
+    bench: BenchSettings | None = None
+
+    @property
+    def program(self) -> str:
+        """What runs in the worker, in a word."""
+        return "Blender" if self.bench is None else "the measurement"
 
 
 class RunInterruptedError(StereoReprojectError):
@@ -160,7 +168,7 @@ def run_worker(
         interrupts.check()
         with start_worker(command, work) as worker:
             worker.send(_message(job, work))
-            done = _listen(worker, on_event, on_tick, interrupts, kept=_kept_by(job))
+            done = _listen(worker, on_event, on_tick, interrupts, program=job.program, kept=_kept_by(job))
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
@@ -239,7 +247,7 @@ def _message(job: Job, work: Path) -> bytes:
     """The job as the worker is told it."""
     fields = {
         "command": job.command,
-        "blend": str(job.blend),
+        "blend": None if job.blend is None else str(job.blend),
         "output": None if job.output is None else str(job.output),
         "work": str(work),
         "settings": asdict(job.settings),
@@ -247,6 +255,7 @@ def _message(job: Job, work: Path) -> bytes:
         "only": list(job.only),
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
+        "bench": None if job.bench is None else asdict(job.bench),
     }
     return json.dumps(fields).encode() + b"\n"
 
@@ -264,6 +273,7 @@ def _listen(
     on_tick: Callable[[], None],
     interrupts: Interrupts,
     *,
+    program: str,
     kept: str,
 ) -> Event:
     """Pass the worker's events on until it is done and has ended; return its "done" event."""
@@ -279,7 +289,7 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), kept=kept))
+            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), program=program, kept=kept))
         event = _parse(line)
         match event.get("event"):
             case "stage":

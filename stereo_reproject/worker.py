@@ -6,6 +6,7 @@ anything but one line. See `supervisor` for the other side.
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import sys
@@ -134,12 +135,38 @@ def _plan(job: dict[str, Any], emit: Emit) -> None:
     _inspect(job, emit, sketch=False)
 
 
+def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
+    """Measure the warp stage on a made-up scene. No .blend is opened, and nothing but a GPU takes Blender."""
+    from .bench import BenchSettings, use_one_core
+
+    core = use_one_core()
+    from .warp_bench import measure
+
+    fields = job["bench"]
+    settings = BenchSettings(**{**fields, "size": tuple(fields["size"])})
+    threshold = _settings(job["settings"]).grid_threshold
+    report = measure(settings, threshold, core=core, find_gpu=_find_gpu, on_part=_on_stage(emit))
+    _finish(report, [], emit)
+
+
+def _find_gpu() -> tuple[str | None, str]:
+    """The name of the GPU that can warp, or None and why there is none."""
+    try:
+        # Not every installation has it, nor has every Blender what it takes.
+        gpu_warp = importlib.import_module(".blender.gpu_warp", __package__)
+        device = gpu_warp.usable()
+    except Exception as error:  # noqa: BLE001 - whatever goes wrong there, there is no GPU to be had
+        return None, f"no usable GPU ({error})"
+    return device, "" if device is not None else "no usable GPU (Blender finds none)"
+
+
 COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
     "render": _render,
     "animate": _animate,
     "tradeoff": _tradeoff,
     "inspect": _inspect,
     "plan": _plan,
+    "bench-warp": _bench_warp,
 }
 
 

@@ -202,11 +202,12 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
-    """What became of a worker that said nothing of its end; kept is what became of its files, in words."""
+def crash_message(worker: Worker, stage: str, *, program: str = "Blender", kept: str) -> str:
+    """What became of a worker that said nothing of its end; program is what ran in it, kept what became of its files,
+    in words."""
     status = worker.wait(EXIT_SECONDS)
     killed = os.name == "posix" and status == -signal.SIGKILL
-    message = [f"Blender {_how_it_ended(status)} during {stage}"]
+    message = [f"{program} {_how_it_ended(status)} during {stage}"]
     if killed:
         message.append("memory may have run out: render smaller, or free some")
     message.append(kept)

@@ -49,6 +49,7 @@ NUMERIC = {
     "refracted",
     "thin",
     "label_places",
+    "made_up",
     "animation_series",
     "delivery.anaglyph",
     "delivery.layouts",

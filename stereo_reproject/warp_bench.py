@@ -1,0 +1,196 @@
+"""How long the warp stage takes and how much memory, against SciPy's bare bilinear lookup at the same size.
+
+The stage is all that lies between the rendered source and the mask of what is to be traced: steps, grid, forward warp,
+depth test, lookup of the passes, holes and silhouettes.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .accuracy import SETTINGS
+from .bench import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
+from .errors import BadInputError
+from .made_up import CONVERGENCE, INTEROCULAR, SCENES, eyes
+from .passes import COLOUR_PASS
+from .reprojection import Reprojection, reproject
+
+ACCURACY = "balanced"
+RATIO = "median of the ratios of each turn"
+NEEDS_SCIPY = "bench-warp compares with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
+
+FindGpu = Callable[[], tuple[str | None, str]]
+"""The name of the GPU that can warp, or None and why there is none."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Seconds of one run: of `reproject`, of the reasons after it, and of the bare lookup."""
+
+    carry: float
+    reasons: float
+    lookup: float
+
+    @property
+    def stage(self) -> float:
+        return self.carry + self.reasons
+
+
+class Stage:
+    """The warp stage on a made-up scene: `carry`, and `reasons` of what that returns, are all of it."""
+
+    def __init__(self, settings: BenchSettings, grid_threshold: float) -> None:
+        width, height = settings.size
+        self.source = SCENES[settings.scene](width, height)
+        self._eyes = eyes(width, height, settings.mode)
+        self._invalid = np.zeros((height, width), bool)
+        self._threshold = grid_threshold
+
+    def carry(self, warp: str) -> Reprojection:
+        # The numeric way is what it does unasked.
+        how: dict[str, Any] = {} if warp == "numpy" else {"stage": warp}
+        return reproject(
+            self.source,
+            *self._eyes,
+            accuracy=SETTINGS[ACCURACY],
+            invalid=self._invalid,
+            grid_threshold=self._threshold,
+            **how,
+        )
+
+    def whole(self, warp: str) -> tuple[Reprojection, NDArray[np.uint16]]:
+        carried = self.carry(warp)
+        return carried, carried.reasons
+
+
+def measure(
+    settings: BenchSettings,
+    grid_threshold: float,
+    *,
+    core: int | None,
+    find_gpu: FindGpu,
+    on_part: Callable[[str, str], None] = lambda *_: None,
+) -> dict[str, Any]:
+    """The report of bench-warp; core is the one that this process is pinned to. Raises BadInputError.
+
+    on_part is told of each part of the work as it begins, and of its detail.
+    """
+    lookup_of = _scipy_lookup()
+    device: str | None = cpu_name()
+    if settings.warp == "gpu":
+        device, why = find_gpu()
+        if device is None:
+            raise BadInputError(f"--warp gpu: {why}; --warp numpy needs none")
+    on_part("scene", settings.scene)
+    stage = Stage(settings, grid_threshold)
+    # The first run pays for what is loaded on the way, and is not timed.
+    carried, reasons = stage.whole(settings.warp)
+    lookup = lookup_of(stage.source[COLOUR_PASS], carried.warp.x, carried.warp.y)
+    turns = []
+    for number in range(1, settings.runs + 1):
+        on_part("timing", f"{number} of {settings.runs}")
+        turns.append(_turn(stage, settings.warp, lookup))
+    on_part("memory", "")
+    peak = _peak_bytes(lambda: stage.whole(settings.warp))
+    on_part("agreement", "")
+    grid = carried.grid
+    return {
+        "schema": BENCH_SCHEMA,
+        "size": list(settings.size),
+        "runs": settings.runs,
+        "warp": settings.warp,
+        "device": device,
+        **_times(turns),
+        "peak_bytes_per_pixel": peak / reasons.size,
+        "agreement": _agreement(stage, find_gpu),
+        "holes": float(np.mean(reasons != 0)),
+        "subdivided": float(grid.subdivided.mean()),
+        "grid": {"cells": grid.cells, "subdivided": int(grid.subdivided.sum()), "triangles": grid.triangles},
+        "scene": _scene_facts(settings, grid_threshold),
+        "pinned_to_core": core,
+        "machine": machine_facts(),
+        "versions": versions("numpy", "scipy", "bpy"),
+    }
+
+
+def _times(turns: list[Turn]) -> dict[str, Any]:
+    stages, lookups = [turn.stage for turn in turns], [turn.lookup for turn in turns]
+    return {
+        "seconds": statistics.median(stages),
+        "carry_seconds": statistics.median(turn.carry for turn in turns),
+        "reasons_seconds": statistics.median(turn.reasons for turn in turns),
+        "all_seconds": stages,
+        "lookup_seconds": statistics.median(lookups),
+        "all_lookup_seconds": lookups,
+        "lookup_ratio": statistics.median(turn.stage / turn.lookup for turn in turns),
+        "lookup_ratio_is": RATIO,
+    }
+
+
+def _scene_facts(settings: BenchSettings, grid_threshold: float) -> dict[str, Any]:
+    return {
+        "name": settings.scene,
+        "mode": settings.mode,
+        "interocular_distance": INTEROCULAR,
+        "convergence_distance": CONVERGENCE,
+        "grid_threshold": grid_threshold,
+        "accuracy": ACCURACY,
+    }
+
+
+def _scipy_lookup() -> Callable[[NDArray, NDArray, NDArray], Callable[[], object]]:
+    """What makes the bare lookup: colours (H, W, >= 3), and x, y (H, W) in pixels as a `Warp` has them."""
+    try:
+        from scipy.ndimage import map_coordinates
+    except ImportError as error:
+        raise BadInputError(NEEDS_SCIPY.format(error)) from error
+
+    def lookup_of(colours: NDArray, x: NDArray, y: NDArray) -> Callable[[], object]:
+        where = [np.nan_to_num(y - 0.5), np.nan_to_num(x - 0.5)]
+        channels = [np.ascontiguousarray(colours[..., k]) for k in range(3)]
+        return lambda: [map_coordinates(channel, where, order=1, output=np.float32) for channel in channels]
+
+    return lookup_of
+
+
+def _turn(stage: Stage, warp: str, lookup: Callable[[], object]) -> Turn:
+    start = time.perf_counter()
+    carried = stage.carry(warp)
+    half = time.perf_counter()
+    _ = carried.reasons
+    done = time.perf_counter()
+    del carried
+    begun = time.perf_counter()
+    lookup()
+    return Turn(half - start, done - half, time.perf_counter() - begun)
+
+
+def _peak_bytes(call: Callable[[], object]) -> int:
+    """The most that Python and numpy hold at once while it runs, over what they held before."""
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def _agreement(stage: Stage, find_gpu: FindGpu) -> dict[str, Any]:
+    """How far numpy and the GPU differ: in the share of pixels that are holes in one of them alone, and in the largest
+    difference of a colour where neither has one."""
+    device, why = find_gpu()
+    if device is None:
+        return {"holes": None, "colour": None, "why_none": why}
+    (a, reasons), (b, others) = stage.whole("numpy"), stage.whole("gpu")
+    answered = (reasons == 0) & (others == 0)
+    apart = np.abs(a.passes[COLOUR_PASS][answered] - b.passes[COLOUR_PASS][answered])
+    differ = float(np.mean((reasons != 0) != (others != 0)))
+    return {"holes": differ, "colour": float(apart.max(initial=0.0)), "why_none": None}

@@ -1,0 +1,176 @@
+"""The performance analysis of the paper, in our terms, on this machine.
+
+    python -m tests.bench.performance --scenes DIR [SCENE ...]
+    python -m tests.bench.performance --quick
+
+docs/performance.md says what it measures and what the files are that it writes. Exit status: 0 all done, 1 a run
+failed, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import shutil
+import signal
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from stereo_reproject.bench import machine_facts, versions
+from stereo_reproject.charts import check_charts
+from stereo_reproject.cli import version
+from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.file_digest import file_digest
+from stereo_reproject.report import whole_file, write_json
+from tests.bench.performance import paper
+from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Kept, Record, have_run
+from tests.bench.performance.options import parse, plan_of
+from tests.bench.performance.pictures import draw_all
+from tests.bench.performance.plan import DEMO, PATH, TRIANGLES, Case, Plan, Run, Scene, cases, scene_of, scenes_in
+from tests.bench.performance.results import analysed, write_csv
+from tests.bench.performance.running import ROOT, Runner, code_digest, last_json, run_process
+from tests.bench.performance.tables import as_markdown
+
+INTERRUPTED = 130
+PACKAGES = ("bpy", "numpy", "scipy", "matplotlib")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = parse(arguments)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        check_charts()
+        return _analyse(options, lambda text: print(text, flush=True))
+    except (StereoReprojectError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {error.strerror or error}: {error.filename or options.output}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted; finished runs are kept, and the same command goes on", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _interrupt(_signum: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _analyse(options: argparse.Namespace, tell: Callable[[str], None]) -> int:
+    plan, output = plan_of(options), options.output.resolve()
+    demo = scene_of(ROOT / DEMO)
+    scenes = [demo] if options.quick else scenes_in(options.scenes, options.names)
+    study = _study(options, [demo, *scenes])
+    output.mkdir(parents=True, exist_ok=True)
+    if options.fresh:
+        for folder in ("runs", "variants"):
+            shutil.rmtree(output / folder, ignore_errors=True)
+    facts = {"machine": machine_facts(), "versions": {"stereo_reproject": version(), **versions(*PACKAGES)}}
+    path = _path(plan, options, study, output)
+    subdivided = _subdivided(plan, study, output)
+    planned = cases(plan, scenes, study, path, subdivided)
+    records = have_run(
+        planned,
+        Kept(output / "runs", {**facts, "code": code_digest()}),
+        Runner(output / "work"),
+        tell=tell,
+        seconds=options.seconds,
+    )
+    _write(output, options, facts, planned, records)
+    tell(f"files: {output}")
+    return 1 if any(record["status"] == FAILED for record in records.values()) else 0
+
+
+def _study(options: argparse.Namespace, known: Sequence[Scene]) -> Scene:
+    """The scene of which one thing is varied. Raises ValueError."""
+    found = {scene.name: scene for scene in known}
+    name = options.study or DEMO.stem
+    if name not in found:
+        raise ValueError(f"--study: no scene {name}; known are: {', '.join(found)}")
+    return found[name]
+
+
+def _path(plan: Plan, options: argparse.Namespace, study: Scene, output: Path) -> Scene:
+    """The scene with a moving camera: the one that was named, or the study with a path that is made."""
+    if options.animated is not None:
+        if not options.animated.is_file():
+            raise ValueError(f"--animated: there is no file {options.animated}")
+        return scene_of(options.animated.resolve())
+    name = f"{study.name}-path"
+    if PATH not in plan.parts:
+        return replace(study, name=name)
+    distance = [] if study.convergence is None else [f"--distance={study.convergence}"]
+    return _variant(study, name, [f"--frames={max(plan.frames)}", *distance], output)
+
+
+def _subdivided(plan: Plan, study: Scene, output: Path) -> list[Scene]:
+    if TRIANGLES not in plan.parts:
+        return []
+    return [
+        _variant(study, f"{study.name}-subdivided-{level}", [f"--subdivisions={level}"], output)
+        for level in plan.subdivisions
+    ]
+
+
+def _variant(scene: Scene, name: str, how: Sequence[str], output: Path) -> Scene:
+    """A variant of a scene, made in a process of its own unless it is there; with what is amiss, if it cannot be."""
+    folder = output / "variants"
+    blend, note = folder / f"{name}.blend", folder / f"{name}.json"
+    wanted = [file_digest(scene.blend), *how]
+    made = _noted(note)
+    if not (made.get("of") == wanted and blend.is_file()):
+        folder.mkdir(parents=True, exist_ok=True)
+        module = "tests.bench.performance.variants"
+        ended = run_process(["-m", module, str(scene.blend), str(blend), *how], folder / "log")
+        told = last_json(ended.output)
+        if ended.status != 0 or told is None:
+            return replace(scene, name=name, amiss=f"the variant could not be made: {ended.message()}")
+        made = {"of": wanted, "triangles": told["triangles"]}
+        write_json(note, made)
+    return replace(scene, name=name, blend=blend, triangles=made["triangles"])
+
+
+def _noted(path: Path) -> dict[str, Any]:
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def _write(
+    output: Path,
+    options: argparse.Namespace,
+    facts: Mapping[str, Any],
+    planned: Sequence[Case],
+    records: Mapping[Run, Record],
+) -> None:
+    """All files of the results, each whole."""
+    results = analysed(planned, records)
+    blenders = [row["blender"] for row in results["runs"] if row["blender"]]
+    counts = {state: sum(r["status"] == state for r in records.values()) for state in (DONE, FAILED, LEFT_OUT)}
+    results["facts"] = {
+        **facts,
+        "command": shlex.join(["python", "-m", "tests.bench.performance", *sys.argv[1:]]),
+        "quick": options.quick,
+        "blender": blenders[0] if blenders else None,
+        "runs": counts,
+        "ended": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "paper": paper.FACTS,
+    }
+    results["charts"] = draw_all(results, output)
+    with whole_file(output / "results.csv") as beside:
+        write_csv(beside, results["runs"])
+    with whole_file(output / "results.md") as beside:
+        beside.write_text(as_markdown(results), encoding="utf-8")
+    write_json(output / "results.json", results)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,218 @@
+"""What the runs come to: a row for each scene, size and method, one for each frame of the path, and the exponents."""
+
+from __future__ import annotations
+
+import csv
+import statistics
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stereo_reproject.report import OUTSIDE_TOTAL
+from stereo_reproject.tradeoff import stage_order
+from tests.bench.performance.fits import fitted
+from tests.bench.performance.keeping import DONE, Record
+from tests.bench.performance.plan import (
+    HOLES,
+    METHODS,
+    MULTIVIEW,
+    PATH,
+    PIXELS,
+    SAMPLES,
+    SCENES,
+    SERIES,
+    TRIANGLES,
+    Case,
+    Run,
+)
+
+RESULTS_SCHEMA = 1
+
+Row = dict[str, Any]
+
+FITTED = ("source", "warp", "fill", "composite", "total")
+"""Stages whose growth is told; the others are not in every run."""
+
+
+def analysed(cases: Sequence[Case], records: Mapping[Run, Record]) -> dict[str, Any]:
+    """All that the runs tell, as results.json has it beside the facts of the machine."""
+    return {
+        "schema": RESULTS_SCHEMA,
+        "scenes": scene_rows(cases, records),
+        "path": path_rows(cases, records),
+        "scaling": scaling_rows(cases, records),
+        "runs": [run_row(case, records[case.run]) for case in cases],
+    }
+
+
+def run_row(case: Case, record: Record) -> Row:
+    """One run as it was; what it does not have is None."""
+    run, report = case.run, record.get("report") or {}
+    compare = report.get("compare") or {}
+    return {
+        "part": case.part,
+        "scene": run.scene.name,
+        "method": run.method,
+        "size": list(run.size),
+        "samples": run.samples,
+        "frame": run.frame,
+        "interocular": run.scene.interocular,
+        "scene_triangles": run.scene.triangles,
+        "turn": run.turn,
+        "status": record["status"],
+        "message": record.get("message"),
+        "blender": report.get("blender"),
+        "seconds": _seconds(report),
+        "multiview_seconds": compare.get("multiview_seconds"),
+        "speedup": compare.get("speedup"),
+        "noise_ratio": compare.get("noise_ratio"),
+        "worst_tiles": compare.get("worst_tiles"),
+        "fractions": report.get("fractions"),
+        "grid": report.get("grid"),
+        "pair_peak_mb": (report.get("memory") or {}).get("peak_mb"),
+        "process_peak_mb": record.get("process_peak_mb"),
+        "wall_seconds": record.get("wall_seconds"),
+    }
+
+
+def _seconds(report: Mapping[str, Any]) -> dict[str, float] | None:
+    """By stage, with the total; None without any."""
+    return dict(report["seconds"]) if report.get("seconds") else None
+
+
+def scene_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
+    """A row for each scene, size and method, in the order of the paper's table 2: medians over the repeats.
+
+    Multiview's seconds are those that it took in the runs of the others, so that a speed-up and they are of one run;
+    its memory is that of a process of its own.
+    """
+    rows = []
+    runs = [case.run for case in cases if case.part == SCENES]
+    for scene, size in dict.fromkeys((run.scene.name, run.size) for run in runs):
+        own = [run for run in runs if (run.scene.name, run.size) == (scene, size)]
+        ours = [_median_row(method, [records[run] for run in own if run.method == method]) for method in METHODS]
+        peer = _peer_row([records[run] for run in own])
+        samples = own[0].samples
+        rows += [{"scene": scene, "size": list(size), "samples": samples, **row} for row in (peer, *ours)]
+    return rows
+
+
+def _median_row(method: str, records: Sequence[Record]) -> Row:
+    reports = _reports(records)
+    if not reports:
+        return {"method": method, "message": _why_none(records)}
+    names = stage_order(name for report in reports for name in report["seconds"])
+    fractions = [report["fractions"] for report in reports]
+    compared = [report["compare"] for report in reports if report.get("compare")]
+    return {
+        "method": method,
+        "message": None,
+        "turns": len(reports),
+        "seconds": {name: _median(report["seconds"].get(name) for report in reports) for name in names},
+        "multiview_seconds": _median(compare["multiview_seconds"] for compare in compared),
+        "speedup": _median(compare["speedup"] for compare in compared),
+        "noise_ratio": _median(compare["noise_ratio"] for compare in compared),
+        "holes": _median(part["disoccluded"] + part["outside"] for part in fractions),
+        "traced": _median(part["rerendered"] for part in fractions),
+        "peak_mb": _median(report["memory"]["peak_mb"] for report in reports),
+    }
+
+
+def _peer_row(records: Sequence[Record]) -> Row:
+    """Of all runs of one scene at one size."""
+    reports = _reports(records)
+    seconds = [report["compare"]["multiview_seconds"] for report in reports if report.get("compare")]
+    alone = [report for report in reports if "fractions" not in report]
+    if not seconds:
+        return {"method": MULTIVIEW, "message": _why_none(records)}
+    return {
+        "method": MULTIVIEW,
+        "message": None,
+        "turns": len(seconds),
+        "seconds": {"total": _median(seconds)},
+        "multiview_seconds": _median(seconds),
+        "speedup": 1.0,
+        "noise_ratio": 1.0,
+        "holes": None,
+        "traced": 1.0,
+        "peak_mb": _median(report["memory"]["peak_mb"] for report in alone),
+    }
+
+
+def _reports(records: Iterable[Record]) -> list[Mapping[str, Any]]:
+    return [record["report"] for record in records if record["status"] == DONE]
+
+
+def _why_none(records: Iterable[Record]) -> str:
+    told = [f"{record['status']}: {record['message']}" for record in records if record["status"] != DONE]
+    return told[0] if told else "not measured"
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return statistics.median(known) if known else None
+
+
+def path_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
+    """A row for each frame and method of the camera path: medians over the repeats, and the size and samples."""
+    runs = [case.run for case in cases if case.part == PATH]
+    rows = []
+    for frame, method in dict.fromkeys((run.frame, run.method) for run in runs):
+        own = [run for run in runs if (run.frame, run.method) == (frame, method)]
+        row = {"scene": own[0].scene.name, "size": list(own[0].size), "samples": own[0].samples, "frame": frame}
+        rows.append({**row, **_median_row(method, [records[run] for run in own])})
+    return rows
+
+
+def scaling_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
+    """How each stage's seconds grow with what is varied: the points, and what is fitted to them."""
+    rows = []
+    for series in SERIES:
+        for method in METHODS:
+            runs = [case.run for case in cases if case.part == series and case.run.method == method]
+            done = [(run, records[run]["report"]) for run in runs if records[run]["status"] == DONE]
+            if not runs:
+                continue
+            missing = [f"{run.title}: {records[run]['message']}" for run in runs if records[run]["status"] != DONE]
+            stages = [_stage_row(stage, [(_varied(series, *one), one[1]) for one in done]) for stage in FITTED]
+            rows.append({"series": series, "method": method, "stages": stages, "missing": missing})
+    return rows
+
+
+def _varied(series: str, run: Run, report: Mapping[str, Any]) -> float:
+    """What is varied in a series: its value in this run."""
+    return {
+        PIXELS: float(run.size[0] * run.size[1]),
+        SAMPLES: float(run.samples),
+        TRIANGLES: float(run.scene.triangles or 0),
+        HOLES: float(report["fractions"]["rerendered"]),
+    }[series]
+
+
+def _stage_row(stage: str, measured: Sequence[tuple[float, Mapping[str, Any]]]) -> Row:
+    points = [[x, report["seconds"].get(stage, 0.0)] for x, report in measured]
+    fit = fitted(*zip(*points, strict=True)) if points else None
+    return {"stage": stage, "points": points, "fit": None if fit is None else asdict(fit)}
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """The runs, a line each; what a run does not have is left empty."""
+    stages = stage_order(name for row in rows for name in row["seconds"] or () if name not in OUTSIDE_TOTAL)
+    lines = [_flat(row, stages) for row in rows]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(lines[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def _flat(row: Row, stages: Sequence[str]) -> Row:
+    fractions, seconds, grid = row["fractions"] or {}, row["seconds"] or {}, row["grid"] or {}
+    plain = {name: value for name, value in row.items() if name not in ("fractions", "seconds", "grid")}
+    return {
+        **plain,
+        "size": "x".join(map(str, row["size"])),
+        **{f"{name}_seconds": seconds.get(name) for name in stages},
+        **{name: fractions.get(name) for name in ("disoccluded", "outside", "silhouette", "rerendered")},
+        "grid_triangles": grid.get("triangles"),
+    }
