@@ -10,7 +10,7 @@ from typing import Any
 
 from .accuracy import SETTINGS
 from .animation_settings import AnimationSettings, read_every, read_frames
-from .bench import FEWEST_RUNS, MODES, SCENES, WARPS, BenchSettings
+from .bench import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings
 from .delivery.layouts import LAYOUTS
 from .errors import BadInputError
 from .settings import (
@@ -181,7 +181,7 @@ def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
         help="a room full of posts, or one smooth surface, for which the adaptive grid is made (%(default)s)",
     )
     parser.add_argument("--mode", choices=MODES, default=BenchSettings.mode, help="how the eyes converge (%(default)s)")
-    parser.add_argument("--warp", choices=WARPS, default=BenchSettings.warp, help="who does the work (%(default)s)")
+    parser.add_argument("--warp", choices=CARRIERS, default=BenchSettings.warp, help="who does the work (%(default)s)")
     measured("--runs", "N", "runs", _whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
     _add_grid_threshold(parser)
     parser.add_argument("--json", metavar="FILE", help="also write all figures into this file")

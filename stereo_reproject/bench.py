@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError
-from .settings import SceneOverrides
+from .settings import WARPS, SceneOverrides
 
 BENCH_SCHEMA = 1
 
@@ -22,7 +22,9 @@ SCENES = ("room", "smooth")
 MODES = ("off-axis", "toe-in")
 """How the eyes converge. Off-axis is warped row by row, toe-in quad by quad."""
 
-WARPS = ("numpy", "gpu")
+CARRIERS = WARPS[1:]
+"""Who may carry pixels over: here nothing is left free."""
+
 FEWEST_RUNS = 5
 MOST_RUNS = 1000
 
@@ -45,7 +47,7 @@ class BenchSettings:
         for name, value, choices in (
             ("the scene", self.scene, SCENES),
             ("the mode", self.mode, MODES),
-            ("the warp", self.warp, WARPS),
+            ("the warp", self.warp, CARRIERS),
         ):
             if value not in choices:
                 raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
@@ -104,6 +106,7 @@ def format_bench(report: Mapping[str, Any]) -> str:
             f"warp stage    {scene['name']}, {scene['mode']}, {width}x{height}, {report['warp']} on {report['device']}",
             f"  seconds         {report['seconds']:10.4f}   {spread}",
             f"    carry         {report['carry_seconds']:10.4f}   grid, forward warp, lookup of the passes",
+            f"      grid, warp  {_seconds(report['map_seconds'])}   where each pixel comes from, without steps and lookup",
             f"    reasons       {report['reasons_seconds']:10.4f}   which pixels are to be traced, and why",
             f"  bare lookup     {report['lookup_seconds']:10.4f}   SciPy, bilinear, three channels",
             f"  lookup ratio    {report['lookup_ratio']:10.2f}   {report['lookup_ratio_is']}",
@@ -113,6 +116,10 @@ def format_bench(report: Mapping[str, Any]) -> str:
             _agreement_line(report["agreement"]),
         )
     )
+
+
+def _seconds(value: float | None) -> str:
+    return "       n/a" if value is None else f"{value:10.4f}"
 
 
 def _agreement_line(agreement: Mapping[str, Any]) -> str:

@@ -31,8 +31,8 @@ from .precedent import Precedent
 from .price import WHOLE, Price, next_better, price_of
 from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
-from .warp_stage import NUMPY, WarpStage, choose_stage, takes
 from .tracing import Means, Refinement, TargetEye
+from .warp_stage import NUMPY, WarpStage, choose_stage, takes
 
 
 class Renderer(Protocol):

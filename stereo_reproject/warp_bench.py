@@ -19,25 +19,31 @@ from numpy.typing import NDArray
 from .accuracy import SETTINGS
 from .bench import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
 from .errors import BadInputError
+from .grid import build_grid
+from .holes import TEAR, disparity_of, disparity_steps
 from .made_up import CONVERGENCE, INTEROCULAR, SCENES, eyes
-from .passes import COLOUR_PASS
+from .passes import COLOUR_PASS, DEPTH_PASS
 from .reprojection import Reprojection, reproject
+from .warp import forward_warp
+from .warp_stage import NUMPY, WarpStage
 
 ACCURACY = "balanced"
 RATIO = "median of the ratios of each turn"
 NEEDS_SCIPY = "bench-warp compares with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
 
-FindGpu = Callable[[], tuple[str | None, str]]
-"""The name of the GPU that can warp, or None and why there is none."""
+FindGpu = Callable[[], tuple[WarpStage | None, str]]
+"""The GPU that can warp, or None and why there is none."""
 
 
 @dataclass(frozen=True)
 class Turn:
-    """Seconds of one run: of `reproject`, of the reasons after it, and of the bare lookup."""
+    """Seconds of one run: of `reproject`, of the reasons after it, and of the bare lookup; and, once more and alone, of
+    what numpy does in the first of them for the map."""
 
     carry: float
     reasons: float
     lookup: float
+    map: float | None
 
     @property
     def stage(self) -> float:
@@ -53,20 +59,26 @@ class Stage:
         self._eyes = eyes(width, height, settings.mode)
         self._invalid = np.zeros((height, width), bool)
         self._threshold = grid_threshold
+        self._cuts = disparity_steps(disparity_of(self.source[DEPTH_PASS][..., 0], *self._eyes))
 
-    def carry(self, warp: str) -> Reprojection:
-        # The numeric way is what it does unasked.
-        how: dict[str, Any] = {} if warp == "numpy" else {"stage": warp}
+    def map(self) -> None:
+        """The grid, and where each target pixel comes from, without steps in depth: none of these scenes' cells that
+        are coarse has one."""
+        depth = self.source[DEPTH_PASS][..., 0]
+        grid = build_grid(depth, *self._eyes, threshold=self._threshold, most=TEAR)
+        forward_warp(depth, *self._eyes, grid, cut_right=self._cuts.right > TEAR, cut_down=self._cuts.down > TEAR)
+
+    def carry(self, warp: WarpStage) -> Reprojection:
         return reproject(
             self.source,
             *self._eyes,
             accuracy=SETTINGS[ACCURACY],
             invalid=self._invalid,
             grid_threshold=self._threshold,
-            **how,
+            carry=warp.carry,
         )
 
-    def whole(self, warp: str) -> tuple[Reprojection, NDArray[np.uint16]]:
+    def whole(self, warp: WarpStage) -> tuple[Reprojection, NDArray[np.uint16]]:
         carried = self.carry(warp)
         return carried, carried.reasons
 
@@ -84,22 +96,23 @@ def measure(
     on_part is told of each part of the work as it begins, and of its detail.
     """
     lookup_of = _scipy_lookup()
-    device: str | None = cpu_name()
+    warp = NUMPY
     if settings.warp == "gpu":
-        device, why = find_gpu()
-        if device is None:
+        found, why = find_gpu()
+        if found is None:
             raise BadInputError(f"--warp gpu: {why}; --warp numpy needs none")
+        warp = found
     on_part("scene", settings.scene)
     stage = Stage(settings, grid_threshold)
     # The first run pays for what is loaded on the way, and is not timed.
-    carried, reasons = stage.whole(settings.warp)
+    carried, reasons = stage.whole(warp)
     lookup = lookup_of(stage.source[COLOUR_PASS], carried.warp.x, carried.warp.y)
     turns = []
     for number in range(1, settings.runs + 1):
         on_part("timing", f"{number} of {settings.runs}")
-        turns.append(_turn(stage, settings.warp, lookup))
+        turns.append(_turn(stage, warp, lookup))
     on_part("memory", "")
-    peak = _peak_bytes(lambda: stage.whole(settings.warp))
+    peak = _peak_bytes(lambda: stage.whole(warp))
     on_part("agreement", "")
     grid = carried.grid
     return {
@@ -107,7 +120,7 @@ def measure(
         "size": list(settings.size),
         "runs": settings.runs,
         "warp": settings.warp,
-        "device": device,
+        "device": warp.device or cpu_name(),
         **_times(turns),
         "peak_bytes_per_pixel": peak / reasons.size,
         "agreement": _agreement(stage, find_gpu),
@@ -126,6 +139,7 @@ def _times(turns: list[Turn]) -> dict[str, Any]:
     return {
         "seconds": statistics.median(stages),
         "carry_seconds": statistics.median(turn.carry for turn in turns),
+        "map_seconds": None if turns[0].map is None else statistics.median(turn.map or 0.0 for turn in turns),
         "reasons_seconds": statistics.median(turn.reasons for turn in turns),
         "all_seconds": stages,
         "lookup_seconds": statistics.median(lookups),
@@ -161,7 +175,7 @@ def _scipy_lookup() -> Callable[[NDArray, NDArray, NDArray], Callable[[], object
     return lookup_of
 
 
-def _turn(stage: Stage, warp: str, lookup: Callable[[], object]) -> Turn:
+def _turn(stage: Stage, warp: WarpStage, lookup: Callable[[], object]) -> Turn:
     start = time.perf_counter()
     carried = stage.carry(warp)
     half = time.perf_counter()
@@ -170,7 +184,11 @@ def _turn(stage: Stage, warp: str, lookup: Callable[[], object]) -> Turn:
     del carried
     begun = time.perf_counter()
     lookup()
-    return Turn(half - start, done - half, time.perf_counter() - begun)
+    looked_up = time.perf_counter()
+    if warp is not NUMPY:
+        return Turn(half - start, done - half, looked_up - begun, None)
+    stage.map()
+    return Turn(half - start, done - half, looked_up - begun, time.perf_counter() - looked_up)
 
 
 def _peak_bytes(call: Callable[[], object]) -> int:
@@ -186,10 +204,10 @@ def _peak_bytes(call: Callable[[], object]) -> int:
 def _agreement(stage: Stage, find_gpu: FindGpu) -> dict[str, Any]:
     """How far numpy and the GPU differ: in the share of pixels that are holes in one of them alone, and in the largest
     difference of a colour where neither has one."""
-    device, why = find_gpu()
-    if device is None:
+    gpu, why = find_gpu()
+    if gpu is None:
         return {"holes": None, "colour": None, "why_none": why}
-    (a, reasons), (b, others) = stage.whole("numpy"), stage.whole("gpu")
+    (a, reasons), (b, others) = stage.whole(NUMPY), stage.whole(gpu)
     answered = (reasons == 0) & (others == 0)
     apart = np.abs(a.passes[COLOUR_PASS][answered] - b.passes[COLOUR_PASS][answered])
     differ = float(np.mean((reasons != 0) != (others != 0)))

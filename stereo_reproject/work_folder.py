@@ -2,7 +2,8 @@
 
 It lies on the same drive as the result, so that finished files are moved there and never copied:
 
-pid      the process that the folder belongs to and its machine; when that process is gone, the next run removes it
+pid      the process that the folder belongs to and its machine; when that process is gone, the next run removes it.
+         Both are in the folder's name too, for a process may be gone before it has written that.
 out      finished files, until all of them are whole
 tmp      temporary files
 old      what an earlier run left in the output folder, while the new files take its place
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import os
 import platform
 import secrets
@@ -56,7 +58,7 @@ def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
 WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0
 RETRY_SECONDS = 0.05
-# A work folder without a pid may belong to a run that is just starting.
+# A work folder without a pid may belong to a run that is just starting, on another machine.
 NAMELESS_SECONDS = 60.0
 
 _own: set[str] = set()
@@ -97,10 +99,11 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
 
 
 def _make_private(output: Path) -> Path:
+    prefix = f"{WORK_PREFIX}{os.getpid()}-{_machine_digest()}-"
     if sys.platform != "win32":
-        return Path(tempfile.mkdtemp(prefix=WORK_PREFIX, dir=output))
+        return Path(tempfile.mkdtemp(prefix=prefix, dir=output))
     # There, files keep the rights of the folder that they were made in, also when they are moved out of it.
-    work = output / f"{WORK_PREFIX}{secrets.token_hex(8)}"
+    work = output / f"{prefix}{secrets.token_hex(8)}"
     work.mkdir()
     return work
 
@@ -170,10 +173,17 @@ def _is_abandoned(folder: Path) -> bool:
             return False
         return not is_running(int(pid))
     except (OSError, ValueError):
+        pid, _, rest = folder.name.removeprefix(WORK_PREFIX).partition("-")
+        if pid.isdecimal() and rest.startswith(f"{_machine_digest()}-"):
+            return not is_running(int(pid))
         # By the drive's clock, for this machine's may be another; what is made or removed there sets the folder's.
         with contextlib.suppress(OSError):
             return folder.parent.stat().st_mtime - folder.stat().st_mtime > NAMELESS_SECONDS
         return False
+
+
+def _machine_digest() -> str:
+    return hashlib.sha256(machine().encode()).hexdigest()[:8]
 
 
 def machine() -> str:

@@ -14,11 +14,15 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .animation_settings import AnimationSettings
 from .errors import as_told
 from .settings import SceneOverrides, StereoSettings
+
+if TYPE_CHECKING:
+    # It takes numpy.
+    from .warp_stage import WarpStage
 
 Emit = Callable[..., None]
 
@@ -149,15 +153,15 @@ def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
     _finish(report, [], emit)
 
 
-def _find_gpu() -> tuple[str | None, str]:
-    """The name of the GPU that can warp, or None and why there is none."""
+def _find_gpu() -> tuple[WarpStage | None, str]:
+    """The GPU that can warp, or None and why there is none."""
     try:
-        # Not every installation has it, nor has every Blender what it takes.
+        # Without bpy there is still numpy to be measured.
         gpu_warp = importlib.import_module(".blender.gpu_warp", __package__)
-        device = gpu_warp.usable()
-    except Exception as error:  # noqa: BLE001 - whatever goes wrong there, there is no GPU to be had
+    except ImportError as error:
         return None, f"no usable GPU ({error})"
-    return device, "" if device is not None else "no usable GPU (Blender finds none)"
+    stage = gpu_warp.gpu_stage()
+    return stage, "" if stage is not None else "no usable GPU (Blender finds none)"
 
 
 COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {

@@ -17,6 +17,7 @@ from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from .denoise import denoise_pictures, denoises, guided_by, left_noisy
 from .effects import plan_effects
+from .gpu_warp import gpu_stage
 from .hole_camera import packed_blocker, trace_packed
 from .mask_card import card_blocker, trace_card
 from .motion import eyes_in_motion, vector_pass_asked_for
@@ -37,6 +38,7 @@ class BlenderRenderer:
     """
 
     foreign = False
+    gpu = staticmethod(gpu_stage)
 
     @property
     def warnings(self) -> list[str]:
@@ -65,12 +67,6 @@ class BlenderRenderer:
     def view_dependent(self) -> tuple[str, ...]:
         """What may look different from each eye, in words."""
         return self.plan.view_dependent
-
-    @staticmethod
-    def gpu() -> WarpStage | None:
-        """The GPU, if there is one that can warp. To find that out takes a while, once."""
-        device = gpu_warp.usable()
-        return None if device is None else WarpStage(gpu_warp.carry, device)
 
     def _noisy(self) -> AbstractContextManager[None]:
         return nullcontext() if self.denoise is None else left_noisy(self.scene)

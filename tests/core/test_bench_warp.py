@@ -13,14 +13,26 @@ import pytest
 
 from stereo_reproject import bench, cli, made_up, warp_bench, worker
 from stereo_reproject.bench import BenchSettings, format_bench
+from stereo_reproject.carrying import carry
 from stereo_reproject.errors import BadInputError
+from stereo_reproject.warp_stage import WarpStage
 
 ROOT = Path(cli.__file__).resolve().parent.parent
 SECONDS = 60.0
 SMALL = "96x64"
 
-FIGURES = {"seconds", "carry_seconds", "reasons_seconds", "lookup_seconds", "lookup_ratio", "peak_bytes_per_pixel"}
+FIGURES = {
+    "seconds",
+    "carry_seconds",
+    "map_seconds",
+    "reasons_seconds",
+    "lookup_seconds",
+    "lookup_ratio",
+    "peak_bytes_per_pixel",
+}
 FACTS = {"size", "runs", "warp", "device", "machine", "versions", "scene", "holes", "grid", "subdivided", "agreement"}
+
+GPU = WarpStage(carry, "Grand 9000")
 
 LEAST_BYTES = 12
 """A pixel's place (x, y) and nearness alone are as many."""
@@ -125,19 +137,20 @@ def test_a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for():
         measured(warp="gpu")
 
 
-@pytest.mark.parametrize(
-    ("usable", "found"),
-    [
-        (lambda: "Grand 9000", ("Grand 9000", "")),
-        (lambda: None, (None, "no usable GPU (Blender finds none)")),
-        (lambda: 1 / 0, (None, "no usable GPU (division by zero)")),
-    ],
-)
-def test_whatever_the_gpu_says_there_is_a_name_or_a_reason(monkeypatch, usable, found):
+@pytest.mark.parametrize(("found", "why"), [(GPU, ""), (None, "no usable GPU (Blender finds none)")])
+def test_a_gpu_is_found_or_there_is_a_reason(monkeypatch, found, why):
     module = type(sys)("gpu_warp")
-    module.usable = usable
+    module.gpu_stage = lambda: found
     monkeypatch.setattr(worker.importlib, "import_module", lambda *_: module)
-    assert worker._find_gpu() == found
+    assert worker._find_gpu() == (found, why)
+
+
+def test_without_blender_there_is_no_gpu(monkeypatch):
+    def no_blender(*_):
+        raise ImportError("No module named 'bpy'")
+
+    monkeypatch.setattr(worker.importlib, "import_module", no_blender)
+    assert worker._find_gpu() == (None, "no usable GPU (No module named 'bpy')")
 
 
 def test_the_summary_is_plain(capsys):

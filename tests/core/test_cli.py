@@ -648,15 +648,19 @@ def test_only_work_folders_of_dead_runs_are_removed(place):
     dead = left_over(output, "dead", str(finished.pid))
     nameless_old = left_over(output, "nameless-old", age=3600)
     nameless_new = left_over(output, "nameless-new")
+    digest = work_folder._machine_digest()
+    cut_short = left_over(output, f"{finished.pid}-{digest}-x")
+    starting = left_over(output, f"{os.getppid()}-{digest}-x")
+    starting_elsewhere = left_over(output, f"{finished.pid}-0{digest[1:]}x-x")
     elsewhere = left_over(output, "elsewhere", f"{finished.pid}\nanother-machine.invalid\n")
     alive = left_over(output, "alive", str(os.getppid()))
     recycled = left_over(output, "recycled", str(os.getpid()))
     (output / "stereo_reproject-mine").mkdir()
     assert render(place, "success") == 0
-    assert {path: path.exists() for path in (dead, nameless_old, recycled)} == dict.fromkeys(
-        (dead, nameless_old, recycled), False
+    assert {path: path.exists() for path in (dead, nameless_old, recycled, cut_short)} == dict.fromkeys(
+        (dead, nameless_old, recycled, cut_short), False
     )
-    for path in (nameless_new, elsewhere, alive, output / "stereo_reproject-mine"):
+    for path in (nameless_new, starting, starting_elsewhere, elsewhere, alive, output / "stereo_reproject-mine"):
         assert path.exists(), path
 
 

@@ -1,4 +1,4 @@
-"""Who carries pixels over: what was asked for, numpy where there is no GPU, and the faster of the two when left free."""
+"""Who carries pixels over: what was asked for, numpy without a GPU, and left free the faster of the two."""
 
 import numpy as np
 import pytest
