@@ -106,7 +106,7 @@ def format_bench(report: Mapping[str, Any]) -> str:
             f"warp stage    {scene['name']}, {scene['mode']}, {width}x{height}, {report['warp']} on {report['device']}",
             f"  seconds         {report['seconds']:10.4f}   {spread}",
             f"    carry         {report['carry_seconds']:10.4f}   grid, forward warp, lookup of the passes",
-            f"      grid, warp  {_seconds(report['map_seconds'])}   where each pixel comes from, without steps and lookup",
+            f"      grid, warp  {_seconds(report['map_seconds'])}   where pixels come from, without steps or lookup",
             f"    reasons       {report['reasons_seconds']:10.4f}   which pixels are to be traced, and why",
             f"  bare lookup     {report['lookup_seconds']:10.4f}   SciPy, bilinear, three channels",
             f"  lookup ratio    {report['lookup_ratio']:10.2f}   {report['lookup_ratio_is']}",

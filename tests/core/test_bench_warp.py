@@ -15,7 +15,7 @@ from stereo_reproject import bench, cli, made_up, warp_bench, worker
 from stereo_reproject.bench import BenchSettings, format_bench
 from stereo_reproject.carrying import carry
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.warp_stage import WarpStage
+from stereo_reproject.warp_stage import NUMPY, WarpStage
 
 ROOT = Path(cli.__file__).resolve().parent.parent
 SECONDS = 60.0
@@ -90,13 +90,16 @@ def test_it_measures_without_blender_and_replaces_the_file(tmp_path, scene):
 
 
 def test_the_medians_and_the_ratio_are_those_of_all_turns(monkeypatch):
-    turns = iter([warp_bench.Turn(1.0, 1.0, 1.0), *(warp_bench.Turn(0.2, 0.1 * k, 0.1) for k in (1, 4, 3, 2))])
+    turns = iter(
+        [warp_bench.Turn(1.0, 1.0, 1.0, 0.5), *(warp_bench.Turn(0.2, 0.1 * k, 0.1, 0.05) for k in (1, 4, 3, 2))]
+    )
     monkeypatch.setattr(warp_bench, "_turn", lambda *_: next(turns))
     report = measured()
     assert report["all_seconds"] == pytest.approx([2.0, 0.3, 0.6, 0.5, 0.4])
     assert report["seconds"] == pytest.approx(0.5)
     assert report["carry_seconds"] == pytest.approx(0.2)
     assert report["reasons_seconds"] == pytest.approx(0.3)
+    assert report["map_seconds"] == pytest.approx(0.05)
     assert report["lookup_ratio"] == pytest.approx(4.0), "the ratios are 2, 3, 6, 5, 4"
     assert "ratio" in report["lookup_ratio_is"]
 
@@ -125,9 +128,9 @@ def test_the_agreement_counts_holes_and_takes_the_largest_colour_difference_wher
 
     class Stage:
         def whole(self, warp):
-            return (Carried(colour), ours) if warp == "numpy" else (Carried(other), theirs)
+            return (Carried(colour), ours) if warp is NUMPY else (Carried(other), theirs)
 
-    agreement = warp_bench._agreement(Stage(), lambda: ("a GPU", ""))
+    agreement = warp_bench._agreement(Stage(), lambda: (GPU, ""))
     assert agreement == {"holes": 1 / 20, "colour": 0.25, "why_none": None}
     assert "5.0000% of the pixels, colours by 0.25" in bench._agreement_line(agreement)
 
