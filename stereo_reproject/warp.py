@@ -97,7 +97,24 @@ def without_area(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDAr
     """
     height, width = depth.shape
     torn = _torn_quads(cut_right, cut_down, lattice_depth(depth))[: height + 1, : width + 1]
-    return torn[:-1, :-1] & torn[:-1, 1:] & torn[1:, :-1] & torn[1:, 1:] & ~np.isnan(depth)
+    return _all_four(torn) & ~np.isnan(depth)
+
+
+def narrow(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): the same, and those whose other quads stand alone between two torn ones.
+
+    What is drawn of two pixels side by side may fall between two of the target's pixel centres.
+    """
+    height, width = depth.shape
+    torn = _torn_quads(cut_right, cut_down, lattice_depth(depth))[: height + 1, : width + 1]
+    around = np.pad(torn, 1, constant_values=True)
+    across, down = around[1:-1, :-2] & around[1:-1, 2:], around[:-2, 1:-1] & around[2:, 1:-1]
+    return _all_four(torn | across | down) & ~np.isnan(depth)
+
+
+def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): pixels all of whose quads (H + 1, W + 1) are set."""
+    return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
 
 
 @dataclass(frozen=True)
