@@ -164,7 +164,7 @@ class _Chain:
         return won.reshape(height, self._width)
 
     def _hide(self, nearest: NDArray, first: NDArray, count: NDArray, surface: NDArray[np.bool_]) -> None:
-        """Take from `nearest` what lies behind a surface that is not drawn: too slanted, or seen from its other side."""
+        """Take from `nearest` what lies behind a surface that is not drawn: too slanted, or seen from behind."""
         rows, interval = np.nonzero(surface)
         if rows.size == 0:
             return
