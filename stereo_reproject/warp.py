@@ -244,7 +244,8 @@ class _Surface:
 
         def at(coefficients: NDArray) -> NDArray:
             base, along_x, along_y = coefficients
-            return base if single else base[quad] + along_x[quad] * step_x + along_y[quad] * step_y
+            # In one type, or what comes out would depend on what else is drawn at a time.
+            return base.astype(np.float64) if single else base[quad] + along_x[quad] * step_x + along_y[quad] * step_y
 
         def spread(values: NDArray) -> NDArray:
             values = np.broadcast_to(values, quads.x.shape[2:])[chosen]
