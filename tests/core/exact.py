@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from hypothesis import settings
+from scipy.ndimage import maximum_filter
 
 from stereo_reproject.accuracy import Accuracy
 from stereo_reproject.camera import (
@@ -182,9 +183,7 @@ def where_they_go(source, target, depth):
 
 def spread(image, reach):
     """(H, W): the largest within `reach` pixels; NaN is none."""
-    padded = np.pad(np.nan_to_num(image), reach, mode="edge")
-    window = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
-    return window.max(axis=(2, 3))
+    return maximum_filter(np.nan_to_num(image), size=2 * reach + 1, mode="nearest")
 
 
 def bent(moved, index):
@@ -311,7 +310,7 @@ def _coarse(depth, x, y, source, target, grid, threshold):
 def bent_within_cell(x, y):
     """(H, W) pixels by which the perspective of a coarse cell misses: that of a pixel, over CELL of them."""
     one = np.zeros(x.shape, int)
-    return CELL**2 * (bent(x, one) + bent(y, one))
+    return CELL**2 * spread(bent(x, one) + bent(y, one), CELL)
 
 
 @dataclass(frozen=True)
