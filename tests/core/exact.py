@@ -252,7 +252,8 @@ def limits(depth, index, source, target, grid, *, threshold, step) -> Limits:
         edge |= _beside(~one, axis, np.logical_or, False)
     ring = np.ones(depth.shape, bool)
     ring[1:-1, 1:-1] = False
-    native = native + np.where(ring, 0.5 * slope, 0.0)
+    # Half a pixel of the slope, and of what that grows by: eight times an eighth of the second difference.
+    native = native + np.where(ring, 0.5 * (slope + 8.0 * native), 0.0)
     steps = np.where(spread(edge.astype(float), 2) > 0, step, 0.0)
     coarse = _coarse(depth, x, y, source, target, grid, threshold)
     size = max(source.width, target.width, source.height, target.height)
