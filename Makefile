@@ -69,7 +69,7 @@ preview: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/preview.py --scenes $(SCENES)
 
 clean:
-	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .ruff_cache
+	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .hypothesis .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Order-only: they look at the environment each time, and that alone installs nothing anew.

@@ -28,7 +28,7 @@ from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band
 from .thin import THRESHOLD, landings, sparse, thin_things
-from .warp import Warp, without_area
+from .warp import Warp, narrow
 
 PINHOLE = Lens()
 
@@ -197,9 +197,9 @@ class Marking:
         return reasons
 
     def _one_pixel_wide(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
-        """(H, W) target pixels: what has no area in the grid shows on either side of where it lands."""
+        """(H, W) target pixels: what has next to no area in the grid shows on either side of where it lands."""
         depth = self.source[DEPTH_PASS][..., 0]
-        alone = without_area(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
+        alone = narrow(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
         landed = landings(sparse(alone) & blurred, depth, self.source_camera, self.target_camera, warp)
         return dilate(landed, accuracy.silhouette_radius)
 

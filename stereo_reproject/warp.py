@@ -101,7 +101,23 @@ def without_area(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDAr
     depth, cut_right and cut_down are as for `forward_warp`. A pixel without a depth is not one.
     """
     torn = _torn_quads(cut_right, cut_down, depth)
-    return torn[:-1, :-1] & torn[:-1, 1:] & torn[1:, :-1] & torn[1:, 1:] & ~np.isnan(depth)
+    return _all_four(torn) & ~np.isnan(depth)
+
+
+def narrow(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): the same, and those whose other quads stand alone between two torn ones.
+
+    What is drawn of two pixels side by side may fall between two of the target's pixel centres.
+    """
+    torn = _torn_quads(cut_right, cut_down, depth)
+    around = np.pad(torn, 1, constant_values=True)
+    across, down = around[1:-1, :-2] & around[1:-1, 2:], around[:-2, 1:-1] & around[2:, 1:-1]
+    return _all_four(torn | across | down) & ~np.isnan(depth)
+
+
+def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): pixels all of whose quads (H + 1, W + 1) are set."""
+    return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
 
 
 @dataclass(frozen=True)
@@ -226,7 +242,8 @@ class _Surface:
 
         def at(coefficients: NDArray) -> NDArray:
             base, along_x, along_y = coefficients
-            return base if single else base[quad] + along_x[quad] * step_x + along_y[quad] * step_y
+            # In one type, or what comes out would depend on what else is drawn at a time.
+            return base.astype(np.float64) if single else base[quad] + along_x[quad] * step_x + along_y[quad] * step_y
 
         def spread(values: NDArray) -> NDArray:
             values = np.broadcast_to(values, quads.x.shape[2:])[chosen]

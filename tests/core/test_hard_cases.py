@@ -1,0 +1,513 @@
+"""Depths, colours, sizes and patterns at their worst: no exception, no warning, no number that is none, no wrong pixel
+that is not flagged; and whatever should not matter does not."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stereo_reproject import lookup, silhouettes, warp
+from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.camera import ViewPlane
+from stereo_reproject.composite import contain
+from stereo_reproject.holes import TEAR, Reason
+from stereo_reproject.parallax import parallax_angle, parallax_difference
+from stereo_reproject.rectified import shift_of
+from stereo_reproject.reprojection import reproject
+
+from .analytic import Plane, Sphere, World, pixel_centres
+from .exact import ROUNDINGS, Rig, examples, judged, nothing_said, passes_of, reprojected, where_they_go
+
+SIZE = (93, 62)
+MODES = ["off-axis", "parallel", "toe-in"]
+DEPTHS = [1e-6, 1e-3, 1.0, 1.0000001, 4.0, 1e4, 1e9, np.inf]
+BROKEN = [0.0, -0.0, -1.0, -1e9, 1e-45, -1e-45, 1e-39, np.nan, -np.inf]
+
+ROUNDING = ROUNDINGS * np.finfo(np.float32).eps
+"""Of a float32 position, in parts of the largest number that it is made of."""
+
+
+def whole(result, source):
+    """Nothing in it is a number that is none, and what is shown lies in the source."""
+    covered = result.warp.covered
+    for name, image in result.passes.items():
+        assert not np.isnan(image).any(), name
+        assert name == "Depth" or np.isfinite(image).all(), name
+    np.testing.assert_array_equal(np.isnan(result.warp.x), ~covered)
+    np.testing.assert_array_equal(np.isnan(result.warp.y), ~covered)
+    assert not np.isnan(result.warp.nearness).any()
+    assert (result.reasons[~covered] != 0).all(), "what nothing landed on is flagged"
+    for place, size in ((result.warp.x, source.width), (result.warp.y, source.height)):
+        assert np.all((place[covered] >= -0.51) & (place[covered] <= size + 0.51))
+    assert (result.passes["Depth"][covered & (result.reasons == 0)] > 0.0).all()
+
+
+def lands(depth, result, source, target):
+    """Pixels that are not flagged show what is between the depths of the two pixels that they lie between: it lands
+    on them, to rounding. For rectified pairs."""
+    shift = shift_of(source, target)
+    row, column = np.nonzero((result.reasons == 0) & result.warp.covered)
+    x = result.warp.x[row, column].astype(np.float64)
+    nearness = source.nearness_from_depth(depth.astype(np.float64))
+    left = np.clip(np.floor(x - 0.5).astype(int), 0, source.width - 1)
+    right = np.minimum(left + 1, source.width - 1)
+    along = np.clip(x - 0.5 - left, 0.0, 1.0)
+    there = (1.0 - along) * nearness[row, left] + along * nearness[row, right]
+    moved = shift.offset + shift.per_nearness * there
+    rounding = ROUNDING * (source.width + abs(shift.offset) + np.abs(shift.per_nearness * there))
+    # A coarse cell misses what its threshold lets it; see test_guarantee.
+    coarse = 0.0 if result.grid.subdivided.all() else TEAR
+    assert np.all(np.abs(x + moved - (column + 0.5)) <= rounding + coarse)
+
+
+# Depths
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scale", [None, 5.0])
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("accuracy", ["balanced", "exact"])
+def test_all_depths_in_one_picture(mode, scale, swapped, accuracy):
+    source, target = Rig(size=SIZE, mode=mode, scale=scale).eyes[:: -1 if swapped else 1]
+    depth = np.random.default_rng(3).choice(np.float32(DEPTHS), SIZE[::-1])
+    result = reprojected(passes_of(depth), source, target, accuracy=SETTINGS[accuracy])
+    whole(result, source)
+    if mode != "toe-in":
+        lands(depth, result, source, target)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scale", [None, 5.0])
+@pytest.mark.parametrize("cleaned", [False, True])
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_a_broken_depth_pass(mode, scale, cleaned, share):
+    """As the pipeline has it, which cleans it first, and handed to `reproject` as it is: the same comes of it."""
+    source, target = Rig(size=SIZE, mode=mode, scale=scale).eyes
+    rng = np.random.default_rng(4)
+    depth = np.where(rng.random(SIZE[::-1]) < share, rng.choice(np.float32(BROKEN), SIZE[::-1]), np.float32(3.0))
+    result = reprojected(passes_of(depth), source, target, cleaned=cleaned)
+    whole(result, source)
+    np.testing.assert_array_equal(
+        result.reasons, reprojected(passes_of(np.where(depth > 1.0, depth, np.nan)), source, target).reasons
+    )
+    if share == 1.0:
+        assert not result.warp.covered.any()
+
+
+@pytest.mark.parametrize("scale", [None, 5.0])
+@pytest.mark.parametrize("ipd", [0.065, 1e3])
+def test_depths_at_the_ends_of_what_float32_holds(scale, ipd):
+    depth = np.random.default_rng(5).choice(np.float32([1.2e-38, 1e-37, 1e-30, 1.0, 1e30, 3e38, np.inf]), SIZE[::-1])
+    for mode in MODES:
+        source, target = Rig(size=SIZE, mode=mode, scale=scale, ipd=ipd, lens=5000.0).eyes
+        whole(reprojected(passes_of(depth), source, target), source)
+
+
+@pytest.mark.parametrize("column", [16, 40, 63])
+@pytest.mark.parametrize("near", [1e-6, 0.1, 1.0])
+def test_the_near_plane_beside_the_sky(near, column):
+    """Half of the picture each; the eyes are so close that what is near moves by seven pixels."""
+    source, target = Rig(size=SIZE, mode="parallel").eyes
+    ipd = 7.3 * near / -shift_of(source, target).per_nearness * 0.065
+    source, target = Rig(size=SIZE, mode="parallel", ipd=ipd).eyes
+    depth = np.full(SIZE[::-1], np.inf, np.float32)
+    depth[:, :column] = near
+    result = reprojected(passes_of(depth), source, target)
+    whole(result, source)
+    lands(depth, result, source, target)
+    edge = column - 7.3
+    shown = result.passes["Depth"][..., 0]
+    x, _ = pixel_centres(target)
+    told = (result.reasons == 0) & (np.abs(x - edge) > 1.0)
+    np.testing.assert_array_equal(shown[told], np.where(x < edge, np.float32(near), np.inf)[told])
+    uncovered = (x > edge + 1.0) & (x < column - 1.0)
+    assert (result.reasons[uncovered] & Reason.DISOCCLUDED.bit).all()
+
+
+@pytest.mark.parametrize("depth", [1e-6, 0.1, 3.0, 1e4, 1e9])
+@pytest.mark.parametrize("pattern", ["equal", "ulps", "one ulp"])
+def test_depths_that_are_all_but_equal(depth, pattern):
+    """No edge, no tear and no hole is seen in them, however many places of a float32 they are from zero."""
+    rng = np.random.default_rng(6)
+    places = {"equal": 0 * rng.integers(0, 2, SIZE[::-1]), "ulps": rng.integers(-4, 5, SIZE[::-1])}
+    places["one ulp"] = rng.integers(0, 2, SIZE[::-1])
+    values = np.float32(depth) + places[pattern].astype(np.float32) * np.spacing(np.float32(depth))
+    source, target = Rig(size=SIZE, convergence=1.2 * depth, ipd=0.05 * depth).eyes
+    result = reprojected(passes_of(values), source, target)
+    whole(result, source)
+    lands(values, result, source, target)
+    outside = (result.reasons & Reason.OUTSIDE.bit) > 0
+    inside = ~outside
+    inside[:, :-1] &= ~outside[:, 1:]
+    inside[:, 1:] &= ~outside[:, :-1]
+    assert not result.reasons[inside & (result.reasons != Reason.SILHOUETTE.bit)].any()
+    assert (result.reasons[inside] == 0).all()
+
+
+@examples(60)
+@given(
+    st.lists(st.floats(-6, 9).map(lambda log: 10.0**log), min_size=2, max_size=6), st.integers(0, 2**16), st.booleans()
+)
+def test_depths_made_up(values, seed, blocks):
+    """Pixel by pixel, or in blocks: what is not flagged lands where it is shown."""
+    size = (40, 24)
+    source, target = Rig(size=size, ipd=0.4 * min(values), convergence=2.0 * min(values)).eyes
+    depth = np.random.default_rng(seed).choice(np.float32([*values, np.inf]), (3, 5) if blocks else size[::-1])
+    depth = depth.repeat(8, axis=0).repeat(8, axis=1) if blocks else depth
+    result = reprojected(passes_of(depth), source, target)
+    whole(result, source)
+    lands(depth, result, source, target)
+
+
+# Theta-delta
+
+
+def exact_difference(near, far, ipd):
+    with mpmath.workdps(400):
+        half = mpmath.mpf(ipd) / 2
+        farther = mpmath.mpf(0) if np.isinf(far) else mpmath.atan(half / mpmath.mpf(far))
+        return 2 * (mpmath.atan(half / mpmath.mpf(near)) - farther)
+
+
+PARALLAX_TOLERANCE = 1e-6
+"""Relative, over all depths; what is reached is a few roundings of a float64."""
+
+NAIVE = [(1e9, 1e9 * (1 + 1e-12), 0.065), (1e-6, 1e-6 * (1 + 1e-14), 0.065), (10.0, np.nextafter(10.0, 11.0), 1e-9)]
+
+
+@examples(300)
+@given(st.floats(-120, 120), st.floats(-15, 15), st.floats(-20, 20))
+def test_the_parallax_of_any_two_depths(log_near, log_gap, log_ipd):
+    near, ipd = 10.0**log_near, 10.0**log_ipd
+    far = near * (1.0 + 10.0**log_gap)
+    with nothing_said():
+        got = float(parallax_difference(np.array(near), np.array(far), ipd))
+    wanted = exact_difference(near, far, ipd)
+    assert abs(got - wanted) <= PARALLAX_TOLERANCE * abs(wanted)
+
+
+@pytest.mark.parametrize(("near", "far", "ipd"), [*NAIVE, (1e-6, np.inf, 0.065), (1e9, np.inf, 1e-9), (1e-6, 1e9, 1e3)])
+def test_the_parallax_at_the_ends(near, far, ipd):
+    wanted = exact_difference(near, far, ipd)
+    got = float(parallax_difference(np.array(near), np.array(far), ipd))
+    assert abs(got - wanted) <= PARALLAX_TOLERANCE * abs(wanted)
+    if (near, far, ipd) in NAIVE:
+        plain = float(parallax_angle(np.array(near), ipd) - parallax_angle(np.array(far), ipd))
+        assert abs(plain - wanted) > PARALLAX_TOLERANCE * abs(wanted), "the naive form would not do"
+
+
+# Colours
+
+
+@pytest.mark.parametrize("value", [1e30, -1e30, 0.0, -1.0, 1e-45, np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("accuracy", ["balanced", "high", "exact"])
+def test_colours_of_any_size(value, interpolation, accuracy):
+    rng = np.random.default_rng(7)
+    colour = rng.uniform(0, 1, (*SIZE[::-1], 4))
+    chosen = rng.random(SIZE[::-1]) < 0.05
+    colour[chosen] = value
+    depth = np.where(pixel_centres(Rig(size=SIZE).eyes[0])[0] < 50, 1.5, 4.0)
+    passes = passes_of(depth, colour, Emit=np.float32(colour[..., :3]))
+    source, target = Rig(size=SIZE).eyes
+    result = reprojected(passes, source, target, accuracy=SETTINGS[accuracy], interpolation=interpolation)
+    whole(result, source)
+    low, high = (
+        extreme(passes["Combined"][np.isfinite(passes["Combined"])], initial=0.0) for extreme in (np.min, np.max)
+    )
+    assert result.passes["Combined"].min() >= low
+    assert result.passes["Combined"].max() <= high
+    invalid = (result.reasons & Reason.INVALID.bit) > 0
+    if np.isfinite(value):
+        assert not invalid.any()
+        return
+    # None of what is not flagged takes anything from a pixel that is no number.
+    beside = [chosen[np.clip(y, 0, SIZE[1] - 1), np.clip(x, 0, SIZE[0] - 1)] for y, x in _looked_at(result)]
+    assert not (np.any(beside, axis=0) & (result.reasons == 0)).any()
+    assert invalid.any()
+
+
+def _looked_at(result):
+    """Row and column of the four pixels that a bilinear lookup takes from, less those of no weight."""
+    x, y = (np.where(result.warp.covered, p, 0.5) for p in (result.warp.x, result.warp.y))
+    for right in (-0.499, 0.499):
+        for down in (-0.499, 0.499):
+            yield np.floor(y + down).astype(int), np.floor(x + right).astype(int)
+
+
+def test_contain_says_what_it_has_cleaned():
+    passes = passes_of(np.resize(np.float32(BROKEN), (3, 3)))
+    passes["Combined"][0, 0, 2], passes["Combined"][2, 1, 3] = np.nan, np.inf
+    with nothing_said():
+        clean, invalid = contain(passes)
+    assert np.isnan(clean["Depth"]).all()
+    assert np.argwhere(invalid).tolist() == [[0, 0], [2, 1]]
+    assert clean["Combined"][0, 0, 2] == clean["Combined"][2, 1, 3] == 0.0
+
+
+# Sizes
+
+
+SIZES = [(1, 1), (1, 7), (7, 1), (1, 40), (40, 1), (2, 2), (3, 5), (15, 2), (17, 33), (33, 17), (97, 31), (31, 16)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+@pytest.mark.parametrize("scale", [None, 5.0])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_pictures_of_any_size(size, mode, scale, interpolation):
+    source, target = Rig(size=size, mode=mode, scale=scale).eyes
+    rng = np.random.default_rng(8)
+    for depth in (rng.uniform(1, 5, size[::-1]), np.full(size[::-1], 2.0), np.full(size[::-1], np.inf)):
+        for accuracy in ("balanced", "exact"):
+            result = reprojected(
+                passes_of(depth), source, target, accuracy=SETTINGS[accuracy], interpolation=interpolation
+            )
+            whole(result, source)
+    # Of fewer pixels the perspective within one is not known, by which eyes that are toed in may be off.
+    if scale is None and (mode == "off-axis" or min(size) > 2):
+        result = judged(World((Plane((0.0, 0.0, -2.0)),)), source, target)
+        assert not result.wrong.any(), result.worst
+
+
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+def test_a_picture_16384_wide(mode):
+    world = World((Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), Sphere((0.1, 0.0, -3.0), 0.01)))
+    source, target = Rig(size=(16384, 12), mode=mode, lens=35.0).eyes
+    result = judged(world, source, target)
+    assert not result.wrong.any(), result.worst
+    assert result.flagged.mean() < 0.1
+
+
+# Patterns
+
+
+def comb(x, _):
+    return np.where(x % 2 < 1, 1.5, 4.0)
+
+
+def slats(x, _):
+    return np.where(x % 7 < 1, 1.5, 4.0)
+
+
+def chequers(x, y):
+    return np.where((x + y) % 2 < 1, 1.5, 4.0)
+
+
+def blocks(x, y):
+    return np.where((x // 16 + y // 16) % 2 < 1, 1.5, 4.0)
+
+
+def every_step(x, y):
+    """A step in each row, of every height from a hundredth of a pixel to ten."""
+    return 1.0 / (0.25 + np.where(x > 45, 1.0, 0.0) * 1.2 * 10.0 ** (-3.0 * (1.0 - y / SIZE[1])))
+
+
+def rows(_, y):
+    return np.where(y % 2 < 1, 1.5, 4.0)
+
+
+@pytest.mark.parametrize("pattern", [comb, slats, chequers, blocks, every_step, rows])
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_patterns(pattern, mode, swapped):
+    source, target = Rig(size=SIZE, mode=mode).eyes[:: -1 if swapped else 1]
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    depth = pattern(x, y).astype(np.float32)
+    result = reprojected(passes_of(depth), source, target)
+    whole(result, source)
+    if mode != "toe-in":
+        lands(depth, result, source, target)
+    if pattern in (comb, chequers):
+        assert (result.reasons != 0).all(), "nothing in them can be told from noise"
+        assert result.grid.subdivided.all()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_slats_are_never_lost(mode):
+    """One pixel wide, six apart: where each of them lands is flagged."""
+    source, target = Rig(size=SIZE, mode=mode).eyes
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    depth = slats(x, y)
+    result = reprojected(passes_of(depth), source, target)
+    at_x, at_y = (p[depth == 1.5] for p in where_they_go(source, target, np.full(depth.shape, 1.5)))
+    inside = (at_x > 0) & (at_x < SIZE[0]) & (at_y > 0) & (at_y < SIZE[1])
+    assert (result.reasons[at_y[inside].astype(int), at_x[inside].astype(int)] != 0).all()
+
+
+def test_all_hole_and_no_hole():
+    source, target = Rig(size=SIZE).eyes
+    assert (reprojected(passes_of(np.full(SIZE[::-1], np.nan)), source, target).reasons == Reason.OUTSIDE.bit).all()
+    depth = np.random.default_rng(9).uniform(0.5, 5.0, SIZE[::-1])
+    same = reprojected(passes_of(np.where(depth < 1.0, np.inf, depth)), source, source)
+    assert not same.reasons.any()
+    x, y = pixel_centres(source)
+    np.testing.assert_array_equal(same.warp.x, x)
+    np.testing.assert_array_equal(same.warp.y, y)
+
+
+# What should not matter
+
+
+WORLDS = {
+    "all": World(
+        (
+            Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)),
+            Plane((0.0, 0.0, -8.0)),
+            Sphere((0.3, 0.1, -3.0), 0.6),
+            Plane((-0.4, 0.1, -2.0), half=0.25),
+        )
+    ),
+    "slanted": World((Plane((0.0, 0.0, -4.0), (0.5, 0.2, 1.0)),)),
+}
+
+
+def flipped(eye):
+    """The same camera in a mirror that swaps left and right."""
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    plane = eye.plane
+    return replace(
+        eye,
+        world_from_camera=mirror @ eye.world_from_camera @ mirror,
+        plane=ViewPlane(-plane.right, -plane.left, plane.bottom, plane.top),
+    )
+
+
+@pytest.mark.parametrize("mode", ["off-axis", "parallel"])
+@pytest.mark.parametrize("scale", [None, 5.0])
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("threshold", [0.0, 1.0])
+def test_the_mirrored_pair_is_the_pair_mirrored(world, mode, scale, threshold):
+    size = (191, 120)  # whole cells, and their ring: they are the same ones from either side
+    source, target = Rig(size=size, mode=mode, scale=scale, ipd=0.2, convergence=3.3).eyes
+    depth, index = WORLDS[world].hit(source, *pixel_centres(source))
+    passes = passes_of(depth, IndexOB=np.float32(index)[..., None])
+    turned = {name: image[:, ::-1].copy() for name, image in passes.items()}
+    turned["Combined"][..., 0] = passes["Combined"][..., 0][:, ::-1]
+    one = reprojected(passes, source, target, grid_threshold=threshold)
+    other = reprojected(turned, flipped(source), flipped(target), grid_threshold=threshold)
+    # A coarse cell's diagonal goes one way.
+    allowed = 2.0 * ROUNDING * size[0] + (TEAR if threshold else 0.0)
+    np.testing.assert_array_equal(other.reasons[:, ::-1], one.reasons)
+    told = one.reasons == 0
+    np.testing.assert_allclose(size[0] - other.warp.x[:, ::-1][told], one.warp.x[told], rtol=0, atol=allowed)
+    # A position to rounding is a value to as much of what the next pixel differs by.
+    for name, change in (("Combined", 1.0), ("IndexOB", 0.0)):
+        np.testing.assert_allclose(
+            other.passes[name][:, ::-1][told], one.passes[name][told], rtol=0, atol=change * allowed
+        )
+
+
+def test_the_mirrored_pair_of_eyes_that_are_toed_in():
+    """Its quads are cut along one diagonal: what is mirrored is off by what the two triangles are."""
+    source, target = Rig(size=(191, 120), mode="toe-in", ipd=0.2, convergence=3.3).eyes
+    for world in WORLDS.values():
+        one = judged(world, source, target)
+        other = judged(
+            replace(world, surfaces=tuple(_in_the_mirror(s) for s in world.surfaces)), flipped(source), flipped(target)
+        )
+        assert not one.wrong.any(), one.worst
+        assert not other.wrong.any(), other.worst
+        assert np.mean(one.flagged != other.flagged[:, ::-1]) < 0.002, "ties"
+
+
+def _in_the_mirror(surface):
+    if isinstance(surface, Sphere):
+        return replace(surface, centre=(-surface.centre[0], *surface.centre[1:]))
+    turned = {name: (-getattr(surface, name)[0], *getattr(surface, name)[1:]) for name in ("point", "normal")}
+    return replace(surface, **turned)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("world", WORLDS)
+def test_there_and_back_again(world, mode):
+    """The target's warp, warped back: what neither way flags is where it was, to what both ways may be off."""
+    source, target = Rig(size=(190, 120), mode=mode, ipd=0.1, convergence=3.3).eyes
+    there = judged(WORLDS[world], source, target)
+    depth, _ = WORLDS[world].hit(source, *pixel_centres(source))
+    first = reprojected(passes_of(depth), source, target)
+    # A tracer fills what is flagged: here the world itself.
+    seen, _ = WORLDS[world].hit(target, *pixel_centres(target))
+    filled = np.where(first.reasons == 0, first.passes["Depth"][..., 0], np.float32(seen))
+    x, y = (np.where(first.reasons == 0, p, np.nan) for p in (first.warp.x, first.warp.y))
+    back = reprojected(passes_of(filled), target, source)
+    # Which source position does the target have where the way back looks? Beyond its pixels' centres it has none.
+    told, at = back.reasons == 0, []
+    for place, size in ((back.warp.y, 120), (back.warp.x, 190)):
+        place = np.nan_to_num(place) - 0.5
+        told &= (place >= 0.0) & (place < size - 1.0)
+        at.append(np.clip(place, 0.0, size - 1.001))
+    again = [_bilinear(p, *at) for p in (x, y)]
+    centre_x, centre_y = pixel_centres(source)
+    far = np.hypot(again[0] - centre_x, again[1] - centre_y)[told]
+    known = np.isfinite(far)
+    assert known.mean() > 0.5
+    assert far[known].max() <= 2.0 * there.beside_limit.max()
+    assert far[known].mean() < 0.02
+
+
+def _bilinear(image, i, j):
+    top, left = i.astype(int), j.astype(int)
+    down, right = i - top, j - left
+    return (
+        (1 - down) * ((1 - right) * image[top, left] + right * image[top, left + 1])
+        + down * ((1 - right) * image[top + 1, left] + right * image[top + 1, left + 1])
+    )  # fmt: skip
+
+
+def same(one, other):
+    np.testing.assert_array_equal(one.reasons, other.reasons)
+    for name in ("x", "y", "nearness"):
+        np.testing.assert_array_equal(getattr(one.warp, name), getattr(other.warp, name))
+    assert one.passes.keys() == other.passes.keys()
+    for name, image in one.passes.items():
+        np.testing.assert_array_equal(image, other.passes[name], err_msg=name)
+
+
+def noisy_passes(source):
+    depth, index = WORLDS["all"].hit(source, *pixel_centres(source))
+    colour = np.random.default_rng(10).uniform(0, 2, (*depth.shape, 4))
+    return passes_of(depth, colour, IndexOB=np.float32(index)[..., None])
+
+
+TILES = [(lookup, "BAND"), (warp, "CHUNK"), (silhouettes, "CHUNK")]
+
+
+@pytest.mark.parametrize(("module", "name"), TILES, ids=lambda value: getattr(value, "__name__", value))
+@pytest.mark.parametrize("tile", [1, 7, 1 << 20])
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+def test_the_size_of_a_tile_does_not_matter(module, name, tile, mode, monkeypatch):
+    source, target = Rig(size=(130, 75), mode=mode).eyes
+    passes = noisy_passes(source)
+    for interpolation in ("linear", "cubic"):
+        options = {"accuracy": SETTINGS["high"], "interpolation": interpolation}
+        before = reprojected(passes, source, target, **options)
+        assert getattr(module, name) != tile
+        with monkeypatch.context() as patch:
+            patch.setattr(module, name, tile)
+            same(reprojected(passes, source, target, **options), before)
+
+
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+def test_neither_does_what_else_runs(mode):
+    """Frames warped side by side in threads, each as if it were alone, and what they are made of left as it was."""
+    eyes = [Rig(size=(130, 75), mode=mode, ipd=ipd).eyes for ipd in (0.02, 0.065, 0.1, 0.2)]
+    passes = noisy_passes(eyes[0][0])
+    kept = {name: image.copy() for name, image in passes.items()}
+
+    def warped(pair):
+        invalid = np.zeros(passes["Combined"].shape[:2], bool)
+        return reproject(passes, *pair, accuracy=SETTINGS["high"], invalid=invalid)
+
+    alone = [warped(pair) for pair in eyes]
+    with ThreadPoolExecutor(4) as pool:
+        for one, other in zip(pool.map(warped, eyes * 3), alone * 3, strict=True):
+            same(one, other)
+    for name, image in passes.items():
+        np.testing.assert_array_equal(image, kept[name])
