@@ -80,7 +80,7 @@ def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> N
 
 def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
     """The same of the nearness (H, W) that `camera` sees."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
     return np.clip(disparity, -LARGEST, LARGEST, out=disparity)
 

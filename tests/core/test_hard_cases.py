@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereo_reproject import lookup, silhouettes, warp
+from stereo_reproject import bands, silhouettes, warp
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import ViewPlane
 from stereo_reproject.composite import contain
@@ -476,7 +476,7 @@ def noisy_passes(source):
     return passes_of(depth, colour, IndexOB=np.float32(index)[..., None])
 
 
-TILES = [(lookup, "BAND"), (warp, "CHUNK"), (silhouettes, "CHUNK")]
+TILES = [(bands, "PIXELS"), (warp, "CHUNK"), (silhouettes, "CHUNK")]
 
 
 @pytest.mark.parametrize(("module", "name"), TILES, ids=lambda value: getattr(value, "__name__", value))

@@ -87,6 +87,7 @@ class Caster:
     traced_colour: float | None = None
     asked: list = field(default_factory=list)
     deepest: float = 0.0
+    gpu: object = staticmethod(lambda: None)
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
     foreign: bool = False
 
