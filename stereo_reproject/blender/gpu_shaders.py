@@ -31,7 +31,7 @@ SAMPLERS = {
     "near_map": "FLOAT_2D",
     "before_map": "FLOAT_2D",
     "after_map": "FLOAT_2D",
-    "picture_map": "FLOAT_2D",  # a pass of the source, its channels side by side
+    "picture_map": "FLOAT_2D",  # a pass of the source, a texel for a pixel or for each of its channels
 }
 IMAGES = {
     "cut_image": ("R8UI", "UINT_2D", {"WRITE"}),
@@ -46,6 +46,7 @@ IMAGES = {
     "after_image": ("R32F", "FLOAT_2D", {"WRITE"}),
     "flag_image": ("R8UI", "UINT_2D", {"WRITE"}),
     "result_image": ("R32F", "FLOAT_2D", {"WRITE"}),
+    "result4_image": ("RGBA32F", "FLOAT_2D", {"WRITE"}),
 }
 CONSTANTS = {
     "source_size": "IVEC2",
@@ -61,7 +62,7 @@ CONSTANTS = {
     "move_scale": "VEC4",
     "quad_span": "INT",
     "to_settle": "INT",
-    "channel_count": "INT",
+    "texel_count": "INT",  # in a pixel
     "source_fold": "IVEC2",  # texels in a line, and lines in a row
     "target_fold": "IVEC2",
 }
@@ -358,7 +359,8 @@ void main() {
 }
 """
 
-# lookup._linear_taps, _cubic_taps, _nearest_taps and _lookup_band. TAPS: how many pixels along each axis.
+# lookup._linear_taps, _cubic_taps, _nearest_taps and _lookup_band. TAPS: how many pixels along each axis; LANES: how
+# many channels at once.
 BLENDED = """
 #if TAPS == 1
 #  define CENTRE 0.0
@@ -380,16 +382,16 @@ vec4 weights_at(float t) {
   return vec4(-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2);
 #endif
 }
-float blended(vec2 place) {
+VALUE blended(vec2 place) {
   vec2 shifted = place - CENTRE, start = floor(shifted);
   vec4 across = weights_at(shifted.x - start.x), along = weights_at(shifted.y - start.y);
-  float total = 0.0, least = 3.4e38, most = -3.4e38;
+  VALUE total = VALUE(0.0), least = VALUE(3.4e38), most = VALUE(-3.4e38);
   for (int row = 0; row < TAPS; row++) {
     for (int column = 0; column < TAPS; column++) {
       float weight = across[column] * along[row];
       if (weight != 0.0) {
         ivec2 pixel = ivec2(start) + ivec2(column, row) - REACH;
-        float value = value_at(clamp(pixel, ivec2(0), source_size - 1));
+        VALUE value = value_at(clamp(pixel, ivec2(0), source_size - 1));
         total += value * weight;
         least = min(least, value);
         most = max(most, value);
@@ -403,19 +405,31 @@ float blended(vec2 place) {
 # A picture is folded where its rows are wider than a texture: `fold` texels stand in a line, more lines in a row.
 LOOKUP = """
 ivec2 folded(ivec2 pixel, ivec2 fold) {
-  ivec2 texel = ivec2(pixel.x * channel_count + int(gl_GlobalInvocationID.z), pixel.y);
+  ivec2 texel = ivec2(pixel.x * texel_count + int(gl_GlobalInvocationID.z), pixel.y);
   if (fold.y == 1) return texel;
   int line = texel.x / fold.x;
   return ivec2(texel.x - line * fold.x, texel.y * fold.y + line);
 }
-float value_at(ivec2 pixel) { return texelFetch(picture_map, folded(pixel, source_fold), 0).x; }
+VALUE value_at(ivec2 pixel) {
+#if LANES == 4
+  return texelFetch(picture_map, folded(pixel, source_fold), 0);
+#else
+  return texelFetch(picture_map, folded(pixel, source_fold), 0).x;
+#endif
+}
 """
 LOOKED_UP = """
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
   if (pixel.x >= target_size.x || pixel.y >= target_size.y) return;
   vec2 place = vec2(texelFetch(x_map, pixel, 0).x, texelFetch(y_map, pixel, 0).x);
-  imageStore(result_image, folded(pixel, target_fold), vec4(is_nan(place.x) ? 0.0 : blended(place)));
+  VALUE value = VALUE(0.0);
+  if (!is_nan(place.x)) value = blended(place);
+#if LANES == 4
+  imageStore(result4_image, folded(pixel, target_fold), value);
+#else
+  imageStore(result_image, folded(pixel, target_fold), vec4(value));
+#endif
 }
 """
 
@@ -453,22 +467,22 @@ class Program:
     constants: tuple[str, ...]
     group: tuple[int, int] = (16, 16)
     taps: int = 0
+    lanes: int = 1
 
 
 MOVES = ("move_x", "move_y", "move_depth", "move_scale")
 PLACED = ("x_image", "y_image", "near_image")
-_LOOKUP_CONSTANTS = ("source_size", "target_size", "channel_count", "source_fold", "target_fold")
+_LOOKUP_CONSTANTS = ("source_size", "target_size", "texel_count", "source_fold", "target_fold")
 
 
-def _lookup(taps: int) -> Program:
-    source = LOOKUP + BLENDED + LOOKED_UP
-    return Program(source, ("picture_map", "x_map", "y_map"), ("result_image",), _LOOKUP_CONSTANTS, taps=taps)
+def _lookup(taps: int, lanes: int) -> Program:
+    source, result = LOOKUP + BLENDED + LOOKED_UP, "result_image" if lanes == 1 else f"result{lanes}_image"
+    samplers = ("picture_map", "x_map", "y_map")
+    return Program(source, samplers, (result,), _LOOKUP_CONSTANTS, taps=taps, lanes=lanes)
 
 
 PROGRAMS = {
-    "cuts": Program(
-        NEARNESS + CUTS, ("depth_map",), ("cut_image",), ("source_size", "is_parallel", "disparity_scale")
-    ),
+    "cuts": Program(NEARNESS + CUTS, ("depth_map",), ("cut_image",), ("source_size", "is_parallel", "disparity_scale")),
     "corners": Program(
         NEARNESS + SPLIT + CORNERS,
         ("depth_map", "split_map"),
@@ -482,7 +496,9 @@ PROGRAMS = {
         ("source_size", "target_size", "key_way"),
     ),
     "places": Program(PLACES, ("owner_map", "corner_map"), PLACED, ("target_size", "key_way")),
-    "vertices": Program(NEARNESS + RAY + MOVE + VERTICES, ("depth_map",), ("vertex_image",), ("source_size", "is_parallel", *MOVES)),
+    "vertices": Program(
+        NEARNESS + RAY + MOVE + VERTICES, ("depth_map",), ("vertex_image",), ("source_size", "is_parallel", *MOVES)
+    ),
     "draw": Program(
         SPLIT + TORN + DRAW,
         ("vertex_map", "split_map", "cut_map"),
@@ -490,9 +506,7 @@ PROGRAMS = {
         ("source_size", "target_size", "cell_count", "quad_span", "to_settle"),
     ),
     "settled": Program(SETTLED, ("owner_map", "place_map"), PLACED, ("target_size",)),
-    "neighbours": Program(
-        NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)
-    ),
+    "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,
         ("x_map", "y_map", "before_map", "after_map"),
@@ -506,9 +520,11 @@ PROGRAMS = {
         ("source_size", "target_size", "is_parallel", "move_depth", "move_scale"),
         taps=2,
     ),
-    "nearest": _lookup(1),
-    "linear": _lookup(2),
-    "cubic": _lookup(4),
+    **{
+        f"{how} {lanes}": _lookup(taps, lanes)
+        for how, taps in (("nearest", 1), ("linear", 2), ("cubic", 4))
+        for lanes in (1, 4)
+    },
 }
 
 
@@ -524,6 +540,8 @@ def compile_program(program: Program) -> gpu.types.GPUShader:
         info.push_constant(CONSTANTS[name], name)
     if program.taps:
         info.define("TAPS", str(program.taps))
+        info.define("LANES", str(program.lanes))
+        info.define("VALUE", "float" if program.lanes == 1 else f"vec{program.lanes}")
     info.local_group_size(*program.group)
     info.compute_source(COMMON + program.source)
     return gpu.shader.create_from_info(info)

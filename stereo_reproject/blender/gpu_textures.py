@@ -25,23 +25,27 @@ def shader(name: str) -> gpu.types.GPUShader:
     return compile_program(PROGRAMS[name])
 
 
-def fold(width: int, height: int, channels: int) -> tuple[int, int] | None:
-    """Texels in a line and lines in a row of a picture as one float a texel, None where no texture is large enough."""
-    limit, row = gpu.capabilities.max_texture_size_get(), width * channels
+def fold(width: int, height: int, texels: int) -> tuple[int, int] | None:
+    """Texels in a line and lines in a row of a picture of so many texels a pixel, None where no texture is large enough
+    for it."""
+    limit, row = gpu.capabilities.max_texture_size_get(), width * texels
     for lines in range(-(-row // limit), limit // height + 1):
         if row % lines == 0:
             return row // lines, lines
     return None
 
 
-def uploaded(values: NDArray[np.float32], size: tuple[int, int]) -> gpu.types.GPUTexture:
-    """A texture of one float a texel, size (width, height), with values of that number in all."""
+def uploaded(values: NDArray[np.float32], size: tuple[int, int], *, lanes: int = 1) -> gpu.types.GPUTexture:
+    """A texture of 1 or 4 floats a texel, size (width, height), with values of that number in all."""
     flat = np.ascontiguousarray(values, np.float32).ravel()
-    return _texture(size, "R32F", gpu.types.Buffer("FLOAT", flat.size, flat))
+    return _texture(size, "R32F" if lanes == 1 else "RGBA32F", gpu.types.Buffer("FLOAT", flat.size, flat))
 
 
 def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
-    """(height, width) float32 of a texture of floats, or uint32 of one of unsigned integers; nothing is copied."""
+    """(height, width) or (height, width, 4) float32 of a texture of floats, uint32 of one of unsigned integers.
+
+    Nothing is copied.
+    """
     return np.asarray(texture.read())
 
 

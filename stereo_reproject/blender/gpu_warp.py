@@ -24,7 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import carrying
-from ..camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane, disparity_per_nearness, target_from_source
+from ..camera import (
+    Camera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    ViewPlane,
+    disparity_per_nearness,
+    target_from_source,
+)
 from ..carrying import Carried
 from ..composite import target_position
 from ..grid import CELL, Grid, build_grid
@@ -85,8 +92,8 @@ def _fits(source: Passes, source_camera: Camera, target_camera: Camera) -> bool:
         return False
     cameras = (source_camera, target_camera)
     longest = max(max(camera.width, camera.height) for camera in cameras) + 2
-    channels = {image.shape[-1] for image in source.values()}
-    folds = [fold(camera.width, camera.height, each) for camera in cameras for each in channels]
+    texels = {image.shape[-1] // _lanes(image) for image in source.values()}
+    folds = [fold(camera.width, camera.height, each) for camera in cameras for each in texels]
     return longest <= gpu.capabilities.max_texture_size_get() and None not in folds
 
 
@@ -204,17 +211,25 @@ def _target_depth(bench: Bench, source: Camera, target: Camera) -> NDArray[np.fl
     return downloaded(result)
 
 
+def _lanes(image: NDArray) -> int:
+    """How many channels of a pass are looked up at once."""
+    return 4 if image.shape[-1] == 4 else 1
+
+
 def _looked_up(bench: Bench, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
     """(h, w, C): `lookup.lookup` of a pass (H, W, C)."""
     height, width, channels = image.shape
-    source_fold, target_fold = fold(width, height, channels), fold(target.width, target.height, channels)
+    lanes = _lanes(image)
+    texels = channels // lanes
+    source_fold, target_fold = fold(width, height, texels), fold(target.width, target.height, texels)
     if source_fold is None or target_fold is None:
         raise NoRoomError(f"{width} x {height} pixels of {channels} channels are more than a texture holds")
-    bench.textures["picture"] = uploaded(image, (source_fold[0], source_fold[1] * height))
-    result = bench.create("result", (target_fold[0], target_fold[1] * target.height))
+    bench.textures["picture"] = uploaded(image, (source_fold[0], source_fold[1] * height), lanes=lanes)
+    name = "result" if lanes == 1 else f"result{lanes}"
+    result = bench.create(name, (target_fold[0], target_fold[1] * target.height))
     folds: dict[str, Constant] = {"source_fold": source_fold, "target_fold": target_fold}
-    bench.run(how, _size(target), layers=channels, channel_count=channels, **folds)
-    bench.drop("picture", "result")
+    bench.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
+    bench.drop("picture", name)
     return downloaded(result).reshape(target.height, target.width, channels)
 
 
