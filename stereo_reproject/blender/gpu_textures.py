@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,6 +24,11 @@ class NoRoomError(RuntimeError):
 def shader(name: str) -> gpu.types.GPUShader:
     """One of `gpu_shaders.PROGRAMS`, compiled when it is first needed."""
     return compile_program(PROGRAMS[name])
+
+
+# A shader that outlives Blender's GPU takes the process down with it. Blender as a module leaves by this way, too, and
+# whoever came last goes first.
+atexit.register(shader.cache_clear)
 
 
 def fold(width: int, height: int, texels: int) -> tuple[int, int] | None:
@@ -79,8 +85,8 @@ class Bench:
         for image in program.images:
             compiled.image(image, self.textures[image.removesuffix("_image")])
         _set_constants(compiled, {key: ({**self.constants, **constants})[key] for key in program.constants})
-        groups = (-(-length // group) for length, group in zip(size, program.group, strict=True))
-        gpu.compute.dispatch(compiled, *groups, layers)
+        groups_x, groups_y = (-(-length // group) for length, group in zip(size, program.group, strict=True))
+        gpu.compute.dispatch(compiled, groups_x, groups_y, layers)
 
 
 def _set_constants(compiled: gpu.types.GPUShader, constants: Mapping[str, Constant]) -> None:

@@ -1,7 +1,7 @@
 """The warp stage on the GPU: what `carrying.carry` does with numpy, by the compute shaders of `gpu_shaders`.
 
-The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait for
-the answer. All that follows stays there, and every picture goes there and comes back once.
+The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait
+for the answer. All that follows stays there, and every picture goes there and comes back once.
 
 float32 is all that there is. What numpy computes in doubles is computed with differences here (`_moves`), so that what
 the two disagree on is what rounding decides: an edge within some 1e-5 px of a pixel's centre, a step in depth that is
@@ -11,14 +11,10 @@ just about a tear.
 from __future__ import annotations
 
 import contextlib
-import os
-import sys
-import tempfile
-from collections.abc import Iterator
+import threading
 from functools import cache
 from typing import Any
 
-import bpy
 import gpu
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +35,7 @@ from ..motion import Moving, standing_still, warp_motion
 from ..passes import COLOUR_PASS, DEPTH_PASS, OF_SOURCE, POSITION_PASS, VECTOR_PASS, Passes, filtered
 from ..rectified import Shift, shift_of
 from ..warp import Warp
+from .gpu_context import started
 from .gpu_textures import Bench, Constant, NoRoomError, downloaded, fold, uploaded
 
 NOTHING, LOWEST = -1, -(2**31)
@@ -48,17 +45,23 @@ SAME_COLOUR, SAME_COVERAGE = 1e-3, 0.01
 """What may be between the GPU and numpy in the trial, in colour, and as a share of the few pixels there."""
 
 
-@cache
 def usable() -> str | None:
-    """The GPU's name, None where there is none that warps as numpy does. Tried once per process, in silence."""
+    """The GPU's name, None where there is none that warps as numpy does. Tried once per process, in silence.
+
+    None in any thread but the main one, whose GPU it is.
+    """
+    return _tried() if threading.current_thread() is threading.main_thread() else None
+
+
+@cache
+def _tried() -> str | None:
     try:
-        if bpy.app.background and hasattr(gpu, "init"):
-            with _without_egl_errors():
-                gpu.init()
-        return gpu.platform.renderer_get() if all(_agrees(yaw) for yaw in (0.0, 0.02)) else None
+        if started() and all(_agrees(yaw) for yaw in (0.0, 0.02)):
+            return gpu.platform.renderer_get()
     # SystemError without a GPU, others where a driver fails; Exception itself is what a shader's compilation raises.
     except Exception:  # noqa: BLE001 - whatever it is, there is no GPU that works
         return None
+    return None
 
 
 def carry(
@@ -109,8 +112,10 @@ def _carried(
 ) -> Carried:
     depth = source[DEPTH_PASS]
     grid = build_grid(depth[..., 0], source_camera, target_camera, threshold=grid_threshold)
+    bench = _bench(depth, source_camera, target_camera, grid)
     try:
-        bench = _bench(depth, source_camera, target_camera, grid)
+        bench.create("cut", _size(source_camera))
+        bench.run("cuts", _size(source_camera))
         warp = _warped(bench, source_camera, target_camera)
         empty = _empty(bench, source_camera, target_camera)
         seen = _target_depth(bench, source_camera, target_camera)
@@ -136,7 +141,7 @@ def _size(camera: Camera) -> tuple[int, int]:
 
 
 def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> Bench:
-    """What all shaders are given: depth (H, W, 1), grid, and where the source's surface is torn."""
+    """What all shaders are given, the depth (H, W, 1) and the grid among it."""
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
         "source_size": _size(source),
@@ -146,10 +151,7 @@ def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Gri
         "disparity_scale": disparity_per_nearness(source, target),
     }
     split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
-    bench = Bench(constants, {"depth": uploaded(depth, _size(source)), "split": split})
-    bench.create("cut", _size(source))
-    bench.run("cuts", _size(source))
-    return bench
+    return Bench(constants, {"depth": uploaded(depth, _size(source)), "split": split})
 
 
 def _warped(bench: Bench, source: Camera, target: Camera) -> Warp:
@@ -258,28 +260,6 @@ def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
     move_y[1] -= scale[2]
     rows = {"move_x": move_x, "move_y": move_y, "move_depth": -back, "move_scale": scale}
     return {name: tuple(row.tolist()) for name, row in rows.items()}
-
-
-@contextlib.contextmanager
-def _without_egl_errors() -> Iterator[None]:
-    """Keep back what a driver says on stderr of the displays that it tried before the one that works."""
-    sys.stderr.flush()
-    with tempfile.TemporaryFile() as said, contextlib.ExitStack() as stack:
-        try:
-            kept = os.dup(2)
-        except OSError:  # There is no stderr, as in a window of Windows.
-            yield
-            return
-        stack.callback(os.close, kept)
-        os.dup2(said.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            said.seek(0)
-            for line in said:
-                if not line.startswith(b"EGL Error"):
-                    os.write(2, line)
 
 
 def _agrees(yaw: float) -> bool:

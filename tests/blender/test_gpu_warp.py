@@ -10,6 +10,8 @@ import gc
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -18,7 +20,8 @@ import numpy as np
 import pytest
 
 from stereo_reproject import carrying
-from stereo_reproject.blender import gpu_warp
+from stereo_reproject.blender import gpu_textures, gpu_warp
+from stereo_reproject.blender.gpu_shaders import PROGRAMS
 from stereo_reproject.camera import OrthographicCamera, target_px_from_source_px
 from stereo_reproject.motion import moving
 from stereo_reproject.passes import OF_SOURCE
@@ -149,18 +152,83 @@ def test_there_is_a_gpu_from_blender_5_2_on():
     assert (gpu_warp.usable() is not None) == HAS_GPU
 
 
+def in_another_process(program, **environment):
+    """What Python ends with, and what the program says on stdout (from "Loaded" on) and stderr."""
+    result = subprocess.run(
+        [sys.executable, "-c", f"import os, sys, bpy\nos.write(1, b'Loaded.')\n{program}"],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return result.returncode, result.stdout.partition("Loaded.")[2], result.stderr
+
+
 def test_whether_there_is_one_is_found_out_in_silence():
     program = """
-import os, sys, bpy
 from stereo_reproject.blender import gpu_warp
-os.write(1, b"imported")
 first = gpu_warp.usable()
 assert gpu_warp.usable() is first
 os.write(2, b"still heard")
 """
-    result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
-    said = result.stdout.partition("imported")[2]
-    assert (result.returncode, said, result.stderr) == (0, "", "still heard")
+    assert in_another_process(program) == (0, "", "still heard")
+
+
+def test_without_a_driver_there_is_none_and_no_crash(tmp_path):
+    program = "from stereo_reproject.blender import gpu_warp; os.write(1, repr(gpu_warp.usable()).encode())"
+    assert in_another_process(program, __EGL_VENDOR_LIBRARY_DIRS=str(tmp_path)) == (0, "None", "")
+
+
+def test_a_process_ends_well_whatever_still_holds_the_shaders():
+    program = """
+import gpu
+from stereo_reproject.blender import gpu_warp
+dispatch, runs = gpu.compute.dispatch, []
+def counted(*arguments):
+    runs.append(len(arguments))
+    return dispatch(*arguments)
+gpu.compute.dispatch = counted
+os.write(1, str(bool(gpu_warp.usable()) and bool(runs)).encode())
+"""
+    assert in_another_process(program) == (0, str(HAS_GPU), "")
+
+
+@pytest.fixture
+def untried():
+    """As if no one had asked for the GPU yet."""
+
+    def forget():
+        gpu_warp._tried.cache_clear()
+        gpu_textures.shader.cache_clear()
+
+    forget()
+    yield
+    forget()
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        pytest.param("total += value * weight", "total += value", id="that computes something else"),
+        pytest.param("total += value * weight", "total += nonsense", id="that compiles nothing"),
+    ],
+)
+def test_a_gpu_is_of_no_use(right, wrong, untried, monkeypatch, capfd):
+    program = PROGRAMS["cubic 4"]
+    assert right in program.source
+    monkeypatch.setitem(PROGRAMS, "cubic 4", replace(program, source=program.source.replace(right, wrong)))
+    assert gpu_warp.usable() is None
+    assert_identical(*both(passes_of("steps", SIZE), *pair("off-axis"), interpolation="cubic"))
+
+
+def test_numpy_warps_in_any_thread_but_the_main_one(dispatched):
+    assert (gpu_warp.usable() is not None) == HAS_GPU
+    dispatched.clear()
+    with ThreadPoolExecutor(1) as threads:
+        results = threads.submit(both, passes_of("steps", SIZE), *pair("off-axis")).result()
+    assert_identical(*results)
+    assert not dispatched
 
 
 @pytest.mark.parametrize("kind", RECTIFIED + TURNED)
@@ -189,9 +257,8 @@ def test_the_room_of_the_bench(swapped, interpolation):
 def test_odd_sizes(kind, size, scene):
     one, other = pair(kind, size)
     # One pixel is a large share of those.
-    assert_same(
-        *both(passes_of(scene, size), one, other), allowed=2.0 / (size[0] * size[1]) if scene == "unknown" else 0
-    )
+    allowed = 2.0 / (size[0] * size[1]) if scene == "unknown" else 0.0
+    assert_same(*both(passes_of(scene, size), one, other), allowed=allowed)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 1000.0])
@@ -206,7 +273,8 @@ def test_no_depth_disturbs_it():
     source = passes_of("smooth", SIZE)
     source["Depth"] = np.random.default_rng(2).choice(values, source["Depth"].shape).astype(np.float32)
     for kind in ("off-axis", "toe-in", "orthographic parallel"):
-        ours = gpu_warp.carry(source, *pair(kind))
+        with np.errstate(over="ignore"):
+            ours = gpu_warp.carry(source, *pair(kind))
         assert np.array_equal(np.isnan(ours.warp.x), ~ours.warp.covered)
         assert not np.isnan(ours.warp.nearness).any()
         assert np.isfinite(ours.passes["Combined"]).all()
@@ -217,11 +285,10 @@ def test_positions_and_vectors_are_the_target_s_own(kind):
     one, other = pair(kind)
     source = passes_of("steps", SIZE)
     origin, direction = world_rays(one, *(axis.ravel() for axis in pixel_centres(one)))
-    source["Position"] = (
-        (origin + source["Depth"].reshape(-1, 1) * direction).reshape(*SIZE[::-1], 3).astype(np.float32)
-    )
+    position = origin + source["Depth"].reshape(-1, 1) * direction
+    source["Position"] = position.reshape(*SIZE[::-1], 3).astype(np.float32)
     source["Vector"] = np.random.default_rng(3).uniform(-4.0, 4.0, (*SIZE[::-1], 4)).astype(np.float32)
-    source |= {name: source["Combined"] for name in OF_SOURCE}
+    source |= dict.fromkeys(OF_SOURCE, source["Combined"])
     motion = tuple(moving(eye, eye, eye) for eye in (one, other))
     ours, numpys = both(source, one, other, motion=motion)
     assert_same(ours, numpys)
@@ -236,10 +303,9 @@ def test_what_it_says_of_a_pixel_lands_on_it():
     one, other = pair("toe-in")
     ours = gpu_warp.carry(passes_of("smooth", SIZE), one, other, grid_threshold=0.0)
     there = ours.warp.covered
-    x, y, depth = (values[there].astype(np.float64) for values in (ours.warp.x, ours.warp.y, ours.warp.nearness))
-    back_x, back_y, _ = target_px_from_source_px(
-        other, one, *(axis[there] for axis in pixel_centres(other)), 1.0 / depth
-    )
+    x, y, near = (values[there].astype(np.float64) for values in (ours.warp.x, ours.warp.y, ours.warp.nearness))
+    centres = (axis[there] for axis in pixel_centres(other))
+    back_x, back_y, _ = target_px_from_source_px(other, one, *centres, 1.0 / near)
     assert there.mean() > 0.9
     np.testing.assert_allclose(back_x, x, atol=4e-3)
     np.testing.assert_allclose(back_y, y, atol=4e-3)
