@@ -122,6 +122,7 @@ def share_apart(ours, numpys):
     nearness, other = 1.0 / depth, 1.0 / expected
     unlike = ~(np.abs(nearness - other) <= SAME_DEPTH * np.nanmax(other)) & ~(np.isnan(depth) & np.isnan(expected))
     result["Depth"] = np.mean(there & unlike)
+    result["sky"] = np.mean(there & (np.isposinf(depth) != np.isposinf(expected)))
     return result
 
 
@@ -226,6 +227,7 @@ def test_numpy_warps_in_any_thread_but_the_main_one(dispatched):
     assert (gpu_warp.usable() is not None) == HAS_GPU
     dispatched.clear()
     with ThreadPoolExecutor(1) as threads:
+        assert threads.submit(gpu_warp.usable).result() is None
         results = threads.submit(both, passes_of("steps", SIZE), *pair("off-axis")).result()
     assert_identical(*results)
     assert not dispatched
@@ -262,9 +264,10 @@ def test_odd_sizes(kind, size, scene):
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 1000.0])
-def test_coarse_cells_are_what_numpy_s_are(threshold):
+@pytest.mark.parametrize("scene", ["smooth", "steps"])
+def test_coarse_cells_are_what_numpy_s_are(threshold, scene):
     for kind in ("off-axis", "toe-in", "orthographic toe-in"):
-        assert_same(*both(passes_of("smooth", SIZE), *pair(kind), grid_threshold=threshold))
+        assert_same(*both(passes_of(scene, SIZE), *pair(kind), grid_threshold=threshold))
 
 
 def test_no_depth_disturbs_it():
