@@ -35,7 +35,7 @@ def warp_passes(
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
         elif name == POSITION_PASS:
-            warped[name] = _target_position(image, seen, warp, target_camera)
+            warped[name] = target_position(image, seen, warp, target_camera)
         elif name == VECTOR_PASS:
             eyes = motion or (standing_still(source_camera), standing_still(target_camera))
             warped[name] = warp_motion(image, depth, warp, *eyes, seen)
@@ -47,7 +47,7 @@ def warp_passes(
     return warped
 
 
-def _target_position(
+def target_position(
     position: NDArray[np.float32], depth: NDArray[np.float32], warp: Warp, target: Camera
 ) -> NDArray[np.float32]:
     """(H, W, 3): the points in the world that the target's pixel centres see at this depth (H, W).

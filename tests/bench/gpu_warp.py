@@ -1,0 +1,95 @@
+"""How long the warp takes on the GPU, step by step, against numpy's.
+
+    python tests/bench/gpu_warp.py [--runs 5]
+
+The picture is the room of the bench beside this, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
+two are timed in turn. The steps are timed apart from that, each with a wait for the GPU after it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import bpy
+
+from stereo_reproject import carrying
+from stereo_reproject.blender import gpu_textures, gpu_warp
+from tests.bench.warp import CONVERGENCE, INTEROCULAR, cameras, room, seconds
+from tests.core.analytic import stereo_rig
+
+SIZE = (1920, 1080)
+
+
+def pairs() -> dict:
+    rig = stereo_rig(SIZE, mode="toe-in", ipd=INTEROCULAR, convergence=CONVERGENCE)
+    return {"off-axis": cameras(*SIZE), "toe-in": (rig["left"], rig["right"])}
+
+
+def steps(call, runs: int) -> dict[str, float]:
+    """Medians of the seconds that a call spends in each kind of step."""
+    spent: dict[str, float] = defaultdict(float)
+    waited_for = gpu_textures.Bench({}).create("result", (1, 1))
+
+    def timed(function, label):
+        def step(*arguments, **options):
+            start = time.perf_counter()
+            result = function(*arguments, **options)
+            waited_for.read()
+            spent[label or arguments[1]] += time.perf_counter() - start
+            return result
+
+        return step
+
+    places = (
+        (gpu_warp, "build_grid", "grid (numpy)"),
+        (gpu_warp, "uploaded", "upload"),
+        (gpu_textures.Bench, "create", "textures"),
+        (gpu_textures.Bench, "run", None),
+        (gpu_warp, "downloaded", "readback"),
+    )
+    kept = [(owner, name, getattr(owner, name)) for owner, name, _ in places]
+    for (owner, name, label), (*_, function) in zip(places, kept, strict=True):
+        setattr(owner, name, timed(function, label))
+    measured = []
+    for _ in range(runs):
+        spent.clear()
+        call()
+        measured.append(dict(spent))
+    for owner, name, function in kept:
+        setattr(owner, name, function)
+    return {name: statistics.median(each[name] for each in measured) for name in measured[0]}
+
+
+def measure(source: dict, pair: tuple, interpolation: str, runs: int) -> str:
+    ours, numpys = [], []
+    for _ in range(runs):
+        ours.append(seconds(lambda: gpu_warp.carry(source, *pair, interpolation=interpolation)))
+        numpys.append(seconds(lambda: carrying.carry(source, *pair, interpolation=interpolation)))
+    of_steps = steps(lambda: gpu_warp.carry(source, *pair, interpolation=interpolation), runs)
+    ratio = statistics.median(a / b for a, b in zip(ours, numpys, strict=True))
+    times = ", ".join(f"{name} {1e3 * spent:.0f}" for name, spent in of_steps.items())
+    whole = f"GPU {1e3 * statistics.median(ours):.0f} ms, numpy {1e3 * statistics.median(numpys):.0f} ms"
+    return f"{whole}, ratio {ratio:.2f}; {times}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=5)
+    runs, name, source = parser.parse_args().runs, gpu_warp.usable(), room(*SIZE)
+    if name is None:
+        sys.exit(f"Blender {bpy.app.version_string} has no GPU here that warps")
+    print(name)
+    for kind, pair in pairs().items():
+        for interpolation in ("linear", "cubic"):
+            print(f"{kind}, {interpolation}: {measure(source, pair, interpolation, runs)}")
+
+
+if __name__ == "__main__":
+    main()
