@@ -64,7 +64,7 @@ CONSTANTS = {
     "is_parallel": "INT",  # whether the rays are: orthographic cameras
     "disparity_scale": "FLOAT",
     "shift_line": "VEC2",  # offset and change per nearness
-    "key_way": "IVEC2",  # x + y * interval is the greater the nearer; the key is twice that, and odd if the interval is shown
+    "key_way": "IVEC2",  # a key is 2 (x + y * interval), greater where nearer, and odd where it is shown
     "move_x": "VEC4",  # see gpu_warp._moves
     "move_y": "VEC4",
     "move_depth": "VEC4",
@@ -107,7 +107,7 @@ PROGRAMS = {
         NEARNESS + SPLIT + CORNERS,
         ("depth_map", "split_map"),
         ("corner_image",),
-        ("source_size", "cell_count", "is_parallel", "shift_line"),
+        ("source_size", "is_parallel", "shift_line"),
     ),
     "intervals": Program(
         SPLIT + TORN + INTERVALS,

@@ -2,7 +2,7 @@
 
     python tests/bench/gpu_warp.py [--runs 5]
 
-The picture is the room of the bench beside this, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
+The picture is the room of bench-warp, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
 two are timed in turn. The steps are timed apart from that, each with a wait for the GPU after it.
 """
 
@@ -20,16 +20,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import bpy
 
 from stereo_reproject import carrying
+from stereo_reproject.bench import MODES
 from stereo_reproject.blender import gpu_textures, gpu_warp
-from tests.bench.warp import CONVERGENCE, INTEROCULAR, cameras, room, seconds
-from tests.core.analytic import stereo_rig
+from stereo_reproject.made_up import eyes, room
 
 SIZE = (1920, 1080)
 
 
-def pairs() -> dict:
-    rig = stereo_rig(SIZE, mode="toe-in", ipd=INTEROCULAR, convergence=CONVERGENCE)
-    return {"off-axis": cameras(*SIZE), "toe-in": (rig["left"], rig["right"])}
+def seconds(call) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
 
 
 def steps(call, runs: int) -> dict[str, float]:
@@ -86,7 +87,8 @@ def main() -> None:
     if name is None:
         sys.exit(f"Blender {bpy.app.version_string} has no GPU here that warps")
     print(name)
-    for kind, pair in pairs().items():
+    for kind in MODES:
+        pair = eyes(*SIZE, kind)
         for interpolation in ("linear", "cubic"):
             print(f"{kind}, {interpolation}: {measure(source, pair, interpolation, runs)}")
 

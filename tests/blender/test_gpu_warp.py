@@ -23,9 +23,9 @@ from stereo_reproject import carrying
 from stereo_reproject.blender import gpu_textures, gpu_warp
 from stereo_reproject.blender.gpu_shaders import PROGRAMS
 from stereo_reproject.camera import OrthographicCamera, target_px_from_source_px
+from stereo_reproject.made_up import eyes, room
 from stereo_reproject.motion import moving
 from stereo_reproject.passes import OF_SOURCE
-from tests.bench.warp import cameras, room
 from tests.core.analytic import camera, pixel_centres, pose, stereo_rig, world_rays
 
 HAS_GPU = bpy.app.version >= (5, 2)
@@ -250,7 +250,7 @@ def test_it_is_what_numpy_does(kind, scene, swapped, dispatched):
 def test_the_room_of_the_bench(swapped, interpolation):
     size = (480, 270)
     source = room(*size) | {name: passes_of("smooth", size)[name] for name in ("Diffuse Color", "Object Index")}
-    assert_same(*both(source, *cameras(*size)[:: -1 if swapped else 1], interpolation=interpolation))
+    assert_same(*both(source, *eyes(*size)[:: -1 if swapped else 1], interpolation=interpolation))
 
 
 @pytest.mark.parametrize("kind", ["off-axis", "orthographic parallel", "toe-in", "orthographic toe-in"])
