@@ -289,7 +289,7 @@ def _shift_terms(depth, source, target):
 def _coarse(depth, x, y, source, target, grid, threshold):
     """(H, W) pixels: what may be missed in a coarse cell, 0 in the others."""
     height, width = depth.shape
-    rows, columns = np.minimum(np.arange(height) + 1, height) // 16, np.minimum(np.arange(width) + 1, width) // 16
+    rows, columns = ((np.arange(size) + 1) // CELL for size in (height, width))
     # A position half a pixel beside a centre may be the next cell's.
     coarse = ~grid.subdivided[np.ix_(rows, columns)]
     coarse = spread(coarse.astype(float), 1) > 0

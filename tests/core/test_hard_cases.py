@@ -161,12 +161,8 @@ def test_depths_that_are_all_but_equal(depth, pattern):
     result = reprojected(passes_of(values), source, target)
     whole(result, source)
     lands(values, result, source, target)
-    outside = (result.reasons & Reason.OUTSIDE.bit) > 0
-    inside = ~outside
-    inside[:, :-1] &= ~outside[:, 1:]
-    inside[:, 1:] &= ~outside[:, :-1]
-    assert not result.reasons[inside & (result.reasons != Reason.SILHOUETTE.bit)].any()
-    assert (result.reasons[inside] == 0).all()
+    assert not (result.reasons & ~Reason.OUTSIDE.bit).any()
+    assert np.mean(result.reasons == 0) > 0.9
 
 
 @examples(60)
