@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, PerspectiveCamera, disparity_per_nearness
+from .camera import Camera, PerspectiveCamera, disparity_per_nearness, target_px_from_source_px
 from .parallax import ARC_MINUTE, parallax_difference
 
 CELL = 16
@@ -19,6 +19,10 @@ CELL = 16
 
 ORTHOGRAPHIC_VIEW_ANGLE = np.radians(40.0)
 """An orthographic picture has no visual angle; it is judged as if its width were seen under this one."""
+
+
+PERSPECTIVE = 0.1
+"""Of the pixels that a coarse cell's depths may move, those by which its perspective may be off."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +57,9 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
     """Subdivide the cells whose depths differ by more than `threshold` arc minutes of binocular parallax.
 
     Or by more than `most` pixels of it: a long lens makes many of a minute, and so does what is nearer than the eyes
-    are to each other. depth is (H, W), +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a
-    subdivided cell are subdivided too, so that a coarse edge only ever meets a fine one where both are flat (paper: no
-    T-junctions).
+    are to each other; and where the perspective of eyes that are toed in bends by a tenth of that. depth is (H, W),
+    +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are subdivided too, so
+    that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
     """
     height, width = depth.shape
     near, far = _cell_extremes(depth)
@@ -63,6 +67,8 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
     with np.errstate(invalid="ignore"):
         steep = ~(difference <= threshold * ARC_MINUTE)
         steep |= _disparity_range(near, far, source, target) > most
+        if np.isfinite(most):
+            steep |= ~(_bend(far, source, target) <= PERSPECTIVE * most)
     guarded = steep.copy()
     guarded[1:] |= steep[:-1]
     guarded[:-1] |= steep[1:]
@@ -82,6 +88,20 @@ def _disparity_range(near: NDArray, far: NDArray, source: Camera, target: Camera
     """In pixels."""
     near, far = (source.nearness_from_depth(depth.astype(np.float64)) for depth in (near, far))
     return (near - far) * disparity_per_nearness(source, target)
+
+
+def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
+    """(R, C) pixels between where the middles of the cells go and the middles of their diagonals; depth is a cell's."""
+    i, j = (CELL * np.arange(count) - 0.5 for count in depth.shape)
+
+    def goes_to(right: int, down: int) -> NDArray:
+        x, y, _ = target_px_from_source_px(source, target, j + right, i[:, None] + down, depth)
+        return np.array([x, y])
+
+    middle = goes_to(CELL // 2, CELL // 2)
+    falling = 0.5 * (goes_to(0, 0) + goes_to(CELL, CELL)) - middle
+    rising = 0.5 * (goes_to(CELL, 0) + goes_to(0, CELL)) - middle
+    return np.maximum(np.hypot(*falling), np.hypot(*rising))
 
 
 def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:

@@ -23,7 +23,7 @@ from stereo_reproject.camera import (
     disparity_per_nearness,
 )
 from stereo_reproject.composite import contain
-from stereo_reproject.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE
+from stereo_reproject.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, PERSPECTIVE
 from stereo_reproject.holes import TEAR
 from stereo_reproject.parallax import ARC_MINUTE
 from stereo_reproject.rectified import MAX_STRETCH
@@ -40,6 +40,10 @@ STRICT = Accuracy(silhouette_step=0.1, silhouette_radius=2, colour_tolerance=0.0
 ROUNDINGS = 4.0
 """Roundings to float32 on the way to a position, each by half a unit in the last place of the largest number in it:
 depth, nearness, how far it moves, where that is."""
+
+THIRD_DIFFERENCES = 1.5
+"""How much more than in the middle of a cell its perspective may be off elsewhere: a lens of 8 mm on 200 pixels changes
+by a quarter over one."""
 
 SEEN = 1e-6
 """Share by which the source may see something nearer and still see the same point: the rounding of two traces."""
@@ -285,7 +289,7 @@ def _shift_terms(depth, source, target):
 def _coarse(depth, x, y, source, target, grid, threshold):
     """(H, W) pixels: what may be missed in a coarse cell, 0 in the others."""
     height, width = depth.shape
-    rows, columns = np.minimum(np.arange(height) + 1, height) // 16, np.minimum(np.arange(width) + 1, width) // 16
+    rows, columns = ((np.arange(size) + 1) // CELL for size in (height, width))
     # A position half a pixel beside a centre may be the next cell's.
     coarse = ~grid.subdivided[np.ix_(rows, columns)]
     coarse = spread(coarse.astype(float), 1) > 0
@@ -294,6 +298,7 @@ def _coarse(depth, x, y, source, target, grid, threshold):
     known = depth[coarse]
     flat = np.full(depth.shape, np.inf if isinstance(source, PerspectiveCamera) else 1.0)
     sky = bent_within_cell(*where_they_go(source, target, flat))
+    sky = np.minimum(sky, THIRD_DIFFERENCES * PERSPECTIVE * TEAR)
     if isinstance(source, OrthographicCamera):
         minute = threshold * ARC_MINUTE / ORTHOGRAPHIC_VIEW_ANGLE * source.width
         return np.where(coarse, min(minute, TEAR) + sky, 0.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stereo_reproject import bands, silhouettes, warp
 from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.camera import ViewPlane
+from stereo_reproject.camera import ViewPlane, target_px_from_source_px
 from stereo_reproject.composite import contain
 from stereo_reproject.holes import TEAR, Reason
 from stereo_reproject.parallax import parallax_angle, parallax_difference
@@ -109,6 +109,25 @@ def test_depths_at_the_ends_of_what_float32_holds(scale, ipd):
         whole(reprojected(passes_of(depth), source, target), source)
 
 
+def test_what_a_float32_holds_no_more_is_the_sky():
+    """For the target some of it is deeper; and a mean of a nearness and of none may be too small to be divided by."""
+    source, target = Rig(size=SIZE, mode="toe-in", lens=8.0).eyes
+    result = reprojected(passes_of(np.full(SIZE[::-1], 3.3e38)), source, target)
+    whole(result, source)
+    depth = result.passes["Depth"][result.reasons == 0]
+    assert np.isposinf(depth).any()
+    assert np.isfinite(depth).any()
+    with nothing_said():
+        assert np.isposinf(source.depth_from_nearness(np.float32([1e-42, 0.0]))).all()
+
+
+def test_parallel_rays_see_what_is_in_their_own_plane():
+    source, target = Rig(size=SIZE, mode="toe-in", scale=5.0).eyes
+    with nothing_said():
+        at_zero, just_ahead = (target_px_from_source_px(source, target, 40.5, 30.5, np.array(z)) for z in (0.0, 1e-9))
+    np.testing.assert_allclose(at_zero[:2], just_ahead[:2], rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("column", [16, 40, 63])
 @pytest.mark.parametrize("near", [1e-6, 0.1, 1.0])
 def test_the_near_plane_beside_the_sky(near, column):
@@ -142,12 +161,8 @@ def test_depths_that_are_all_but_equal(depth, pattern):
     result = reprojected(passes_of(values), source, target)
     whole(result, source)
     lands(values, result, source, target)
-    outside = (result.reasons & Reason.OUTSIDE.bit) > 0
-    inside = ~outside
-    inside[:, :-1] &= ~outside[:, 1:]
-    inside[:, 1:] &= ~outside[:, :-1]
-    assert not result.reasons[inside & (result.reasons != Reason.SILHOUETTE.bit)].any()
-    assert (result.reasons[inside] == 0).all()
+    assert not (result.reasons & ~Reason.OUTSIDE.bit).any()
+    assert np.mean(result.reasons == 0) > 0.9
 
 
 @examples(60)
@@ -182,7 +197,7 @@ NAIVE = [(1e9, 1e9 * (1 + 1e-12), 0.065), (1e-6, 1e-6 * (1 + 1e-14), 0.065), (10
 
 
 @examples(300)
-@given(st.floats(-120, 120), st.floats(-15, 15), st.floats(-20, 20))
+@given(st.floats(-160, 160), st.floats(-15, 15), st.floats(-20, 20))
 def test_the_parallax_of_any_two_depths(log_near, log_gap, log_ipd):
     near, ipd = 10.0**log_near, 10.0**log_ipd
     far = near * (1.0 + 10.0**log_gap)

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import OrthographicCamera, disparity_per_nearness
+from stereo_reproject.grid import PERSPECTIVE
+from stereo_reproject.holes import TEAR
 from stereo_reproject.rectified import shift_of
 
 from .analytic import Plane, Sphere, World, pixel_centres, pose
-from .exact import Rig, examples, judged, passes_of, px_per_slope, reprojected
+from .exact import THIRD_DIFFERENCES, Rig, examples, judged, passes_of, px_per_slope, reprojected
 
 SIZE = (150, 90)
 MODES = ["off-axis", "parallel", "toe-in"]
@@ -87,6 +89,18 @@ def test_toe_in(degrees, lens):
     rig = Rig(size=SIZE, mode="toe-in", lens=lens, ipd=2.0 * 3.0 * np.tan(np.radians(degrees)), convergence=3.0)
     world = World((Plane((0.0, 0.0, -8.0)), Sphere((0.1, 0.1, -3.0), 0.6), Plane((-0.4, -0.5, -2.5), half=0.3)))
     keeps_it(world, rig)
+
+
+@pytest.mark.parametrize("degrees", [0.1, 10.0, 45.0])
+def test_perspective_bends_no_coarse_cell(degrees):
+    """A sky has one depth: without its perspective all of it would be coarse, and off by pixels."""
+    rig = Rig(size=SIZE, mode="toe-in", lens=8.0, ipd=6.0 * np.tan(np.radians(degrees)), convergence=3.0)
+    source, target = rig.eyes
+    result = judged(World(), source, target)
+    told = ~result.flagged & ~result.unknown
+    assert result.off[told].max() <= THIRD_DIFFERENCES * PERSPECTIVE * TEAR
+    subdivided = reprojected(passes_of(np.full(SIZE[::-1], np.inf)), source, target).grid.subdivided
+    assert subdivided.any() == (degrees > 0.1)
 
 
 @pytest.mark.parametrize("degrees", [1.0, 44.0, 45.0, 46.0, 53.0])
