@@ -156,7 +156,8 @@ def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
 def _find_gpu() -> tuple[WarpStage | None, str]:
     """The GPU that can warp, or None and why there is none."""
     try:
-        # Without bpy there is still numpy to be measured.
+        # Without bpy, which brings `gpu`, there is still numpy to be measured.
+        importlib.import_module("bpy")
         gpu_warp = importlib.import_module(".blender.gpu_warp", __package__)
     except ImportError as error:
         return None, f"no usable GPU ({error})"
