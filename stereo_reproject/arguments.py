@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from .accuracy import SETTINGS
 from .animation_settings import AnimationSettings, read_every, read_frames
 from .bench import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings
+from .converters import number, read_by, size, value_of, whole_number
 from .delivery.layouts import LAYOUTS
 from .errors import BadInputError
 from .settings import (
@@ -94,7 +94,7 @@ def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
         "--compare",
         metavar="every=N",
         dest="every",
-        type=_read_by(read_every),
+        type=read_by(read_every),
         help="also render each N-th frame, from the scene's first on, with Blender's multiview, and measure against it",
     )
     _add_quiet(parser)
@@ -105,7 +105,7 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames",
         metavar="A-B[:STEP]",
-        type=_read_by(read_frames),
+        type=read_by(read_frames),
         help="frames to render, such as 1-24, 1-24:2 or 1-10,15; without it those of the scene",
     )
     existing = parser.add_mutually_exclusive_group()
@@ -170,10 +170,10 @@ def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
     def measured(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         default = getattr(BenchSettings, field)
         parser.add_argument(
-            option, metavar=metavar, type=_value_of(BenchSettings, field, read), default=default, help=text
+            option, metavar=metavar, type=value_of(BenchSettings, field, read), default=default, help=text
         )
 
-    measured("--size", "WxH", "size", _size, "size of one eye in pixels (1920x1080)")
+    measured("--size", "WxH", "size", size, "size of one eye in pixels (1920x1080)")
     parser.add_argument(
         "--scene",
         choices=SCENES,
@@ -182,7 +182,7 @@ def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--mode", choices=MODES, default=BenchSettings.mode, help="how the eyes converge (%(default)s)")
     parser.add_argument("--warp", choices=CARRIERS, default=BenchSettings.warp, help="who does the work (%(default)s)")
-    measured("--runs", "N", "runs", _whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
+    measured("--runs", "N", "runs", whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
     _add_grid_threshold(parser)
     parser.add_argument("--json", metavar="FILE", help="also write all figures into this file")
 
@@ -209,15 +209,15 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
     """The scene, and what replaces its own values."""
 
     def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
-        parser.add_argument(option, metavar=metavar, type=_value_of(SceneOverrides, field, read), help=text)
+        parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
 
     parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
-    override("--frame", "N", "frame", _whole_number, "frame to render")
-    override("--size", "WxH", "size", _size, "size of one eye in pixels, such as 1920x1080")
-    override("--samples", "N", "samples", _whole_number, "samples per pixel")
-    override("--seed", "N", "seed", _whole_number, "seed of the noise")
-    override("--interocular", "D", "interocular_distance", _number, "distance between the eyes, in scene units")
-    override("--convergence", "D", "convergence_distance", _number, "distance of zero parallax, in scene units")
+    override("--frame", "N", "frame", whole_number, "frame to render")
+    override("--size", "WxH", "size", size, "size of one eye in pixels, such as 1920x1080")
+    override("--samples", "N", "samples", whole_number, "samples per pixel")
+    override("--seed", "N", "seed", whole_number, "seed of the noise")
+    override("--interocular", "D", "interocular_distance", number, "distance between the eyes, in scene units")
+    override("--convergence", "D", "convergence_distance", number, "distance of zero parallax, in scene units")
     parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
@@ -255,7 +255,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument(
         "--tolerance",
         metavar="RATIO",
-        type=_value_of(StereoSettings, "tolerance", _number),
+        type=value_of(StereoSettings, "tolerance", number),
         help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
     )
     parser.add_argument(
@@ -286,55 +286,7 @@ def _add_grid_threshold(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--grid-threshold",
         metavar="ARCMIN",
-        type=_value_of(StereoSettings, "grid_threshold", _number),
+        type=value_of(StereoSettings, "grid_threshold", number),
         default=StereoSettings.grid_threshold,
         help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
     )
-
-
-def _whole_number(text: str) -> int:
-    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
-        raise ValueError("a whole number")
-    return int(text)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError("a number") from None
-
-
-def _size(text: str) -> tuple[int, int]:
-    if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
-        raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
-    width, height = re.split("[xX]", text)
-    return int(width), int(height)
-
-
-def _read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A converter for argparse whose own complaint is the one that is shown."""
-
-    def convert(text: str) -> Any:
-        try:
-            return read(text)
-        except BadInputError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-
-    return convert
-
-
-def _value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
-
-    def convert(text: str) -> Any:
-        try:
-            value = read(text)
-            settings(**{field: value})
-        except ValueError as wanted:
-            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}") from None
-        except BadInputError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
-        return value
-
-    return convert

@@ -188,7 +188,7 @@ def _along_rows(bench: Bench, source: Camera, target: Camera, shift: Shift) -> N
 
 
 def _draw(bench: Bench, source: Camera, target: Camera) -> None:
-    """As `warp._drawn` does; with no depth test of the GPU's, whose corners it would round to 1/256 px."""
+    """As `quads.draw_quads` does; with no depth test of the GPU's, whose corners it would round to 1/256 px."""
     width, height = _size(source)
     moves = _moves(source, target)
     bench.create("vertex", (width + 2, height + 2))

@@ -10,8 +10,8 @@ from __future__ import annotations
 from ..camera import OrthographicCamera
 from ..grid import CELL
 from ..holes import TEAR, Reason
+from ..quads import EDGE_TOLERANCE, LARGEST_AREA
 from ..rectified import FARTHEST, LARGEST, MAX_STRETCH
-from ..warp import EDGE_TOLERANCE, LARGEST_AREA
 
 COMMON = f"""
 #define CELL {CELL}
@@ -177,7 +177,7 @@ void main() {
 }
 """
 
-# warp._project
+# quads._project
 VERTICES = """
 void main() {
   ivec2 vertex = ivec2(gl_GlobalInvocationID.xy);
@@ -192,8 +192,8 @@ void main() {
 }
 """
 
-# warp._Surface.draw; drawn twice, the second time to settle who is nearest. By one and the same shader: two might round
-# the same nearness differently.
+# quads._Surface.draw; drawn twice, the second time to settle who is nearest. By one and the same shader: two might
+# round the same nearness differently.
 DRAW = """
 struct Triangle { vec3 origin; vec3 along_u; vec3 along_v; float determinant; bool drawn; bool hides; };
 Triangle triangle_of(vec3 origin, vec3 end_u, vec3 end_v, float area) {
@@ -263,7 +263,7 @@ void main() {
 }
 """
 
-# warp._Surface.warp
+# quads._Surface.result
 SETTLED = """
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stereo_reproject import bands, silhouettes, warp
+from stereo_reproject import bands, quads, silhouettes
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import ViewPlane, target_px_from_source_px
 from stereo_reproject.composite import contain
@@ -491,7 +491,7 @@ def noisy_passes(source):
     return passes_of(depth, colour, IndexOB=np.float32(index)[..., None])
 
 
-TILES = [(bands, "PIXELS"), (warp, "CHUNK"), (silhouettes, "CHUNK")]
+TILES = [(bands, "PIXELS"), (quads, "CHUNK"), (silhouettes, "CHUNK")]
 
 
 @pytest.mark.parametrize(("module", "name"), TILES, ids=lambda value: getattr(value, "__name__", value))

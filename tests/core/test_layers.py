@@ -21,6 +21,7 @@ NUMERIC = {
     "grid",
     "warp",
     "rectified",
+    "quads",
     "bands",
     "carrying",
     "holes",

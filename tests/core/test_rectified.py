@@ -9,8 +9,9 @@ import pytest
 
 from stereo_reproject.camera import target_px_from_source_px
 from stereo_reproject.grid import CELL, build_grid, lattice_depth
+from stereo_reproject.quads import draw_quads
 from stereo_reproject.rectified import shift_of
-from stereo_reproject.warp import _drawn, _torn_quads, forward_warp
+from stereo_reproject.warp import Warp, forward_warp, torn_quads
 
 from .analytic import camera, pixel_centres, pose, stereo_rig
 
@@ -47,8 +48,8 @@ def both(depth, index, source, target, threshold):
     """The warp row by row, and that of its quads."""
     grid = build_grid(depth, source, target, threshold=threshold)
     cuts = {"cut_right": np.diff(index, axis=1) != 0, "cut_down": np.diff(index, axis=0) != 0}
-    torn = _torn_quads(*cuts.values(), depth)
-    return forward_warp(depth, source, target, grid, **cuts), _drawn(depth, source, target, grid, torn)
+    torn = torn_quads(*cuts.values(), depth)
+    return forward_warp(depth, source, target, grid, **cuts), Warp(*draw_quads(depth, source, target, grid, torn))
 
 
 @pytest.mark.parametrize("kind", RECTIFIED)

@@ -10,7 +10,7 @@ from stereo_reproject.holes import TEAR, Reason, disparity_steps
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.reprojection import reproject
 from stereo_reproject.thin import FARTHEST, LEAST_COVERED, THRESHOLD, landings, thin_things
-from stereo_reproject.warp import forward_warp, without_area
+from stereo_reproject.warp import forward_warp, narrow
 
 from .analytic import pixel_centres, px_from_world, stereo_rig
 
@@ -171,15 +171,17 @@ def drawn(depth, source, target):
     steps = disparity_steps(disparity)
     cuts = {"cut_right": steps.right > TEAR, "cut_down": steps.down > TEAR}
     grid = build_grid(depth, source, target, threshold=0.0)
-    return forward_warp(depth, source, target, grid, **cuts), without_area(depth, **cuts)
+    return forward_warp(depth, source, target, grid, **cuts), narrow(depth, **cuts)
 
 
-def test_what_is_one_pixel_wide_has_no_area():
+def test_what_is_a_pixel_or_two_wide_has_next_to_no_area():
     eyes = rig()
-    one, two = (drawn(slat(width), eyes["left"], eyes["right"])[1] for width in (1, 2))
+    one, two, three = (drawn(slat(width), eyes["left"], eyes["right"])[1] for width in (1, 2, 3))
     np.testing.assert_array_equal(np.nonzero(one.all(axis=0))[0], [COLUMN])
     assert one.sum() == SIZE[1]
-    assert not two.any()
+    np.testing.assert_array_equal(np.nonzero(two.all(axis=0))[0], [COLUMN, COLUMN + 1])
+    assert two.sum() == 2 * SIZE[1]
+    assert not three.any()
     across, down = slat(1).T.copy(), slat(1)
     eyes = stereo_rig(SIZE[::-1], ipd=0.15, convergence=4.0)
     assert drawn(across, eyes["left"], eyes["right"])[1][COLUMN].all()
