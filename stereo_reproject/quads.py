@@ -11,14 +11,10 @@ from numpy.typing import NDArray
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
-from .rectified import MAX_STRETCH
+from .rectified import EDGE_TOLERANCE, MAX_STRETCH
 
 CHUNK = 192
 """Cells drawn at a time: some 25 000 pixels, whose temporaries stay in a processor's cache."""
-
-EDGE_TOLERANCE = 1e-3
-"""How far, in quads, a pixel centre may lie outside a triangle and still be covered: neighbouring quads share their
-vertices, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
 
 LARGEST_AREA = 1e12
 """Square pixels: what is larger is so by rounding."""

@@ -27,6 +27,10 @@ from .grid import CELL, Grid
 MAX_STRETCH = 2.5
 """An interval that covers more target pixels than this holds too little to fill them: it is left a hole."""
 
+EDGE_TOLERANCE = 1e-3
+"""How far, in quads or intervals, a pixel centre may lie outside of one and still be covered: neighbours share their
+corners, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
+
 FARTHEST = 1e6
 """Pixels: what moves further is outside any picture, and its place still a number that integers hold."""
 
@@ -140,18 +144,18 @@ class _Chain:
         self._length = np.diff(self.corner).astype(np.float32)
         # Where intervals begin in the source, and target pixels' centres as if nothing moved.
         self._begin = self.corner[:-1] - np.float32(0.5)
+        self._before = self.corner - np.float32(1.0)
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
     def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
         """near (h, K + 1) and torn (h, W + 1), of corners and of the lattice's intervals, to source x and nearness
         (h, width). Without torn none is."""
         moved = self._moved(near)
-        first = (np.ceil(moved) + (self.corner - np.float32(1.0))).astype(np.int32)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
         undrawn = np.zeros(stretched.shape, bool)
         if torn is not None:
             undrawn[:, self._tearable] = torn[:, self._torn_column]
-        nearest = self._nearest(first, undrawn, stretched < MAX_STRETCH * self._length)
+        nearest = self._nearest(moved, undrawn, stretched < MAX_STRETCH * self._length)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
@@ -181,30 +185,32 @@ class _Chain:
         return np.fmax(np.fmin(moved, FARTHEST, out=moved), -FARTHEST, out=moved)
 
     def _nearest(
-        self, first: NDArray[np.int32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
+        self, moved: NDArray[np.float32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
     ) -> NDArray[np.int32]:
         """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
         none, or what is nearest has nothing to show: it is seen from its other side, or not tight but overstretched.
 
-        first (h, K + 1) are the pixels that begin at the corners. What is torn covers nothing.
+        moved (h, K + 1) is how far the corners do. What is torn covers nothing.
         """
         height = torn.shape[0]
+        first = (np.ceil(moved) + self._before).astype(np.int32)
+        interval = np.arange(torn.size, dtype=np.int32)
         edge = np.clip(first, 0, self._width)
         count = edge[:, 1:] - edge[:, :-1]
-        interval = np.arange(count.size, dtype=np.int32)
-        shown = tight & ~torn
-        if count.min() >= 0:
+        if count.min() >= 0 and not torn.any():
             # Nothing lies before anything else: each row is one interval after the other.
             nothing = np.full((height, 1), -1, np.int32)
-            inside = np.where(shown, interval.reshape(count.shape), nothing)
+            inside = np.where(tight, interval.reshape(count.shape), nothing)
             whole = np.hstack([edge[:, :1], count, self._width - edge[:, -1:]])
             return np.hstack([nothing, inside, nothing]).repeat(whole.ravel()).reshape(height, self._width)
-        shown &= count > 0
-        start = np.minimum(edge[:, :-1], edge[:, 1:]) + (np.arange(height, dtype=np.int32) * self._width)[:, None]
-        wide = np.where(torn, 0, np.abs(count)).ravel()
-        interval = interval.repeat(wide)
+        start, stop = (np.clip(ends, 0, self._width) for ends in self._ends(first, moved, torn))
+        shown = tight & ~torn & (stop > start)
+        wide = np.where(torn, 0, np.abs(stop - start)).ravel()
+        low = np.minimum(start, stop) + (np.arange(height, dtype=np.int32) * self._width)[:, None]
         ahead = np.cumsum(wide, dtype=np.int64) - wide
-        place = (start.ravel() - ahead).repeat(wide) + np.arange(interval.size)
+        place = (low.ravel() - ahead).repeat(wide)
+        place += np.arange(place.size)
+        interval = interval.repeat(wide)
         if self._shift.per_nearness > 0.0:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
@@ -212,3 +218,19 @@ class _Chain:
         won[place] = interval
         np.copyto(won, -1, where=~shown.ravel().take(won, mode="clip"))
         return won.reshape(height, self._width)
+
+    def _ends(
+        self, first: NDArray[np.int32], moved: NDArray[np.float32], torn: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """(h, K): the first pixel of each interval, and the one after its last.
+
+        A centre on a corner belongs to the interval after it; beside what is torn, to the one that is left.
+        """
+        start, stop = first[:, :-1].copy(), first[:, 1:].copy()
+        row, column = np.nonzero(torn[:, 1:])
+        corner = moved[row, column + 1] + np.float32(EDGE_TOLERANCE)
+        stop[row, column] = np.floor(corner) + self._before[column + 1] + 1.0
+        row, column = np.nonzero(torn[:, :-1])
+        corner = moved[row, column + 1] - np.float32(EDGE_TOLERANCE)
+        start[row, column + 1] = np.ceil(corner) + self._before[column + 1]
+        return start, stop

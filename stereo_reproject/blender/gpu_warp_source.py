@@ -10,8 +10,8 @@ from __future__ import annotations
 from ..camera import OrthographicCamera
 from ..grid import CELL
 from ..holes import TEAR, Reason
-from ..quads import EDGE_TOLERANCE, LARGEST_AREA
-from ..rectified import FARTHEST, LARGEST, MAX_STRETCH
+from ..quads import LARGEST_AREA
+from ..rectified import EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
 
 COMMON = f"""
 #define CELL {CELL}
@@ -141,12 +141,19 @@ void main() {
 
 # rectified._Chain._nearest
 INTERVALS = """
+// Whether nothing of it is drawn, for it is torn.
+bool is_open(ivec2 interval) {
+  ivec2 below = interval + ivec2(0, 1);
+  if (interval.x < 0 || interval.x > source_size.x || !is_split(below)) return false;
+  return is_torn(interval) && is_torn(below);
+}
 void main() {
-  ivec2 interval = ivec2(gl_GlobalInvocationID.xy), below = interval + ivec2(0, 1);
+  ivec2 interval = ivec2(gl_GlobalInvocationID.xy), right_of = ivec2(1, 0);
   if (interval.x > source_size.x || interval.y >= source_size.y) return;
   float left = texelFetch(corner_map, interval, 0).y, right = texelFetch(corner_map, interval + ivec2(1, 0), 0).y;
-  int first = interval.x - 1 + int(ceil(left)), end = interval.x + int(ceil(right));
-  if (first == end || (is_split(below) && is_torn(interval) && is_torn(below))) return;
+  int first = interval.x - 1 + int(ceil(is_open(interval - right_of) ? left - EDGE_TOLERANCE : left));
+  int end = interval.x + (is_open(interval + right_of) ? int(floor(right + EDGE_TOLERANCE)) + 1 : int(ceil(right)));
+  if (first == end || is_open(interval)) return;
   // What is overstretched or seen from its other side has nothing to show, but hides what is behind it.
   bool shown = first < end && 1.0 + right - left < MAX_STRETCH;
   int key = 2 * (key_way.x + key_way.y * interval.x) + (shown ? 1 : 0);

@@ -165,3 +165,18 @@ def test_pictures_of_any_size(size):
     ours, drawn = both(depth, np.zeros(depth.shape, int), source, target, threshold=1.0)
     assert np.array_equal(ours.covered, drawn.covered)
     np.testing.assert_allclose(ours.x[ours.covered], drawn.x[ours.covered], atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", RECTIFIED[:2])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_card_that_moves_by_whole_pixels_keeps_both_its_edges(kind, swapped):
+    """Then every centre lies on a corner, the last of which is torn from what comes next."""
+    source, target = pair(kind, swapped=swapped)
+    shift = shift_of(source, target)
+    whole = np.round(shift.offset + shift.per_nearness / 2.0)
+    depth, index = np.full(SIZE[::-1], np.inf, np.float32), np.zeros(SIZE[::-1], int)
+    depth[20:50, 40:60], index[20:50, 40:60] = shift.per_nearness / (whole - shift.offset), 1
+    ours, drawn = both(depth, index, source, target, threshold=0.0)
+    row = slice(int(40 + whole), int(60 + whole))
+    np.testing.assert_allclose(ours.x[30, row], np.arange(40.5, 60.0), atol=2e-3)
+    assert np.array_equal(ours.covered[30], drawn.covered[30])
