@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from .carrying import Carry, carry
 
 LEAST_PIXELS = 4_000_000
-"""From which a GPU is thought of unasked: for fewer, numpy takes a third of a second, and measuring both takes longer."""
+"""From which a GPU is thought of unasked: for fewer, numpy takes a third of a second, and measuring both longer."""
 
 
 @dataclass(frozen=True)
