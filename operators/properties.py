@@ -28,7 +28,7 @@ LOOKUPS = {
 }
 
 WARP_STAGES = {
-    "auto": ("Automatic", "The faster of the two, which is measured for pictures so large that it matters"),
+    "auto": ("Automatic", "In animations of large pictures the faster of the two, which is measured; else NumPy"),
     "numpy": ("NumPy", "On one core of the processor"),
     "gpu": ("GPU", "On the graphics card; as NumPy where none can be used"),
 }

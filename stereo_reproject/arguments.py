@@ -277,7 +277,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--warp",
         choices=WARPS,
         default=StereoSettings.warp,
-        help="what carries pixels over; auto measures once, for pictures so large that it matters, which is faster; "
+        help="what carries pixels over; auto measures once which is faster, in animations of large pictures; "
         "gpu is numpy where no GPU can be used (%(default)s)",
     )
 

@@ -10,6 +10,7 @@ from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
 from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
+from .rectified import shift_of
 from .warp import Warp
 
 
@@ -73,7 +74,8 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     with np.errstate(over="ignore"):
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
     seen = lookup(nearness, warp.x, warp.y)[..., 0]
-    moves = not np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
+    same_depth = np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
+    moves = not same_depth and shift_of(source, target) is None
     for rows in bands(seen.shape):
         x, y, covered = warp.x[rows], warp.y[rows], warp.nearness[rows] > -np.inf
         away = source.depth_from_nearness(seen[rows])

@@ -18,6 +18,7 @@ class Precedent:
         """What `denoising.noise_left` finds, or has found."""
         return find()
 
-    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
-        """Whether warping on the GPU is found, or was, to be faster than in numpy."""
-        return find()
+    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:  # noqa: ARG002 - for those that there are more frames of
+        """Whether warping on the GPU is found, or was, to be faster than in numpy. Not for a frame on its own: to warp
+        it on both would cost more than the faster one saves."""
+        return False

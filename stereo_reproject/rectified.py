@@ -31,6 +31,10 @@ EDGE_TOLERANCE = 1e-3
 """How far, in quads or intervals, a pixel centre may lie outside of one and still be covered: neighbours share their
 corners, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
 
+BROAD = 32
+"""Pixels: what is wider and has nothing to show makes holes of all that it covers, whether it is nearer or not: where
+depth goes to and fro by so much from one pixel to the next, the order costs more than it tells."""
+
 FARTHEST = 1e6
 """Pixels: what moves further is outside any picture, and its place still a number that integers hold."""
 
@@ -142,9 +146,10 @@ class _Chain:
         self._torn_column = self.corner[:-1][~after[:-1]]
         self._tearable = np.flatnonzero(~after[:-1])
         self._length = np.diff(self.corner).astype(np.float32)
+        self._longest = self._length.max()
         # Where intervals begin in the source, and target pixels' centres as if nothing moved.
-        self._begin = self.corner[:-1] - np.float32(0.5)
-        self._before = self.corner - np.float32(1.0)
+        self._begin = (self.corner[:-1] - 0.5).astype(np.float32)
+        self._before = (self.corner - 1.0).astype(np.float32)
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
     def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
@@ -170,6 +175,8 @@ class _Chain:
         along = self._beyond - x
         along -= found[..., 0]
         along *= found[..., 1]
+        # A centre within the tolerance beyond a corner has what is there, however narrow the interval is.
+        np.fmin(np.fmax(along, 0.0, out=along), self._reach(nearest, table.shape[0]), out=along)
         x += along
         along *= found[..., 3]
         along += found[..., 2]
@@ -177,6 +184,12 @@ class _Chain:
             np.copyto(x, np.nan, where=empty)
             np.copyto(along, -np.inf, where=empty)
         return x, along
+
+    def _reach(self, nearest: NDArray[np.int32], height: int) -> NDArray[np.float32] | np.float32:
+        """The length of the intervals (h, width), by their places in a table of so many rows."""
+        if self._longest == 1.0:
+            return self._longest
+        return np.tile(self._length, height).take(nearest, mode="clip")
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -205,8 +218,11 @@ class _Chain:
             return np.hstack([nothing, inside, nothing]).repeat(whole.ravel()).reshape(height, self._width)
         start, stop = (np.clip(ends, 0, self._width) for ends in self._ends(first, moved, torn))
         shown = tight & ~torn & (stop > start)
-        wide = np.where(torn, 0, np.abs(stop - start)).ravel()
-        low = np.minimum(start, stop) + (np.arange(height, dtype=np.int32) * self._width)[:, None]
+        low, wide = np.minimum(start, stop), np.where(torn, 0, np.abs(stop - start))
+        broad = ~shown & (wide > BROAD)
+        hidden = _within(low, wide, broad, self._width)
+        wide = np.where(broad, 0, wide).ravel()
+        low += (np.arange(height, dtype=np.int32) * self._width)[:, None]
         ahead = np.cumsum(wide, dtype=np.int64) - wide
         place = (low.ravel() - ahead).repeat(wide)
         place += np.arange(place.size)
@@ -217,7 +233,8 @@ class _Chain:
         # Of several that are written to one place the last one stands.
         won[place] = interval
         np.copyto(won, -1, where=~shown.ravel().take(won, mode="clip"))
-        return won.reshape(height, self._width)
+        won = won.reshape(height, self._width)
+        return won if hidden is None else np.where(hidden, np.int32(-1), won)
 
     def _ends(
         self, first: NDArray[np.int32], moved: NDArray[np.float32], torn: NDArray[np.bool_]
@@ -234,3 +251,15 @@ class _Chain:
         corner = moved[row, column + 1] - np.float32(EDGE_TOLERANCE)
         start[row, column + 1] = np.ceil(corner) + self._before[column + 1]
         return start, stop
+
+
+def _within(low: NDArray, wide: NDArray, chosen: NDArray[np.bool_], width: int) -> NDArray[np.bool_] | None:
+    """(h, width): the pixels that the chosen intervals (h, K) cover, from `low` on and so `wide`; None without any."""
+    row, column = np.nonzero(chosen)
+    if row.size == 0:
+        return None
+    change = np.zeros((low.shape[0], width + 1), np.int32)
+    first = low[row, column]
+    np.add.at(change, (row, first), 1)
+    np.add.at(change, (row, first + wide[row, column]), -1)
+    return np.cumsum(change, axis=1)[:, :width] > 0

@@ -64,8 +64,8 @@ def _along_rows(
     x, nearness = warp_rows(depth, source, target.width, shift, grid, torn)
     y = np.empty_like(x)
     for rows in bands(x.shape):
-        # NaN where x is.
-        y[rows] = 0.0 * x[rows] + np.arange(rows.start + 0.5, rows.stop, dtype=np.float32)[:, None]
+        y[rows] = np.arange(rows.start + 0.5, rows.stop, dtype=np.float32)[:, None]
+        np.copyto(y[rows], np.nan, where=np.isnan(x[rows]))
     return Warp(x, y, nearness)
 
 

@@ -23,15 +23,20 @@ VERSION = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
 def started() -> bool:
     """Whether the gpu module can be used in this thread, the main one; without a window that takes Blender 5.2.
 
-    Raises SystemError where Blender says so.
+    Where a driver that is amiss would end the process, and where nobody has tried, it cannot. Raises SystemError where
+    Blender says so.
     """
     if not bpy.app.background:
-        return True
-    if not hasattr(gpu, "init") or (sys.platform == "linux" and not _makes_contexts()):
+        # Metal counts in textures only if they are made for it, which the gpu module does not do.
+        return gpu.platform.backend_type_get() != "METAL"
+    if not hasattr(gpu, "init") or sys.platform != "linux" or _prefers_another_backend() or not _makes_contexts():
         return False
-    with _without_egl_errors():
-        gpu.init()
+    gpu.init()
     return True
+
+
+def _prefers_another_backend() -> bool:
+    return getattr(bpy.context.preferences.system, "gpu_backend", "OPENGL") != "OPENGL"
 
 
 def _makes_contexts() -> bool:
@@ -66,21 +71,17 @@ def _numbers(values: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
 
 
 @contextlib.contextmanager
-def _without_egl_errors() -> Iterator[None]:
-    """Keep back what Blender says on stderr of the versions that it tried before the one that works."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # There is no stderr, as in a window of Windows.
+def in_silence() -> Iterator[None]:
+    """Keep to ourselves what Blender and drivers say of what does not work: stdout and stderr, theirs and Python's."""
+    kept = {}
+    with tempfile.TemporaryFile() as said, contextlib.ExitStack() as restored:
+        for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):
+            # There may be none, as in a window of Windows.
+            with contextlib.suppress(OSError, AttributeError, ValueError):
+                stream.flush()
+            with contextlib.suppress(OSError):
+                kept[descriptor] = os.dup(descriptor)
+                restored.callback(os.close, kept[descriptor])
+                os.dup2(said.fileno(), descriptor)
+                restored.callback(os.dup2, kept[descriptor], descriptor)
         yield
-        return
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            said.seek(0)
-            for line in said:
-                if not line.startswith(b"EGL Error"):
-                    os.write(2, line)

@@ -5,7 +5,7 @@ Written as those in `gpu_warp_source` are, with its parts.
 
 from __future__ import annotations
 
-# holes._farther_neighbour; a row is one invocation's, there and back, whatever is empty in it.
+# holes._behind_empty; a row is one invocation's, there and back, whatever is empty in it.
 NEIGHBOURS = """
 void main() {
   int row = int(gl_GlobalInvocationID.x);
@@ -49,7 +49,7 @@ void main() {
 }
 """
 
-# lookup._linear_taps, _cubic_taps, _nearest_taps and _lookup_band. TAPS: how many pixels along each axis; LANES: how
+# lookup._linear, _cubic, _nearest and _lookup_band. TAPS: how many pixels along each axis; LANES: how
 # many channels at once.
 BLENDED = """
 #if TAPS == 1

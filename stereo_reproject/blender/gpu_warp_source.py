@@ -11,7 +11,7 @@ from ..camera import OrthographicCamera
 from ..grid import CELL
 from ..holes import TEAR, Reason
 from ..quads import LARGEST_AREA
-from ..rectified import EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
+from ..rectified import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
 
 COMMON = f"""
 #define CELL {CELL}
@@ -31,6 +31,8 @@ COMMON = f"""
 #define NO_NUMBER uintBitsToFloat(0x7fc00000u)
 #define INFINITE uintBitsToFloat(0x7f800000u)
 #define NOWHERE uintBitsToFloat(0xff800000u)
+#define BROAD {BROAD}
+#define HIGHEST int(0x7ffffffeu)
 #define LOWEST int(0x80000000u)
 
 bool is_nan(float value) {{ return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u; }}
@@ -156,8 +158,8 @@ void main() {
   if (first == end || is_open(interval)) return;
   // What is overstretched or seen from its other side has nothing to show, but hides what is behind it.
   bool shown = first < end && 1.0 + right - left < MAX_STRETCH;
-  int key = 2 * (key_way.x + key_way.y * interval.x) + (shown ? 1 : 0);
   int low = max(min(first, end), 0), high = min(max(first, end), target_size.x);
+  int key = !shown && high - low > BROAD ? HIGHEST : 2 * (key_way.x + key_way.y * interval.x) + (shown ? 1 : 0);
   for (int x = low; x < high; x++) imageAtomicMax(owner_image, ivec2(x, interval.y), key);
 }
 """
@@ -173,7 +175,8 @@ void main() {
     int interval = (key / 2 - key_way.x) * key_way.y;
     vec2 left = texelFetch(corner_map, ivec2(interval, pixel.y), 0).xy;
     vec2 right = texelFetch(corner_map, ivec2(interval + 1, pixel.y), 0).xy;
-    float along = (float(pixel.x + 1 - interval) - left.y) / (1.0 + right.y - left.y);
+    float wide = 1.0 + right.y - left.y;
+    float along = wide > 0.0 ? clamp((float(pixel.x + 1 - interval) - left.y) / wide, 0.0, 1.0) : 0.0;
     x = (float(interval) - 0.5) + along;
     y = float(pixel.y) + 0.5;
     near_by = left.x + along * (right.x - left.x);

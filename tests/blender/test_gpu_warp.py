@@ -20,12 +20,16 @@ import numpy as np
 import pytest
 
 from stereo_reproject import carrying
+from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.bench import MODES
 from stereo_reproject.blender import gpu_textures, gpu_warp
 from stereo_reproject.blender.gpu_shaders import PROGRAMS
 from stereo_reproject.camera import OrthographicCamera, target_px_from_source_px
+from stereo_reproject.made_up import SCENES as SCENES_OF_THE_BENCH
 from stereo_reproject.made_up import eyes, room
 from stereo_reproject.motion import moving
 from stereo_reproject.passes import OF_SOURCE
+from stereo_reproject.reprojection import reproject
 from tests.core.analytic import camera, pixel_centres, pose, stereo_rig, world_rays
 
 HAS_GPU = bpy.app.version >= (5, 2)
@@ -45,6 +49,9 @@ SAME_DEPTH = 1e-4
 
 GROWTH = 24 * 2**20
 """Bytes that a process may grow by over many warps: less than a tenth of what their textures hold together."""
+
+SAME_MASK, SAME_COLOURS = 5e-4, 1e-3
+"""What is promised: the share of pixels that are traced by one alone, and the largest difference of a colour."""
 
 RECTIFIED = ["off-axis", "parallel", "orthographic parallel"]
 TURNED = ["toe-in", "orthographic toe-in", "general", "orthographic general"]
@@ -201,6 +208,7 @@ def untried():
 
     def forget():
         gpu_warp._tried.cache_clear()
+        gpu_warp._given_up.clear()
         gpu_textures.shader.cache_clear()
 
     forget()
@@ -221,6 +229,33 @@ def test_a_gpu_is_of_no_use(right, wrong, untried, monkeypatch, capfd):
     monkeypatch.setitem(PROGRAMS, "cubic 4", replace(program, source=program.source.replace(right, wrong)))
     assert gpu_warp.usable() is None
     assert_identical(*both(passes_of("steps", SIZE), *pair("off-axis"), interpolation="cubic"))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_one_that_fails_later_on_is_asked_no_more(untried, monkeypatch):
+    def lost(*_, **__):
+        raise RuntimeError("the device is lost")
+
+    assert (gpu_warp.usable() is not None) == HAS_GPU
+    monkeypatch.setattr(gpu_warp, "_carried", lost)
+    assert_identical(*both(passes_of("steps", SIZE), *pair("off-axis")))
+    assert gpu_warp.usable() is None
+    assert gpu_warp._given_up == ["the device is lost"] * HAS_GPU
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scene", list(SCENES_OF_THE_BENCH))
+def test_the_whole_stage_has_the_same_mask_and_colours(mode, scene):
+    """As they are promised: no pixel is left out."""
+    size = (480, 270)
+    source, cameras = SCENES_OF_THE_BENCH[scene](*size), eyes(*size, mode)
+    options = {"accuracy": SETTINGS["balanced"], "invalid": np.zeros(size[::-1], bool)}
+    ours, numpys = (reproject(source, *cameras, carry=how, **options) for how in (gpu_warp.carry, carrying.carry))
+    assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+    assert np.mean(ours.reasons != numpys.reasons) <= SAME_MASK
+    warped = (ours.reasons == 0) & (numpys.reasons == 0)
+    apart = np.abs(ours.passes["Combined"] - numpys.passes["Combined"])[warped]
+    assert apart.max() <= SAME_COLOURS
 
 
 def test_numpy_warps_in_any_thread_but_the_main_one(dispatched):
