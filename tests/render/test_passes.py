@@ -8,6 +8,7 @@ from stereo_reproject.blender.scene import working_scene
 from stereo_reproject.passes import cryptomatte_of, filtered
 from stereo_reproject.pipeline import render_stereo_frame
 from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.silhouettes import ALIKE
 from tests.blender.toolbox import keyframes, render_plain, rms
 from tests.render.every_pass import AOVS, LAYER, LIGHT_GROUP, every_pass
 
@@ -149,7 +150,8 @@ def test_what_light_makes_differs_no_more_than_between_two_seeds(pair):
     alive = 0
     for name in names:
         ours, seeds = pair.differences(name)
-        usual = max(float(np.quantile(seeds, 0.95)), SILENT)
+        # A pass that is all but free of noise may be off by what nobody sees.
+        usual = max(float(np.quantile(seeds, 0.95)), ALIKE)
         assert np.mean(ours <= usual) > np.mean(seeds <= usual) - FEW, name
         assert not rms(ours) or rms(seeds), name
         alive += rms(seeds) > SILENT
