@@ -164,19 +164,21 @@ class _Chain:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
-            return self._looked_up(nearest, table)
+            return self._looked_up(nearest, table, bounded=torn is not None)
 
-    def _looked_up(self, nearest: NDArray[np.int32], table: NDArray) -> tuple[NDArray, NDArray]:
+    def _looked_up(self, nearest: NDArray[np.int32], table: NDArray, *, bounded: bool) -> tuple[NDArray, NDArray]:
         """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
-        pixel, nearness there, and its change per source pixel."""
+        pixel, nearness there, and its change per source pixel. bounded is whether a centre may lie beside an interval.
+        """
         empty = nearest < 0
         found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
         x = np.tile(self._begin, table.shape[0]).take(nearest, mode="clip")
         along = self._beyond - x
         along -= found[..., 0]
         along *= found[..., 1]
-        # A centre within the tolerance beyond a corner has what is there, however narrow the interval is.
-        np.fmin(np.fmax(along, 0.0, out=along), self._reach(nearest, table.shape[0]), out=along)
+        if bounded:
+            # Within the tolerance beyond a corner it has what is there, however narrow the interval is.
+            np.fmin(np.fmax(along, 0.0, out=along), self._reach(nearest, table.shape[0]), out=along)
         x += along
         along *= found[..., 3]
         along += found[..., 2]
