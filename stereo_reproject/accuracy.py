@@ -10,6 +10,12 @@ STEP = 1.0 / 255.0
 """Of an 8-bit picture."""
 
 
+PROBED_PIXELS = 960 * 540
+"""Of a picture whose tiles are as small as a setting has them; what is to be found in a larger one is larger, too."""
+
+LONGEST = 2.0
+"""So many times as long is the side of a large picture's tiles, at most."""
+
 DENOISED_SPACING = 0.75
 """Side of a probe's tile in a denoised picture over the one in a noisy picture."""
 
@@ -22,14 +28,14 @@ as large: it is only roughly told, and what it is a ratio to can hardly be seen.
 class Accuracy:
     """How wide a silhouette is traced, and how alike its two sides may be to be left alone.
 
-    silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: how many pixels
-    on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
-    colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
-    promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no probes.
-    probe_spacing: pixels along the side of the tiles that have a probe each. tile_limit: the noise ratio above which a
-    single tile is traced though the frame as a whole keeps its promise; promises_worst_tiles: whether that is promised
-    too, of the worst hundredth of the tiles. unseen: noise, as a standard deviation after tone mapping, that nobody
-    sees: a tile's error is no worse for being large beside less.
+    silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: how many
+    pixels on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between
+    the colours on the two sides, in standard deviations of the picture's noise, below which the edge is left
+    warped. promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no
+    probes. probe_spacing: pixels along the side of the tiles that have a probe each, see `for_size`. tile_limit:
+    the noise ratio above which a single tile is traced though the frame as a whole keeps its promise;
+    promises_worst_tiles: whether that is promised too, of the worst hundredth of the tiles. unseen: noise, as a
+    standard deviation after tone mapping, that nobody sees: a tile's error is no worse for being large beside less.
     """
 
     silhouette_step: float
@@ -75,6 +81,17 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
     promised = [accuracy for accuracy in SETTINGS.values() if accuracy.promise is not None]
     looser = [accuracy for accuracy in promised if (accuracy.promise or 0.0) >= settings.tolerance]
     return replace(looser[-1] if looser else promised[0], promise=settings.tolerance)
+
+
+def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
+    """The same for a picture of so many pixels: from PROBED_PIXELS on, as many probes find as much.
+
+    Up to LONGEST times the side of a tile; not where the worst tiles are promised something.
+    """
+    if accuracy.promises_worst_tiles:
+        return accuracy
+    longer = min(max((pixels / PROBED_PIXELS) ** 0.5, 1.0), LONGEST)
+    return replace(accuracy, probe_spacing=int(longer * accuracy.probe_spacing))
 
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accounting import Account, accounts
-from .accuracy import Accuracy, accuracy_of, for_denoised
+from .accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from .camera import Camera, see_the_same
 from .carrying import Carry
 from .composite import contain
@@ -84,7 +84,7 @@ class StereoFrame:
     eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
     cost; price is what the next better accuracy would have. metadata is the renderer's. correction is how far traced
-    pixels were moved to match a source of another engine. warped_by is numpy or gpu, whose name is gpu.
+    pixels were moved to match a source of another engine. warped_by is numpy or gpu, whose name is gpu then.
     """
 
     eyes: dict[str, Passes]
@@ -144,10 +144,10 @@ def render_stereo_frame(
     BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
-    accuracy = accuracy_of(settings) if accuracy is None else accuracy
     precedent = precedent or Precedent()
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
+    accuracy = for_size(accuracy or accuracy_of(settings), target_camera.width * target_camera.height)
 
     watch.lap("source")
     rendered, cost = renderer.render_source(settings.source)
@@ -231,7 +231,7 @@ def render_stereo_frame(
         metadata=dict(renderer.metadata),
         correction=target.correction if isinstance(target, MatchedEye) else None,
         warped_by=reprojection.carried_by,
-        gpu=stage.device,
+        gpu=stage.device if reprojection.carried_by == "gpu" else None,
     )
 
 

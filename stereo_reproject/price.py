@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .accuracy import SETTINGS, Accuracy, for_denoised
+from .accuracy import SETTINGS, Accuracy, for_denoised, for_size
 from .fill import FillChoice
 from .refinement import choose_refined
 from .reprojection import Reprojection
@@ -66,7 +66,8 @@ def price_of(
         return Price(name, total + more, more, 1.0, complete=True)
     predicted = sum(choice.predicted_seconds for choice in (fill, *refinement.fills))
     pace = spent / predicted if predicted > 0.0 else 1.0
-    accuracy = SETTINGS[name] if not means.cost.denoise_seconds else for_denoised(SETTINGS[name])
+    accuracy = for_size(SETTINGS[name], reprojection.reasons.size)
+    accuracy = for_denoised(accuracy) if means.cost.denoise_seconds else accuracy
     to_trace, share = _tracing(accuracy, reprojection, refinement, means, watched=watched)
     more = max(apart + pace * to_trace - total, 0.0)
     return Price(name, total + more, more, share, complete=refinement.measured is not None or not watched)

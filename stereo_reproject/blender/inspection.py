@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy import Accuracy, accuracy_of, for_denoised
+from ..accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..camera import see_the_same
 from ..composite import contain
 from ..denoising import Denoise, Denoising
@@ -150,7 +150,8 @@ def _predicted(
     pixels = facts["size"][0] * facts["size"][1]
     blockers = _blockers(renderer, settings, source)
     called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
-    accuracy, cost = accuracy_of(settings), predict_source(sketch, pixels, facts["samples"])
+    accuracy = for_size(accuracy_of(settings), pixels)
+    cost = predict_source(sketch, pixels, facts["samples"])
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
         accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)

@@ -1,8 +1,10 @@
 """Accuracy settings: what they promise, and what a tolerance makes of them."""
 
+from dataclasses import replace
+
 import pytest
 
-from stereo_reproject.accuracy import SETTINGS, accuracy_of
+from stereo_reproject.accuracy import SETTINGS, accuracy_of, for_size
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.price import WHOLE, next_better
 from stereo_reproject.settings import ACCURACIES, CUSTOM, StereoSettings
@@ -58,3 +60,20 @@ def test_the_next_better_setting_promises_more_until_there_is_none():
     }
     assert next_better(accuracy_of(StereoSettings(tolerance=1.07))) == "high"
     assert next_better(accuracy_of(StereoSettings(tolerance=1.001))) == WHOLE
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "spacing"),
+    [
+        ("balanced", (320, 180), 8),
+        ("balanced", (960, 540), 8),
+        ("balanced", (1440, 810), 12),
+        ("balanced", (1920, 1080), 16),
+        ("balanced", (7680, 4320), 16),
+        ("preview", (1920, 1080), 24),
+        ("exact", (7680, 4320), 8),
+    ],
+)
+def test_tiles_grow_with_large_pictures_but_where_the_worst_are_promised_something(name, size, spacing):
+    sized = for_size(SETTINGS[name], size[0] * size[1])
+    assert sized == replace(SETTINGS[name], probe_spacing=spacing)

@@ -21,7 +21,7 @@ def reprojection(share):
     """One of which any accuracy flags this share of the pixels."""
     reasons = np.zeros(SIZE, np.uint16)
     reasons[:, : int(share * SIZE[1])] = 1
-    return SimpleNamespace(reasons_at=lambda _: reasons)
+    return SimpleNamespace(reasons=reasons, reasons_at=lambda _: reasons)
 
 
 def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None, whole=False):
