@@ -16,7 +16,7 @@ from .composite import warp_passes
 from .grid import Grid, build_grid
 from .holes import TEAR, Steps, disparity_of, disparity_steps, empty_reasons
 from .motion import Moving
-from .passes import DEPTH_PASS, OF_SOURCE, Passes
+from .passes import DEPTH_PASS, Passes
 from .warp import Warp, forward_warp
 
 
@@ -68,7 +68,7 @@ def carry(
         depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
     )
     passes = warp_passes(
-        {name: image for name, image in source.items() if name not in OF_SOURCE},
+        source,
         warp,
         source_camera,
         target_camera,

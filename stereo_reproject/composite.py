@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,9 +11,12 @@ from .bands import bands
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
-from .passes import COLOUR_PASS, DEPTH_PASS, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
+from .passes import COLOUR_PASS, DEPTH_PASS, OF_SOURCE, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
 from .rectified import shift_of
 from .warp import Warp
+
+LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
+"""A pass (H, W, C) as the target sees it, (h, w, C), found by one of `lookup.INTERPOLATIONS`."""
 
 
 def warp_passes(
@@ -29,26 +34,49 @@ def warp_passes(
     interpolation is how `lookup` finds what may be mixed, colour_interpolation how it finds COLOUR_PASS, if otherwise.
     motion is that of the two eyes, of whom none moves without it; the Vector pass alone asks for it.
     """
-    depth = source[DEPTH_PASS]
-    seen = _target_depth(depth, warp, source_camera, target_camera)
+    return passes_seen(
+        source,
+        warp,
+        _target_depth(source[DEPTH_PASS], warp, source_camera, target_camera),
+        (source_camera, target_camera),
+        lambda image, how: lookup(image, warp.x, warp.y, interpolation=how),
+        interpolation=interpolation,
+        colour_interpolation=colour_interpolation,
+        motion=motion,
+    )
+
+
+def passes_seen(
+    source: Passes,
+    warp: Warp,
+    seen: NDArray[np.float32],
+    cameras: tuple[Camera, Camera],
+    look_up: LookUp,
+    *,
+    interpolation: str,
+    colour_interpolation: str | None,
+    motion: tuple[Moving, Moving] | None,
+) -> Passes:
+    """`warp_passes` by any means: seen (H, W) is the depth that the target, the second of the cameras, sees.
+
+    Passes that say nothing of the target (`passes.OF_SOURCE`) are left out.
+    """
     warped: Passes = {}
     for name, image in source.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
         elif name == POSITION_PASS:
-            warped[name] = target_position(image, seen, warp, target_camera)
+            warped[name] = _target_position(image, seen, warp, cameras[1])
         elif name == VECTOR_PASS:
-            eyes = motion or (standing_still(source_camera), standing_still(target_camera))
-            warped[name] = warp_motion(image, depth, warp, *eyes, seen)
-        elif filtered(name):
+            eyes = motion or (standing_still(cameras[0]), standing_still(cameras[1]))
+            warped[name] = warp_motion(image, source[DEPTH_PASS], warp, *eyes, seen)
+        elif name not in OF_SOURCE:
             how = colour_interpolation if name == COLOUR_PASS and colour_interpolation else interpolation
-            warped[name] = lookup(image, warp.x, warp.y, interpolation=how)
-        else:
-            warped[name] = lookup(image, warp.x, warp.y, interpolation="nearest")
+            warped[name] = look_up(image, how if filtered(name) else "nearest")
     return warped
 
 
-def target_position(
+def _target_position(
     position: NDArray[np.float32], depth: NDArray[np.float32], warp: Warp, target: Camera
 ) -> NDArray[np.float32]:
     """(H, W, 3): the points in the world that the target's pixel centres see at this depth (H, W).

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import PIXELS
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
@@ -36,13 +38,19 @@ def draw_quads(
     return surface.result()
 
 
+_Corners = tuple[NDArray, NDArray, NDArray]
+"""Target x, y and nearness."""
+
+
 @dataclass(frozen=True)
 class _Quads:
-    """Corners (2, 2, Q), first index down, second right: target position and nearness; origin and size in source px.
+    """The n x n quads of each of C cells, and where their corners go.
 
-    A size without dimensions is that of every quad. margin (Q,): how far beyond its corners, in target pixels, a quad
-    may cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is torn,
-    the first has it.
+    x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
+    (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
+    quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
+    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is torn, the first
+    has it.
     """
 
     x: NDArray
@@ -52,14 +60,30 @@ class _Quads:
     source_y: NDArray
     size_x: NDArray
     size_y: NDArray
+    drawn: NDArray[np.bool_]
     margin: NDArray
 
+    def corners(self, chosen: NDArray[np.int64]) -> _Corners:
+        """(2, 2, K) of x, y and nearness, first index down, second right; chosen (K,) are flat indices of quads."""
+        cells, count, _ = self.drawn.shape
+        lattice = np.arange(self.x.size).reshape(cells, count + 1, count + 1)
+        first = lattice[:, :-1, :-1].ravel().take(chosen)
+        places = first + np.array([[0, 1], [count + 1, count + 2]])[..., None]
+        return self.x.ravel().take(places), self.y.ravel().take(places), self.nearness.ravel().take(places)
 
-def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> tuple[NDArray, ...]:
+    def of(self, values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
+        """What these quads have of one of their own arrays."""
+        return values.ravel().take(chosen) if values.ndim else values
+
+
+def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> _Corners:
     target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
     nearness = target.nearness_from_depth(target_depth)
     shape = np.broadcast_shapes(depth.shape, np.shape(target_x))
-    return tuple(np.broadcast_to(a, shape) for a in (target_x, target_y, nearness))
+    whole_x, whole_y, whole_nearness = (
+        np.ascontiguousarray(np.broadcast_to(a, shape)) for a in (target_x, target_y, nearness)
+    )
+    return whole_x, whole_y, whole_nearness
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
@@ -69,10 +93,12 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
         top, left = all_rows[start : start + CHUNK] * CELL, all_columns[start : start + CHUNK] * CELL
         bottom = np.minimum(top + CELL, grid.height + 1)
         right = np.minimum(left + CELL, grid.width + 1)
-        i = np.array([[top, top], [bottom, bottom]])
-        j = np.array([[left, right], [left, right]])
-        x, y, nearness = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
-        yield _Quads(x, y, nearness, left - 0.5, top - 0.5, right - left, bottom - top, np.zeros(top.shape))
+        i = np.stack([top, bottom], axis=-1)[:, :, None]
+        j = np.stack([left, right], axis=-1)[:, None, :]
+        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        one = (top.size, 1, 1)
+        x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.zeros(one))
 
 
 def _fine_quads(
@@ -82,30 +108,18 @@ def _fine_quads(
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL + 1)
     beside_tear = dilate(torn, 1)
+    one = np.array(1, np.int64)
     for start in range(0, all_rows.size, CHUNK):
         i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
         j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
-        x, y, nearness = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
-        corner_i, corner_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
-        kept = ~torn[corner_i, corner_j]
+        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
+        margin = np.where(beside_tear[first_i, first_j], EDGE_TOLERANCE, 0.0)
+        yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
 
-        def corners(values: NDArray, kept: NDArray = kept) -> NDArray:
-            v = values
-            return np.array(
-                [[v[:, :-1, :-1][kept], v[:, :-1, 1:][kept]], [v[:, 1:, :-1][kept], v[:, 1:, 1:][kept]]],
-            )
 
-        one = np.array(1, np.int64)
-        yield _Quads(
-            corners(x),
-            corners(y),
-            corners(nearness),
-            corner_j[kept] - 0.5,
-            corner_i[kept] - 0.5,
-            one,
-            one,
-            np.where(beside_tear[corner_i, corner_j][kept], EDGE_TOLERANCE, 0.0),
-        )
+_Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
+"""Of each quad that covers any pixel centre: its index, the first column and row of those, and how many there are."""
 
 
 class _Surface:
@@ -126,29 +140,32 @@ class _Surface:
         return self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape)
 
     def draw(self, quads: _Quads) -> None:
-        """Two triangles per quad, cut along the diagonal from top right to bottom left; every step over all quads.
+        """Two triangles per quad, cut along the diagonal from top right to bottom left."""
+        for boxes in _boxes(quads, self.width, self.height):
+            self._fill(quads, boxes)
+
+    def _fill(self, quads: _Quads, boxes: _Boxes) -> None:
+        """Every step over all boxes.
 
         The steps stand in one function because each hands its arrays to the next: split up, they would be passed
         around by the dozen.
         """
-        left, count_x = _centres_within(quads.x, self.width, quads.margin)
-        top, count_y = _centres_within(quads.y, self.height, quads.margin)
-        chosen = np.nonzero((count_x > 0) & (count_y > 0))[0]
-        if chosen.size == 0:
-            return
-        left, top, count_x, count_y = left[chosen], top[chosen], count_x[chosen], count_y[chosen]
-        upper, lower = _triangles(quads, chosen, left + 0.5, top + 0.5)
+        chosen, left, top, count_x, count_y = boxes
+        size_x, size_y = quads.of(quads.size_x, chosen), quads.of(quads.size_y, chosen)
+        upper, lower = _triangles(quads.corners(chosen), left + 0.5, top + 0.5, size_x * size_y)
         quad, step_x, step_y = _candidates(count_x, count_y)
-        single = quad is None
+
+        def spread(values: NDArray) -> NDArray:
+            return values if quad is None or values.ndim == 0 else values.take(quad)
 
         def at(coefficients: NDArray) -> NDArray:
             base, along_x, along_y = coefficients
             # In one type, or what comes out would depend on what else is drawn at a time.
-            return base.astype(np.float64) if single else base[quad] + along_x[quad] * step_x + along_y[quad] * step_y
-
-        def spread(values: NDArray) -> NDArray:
-            values = np.broadcast_to(values, quads.x.shape[2:])[chosen]
-            return values if single else values[quad]
+            return (
+                base.astype(np.float64)
+                if quad is None
+                else spread(base) + spread(along_x) * step_x + spread(along_y) * step_y
+            )
 
         upper_u, upper_v = at(upper.u), at(upper.v)
         in_upper = upper_u + upper_v <= 1.0
@@ -156,18 +173,13 @@ class _Surface:
         v = np.where(in_upper, upper_v, 1.0 - at(lower.v))
         least = np.where(in_upper, np.minimum(u, v), np.minimum(np.minimum(1.0 - u, 1.0 - v), u + v - 1.0))
         nearness = np.where(in_upper, at(upper.nearness), at(lower.nearness))
-        inside = least >= -EDGE_TOLERANCE
-        pixel_x, pixel_y = (left, top) if single else (left[quad] + step_x, top[quad] + step_y)
-        pixel = (pixel_y * self.width + pixel_x)[inside]
-        x = spread(quads.source_x)[inside] + u[inside] * (
-            spread(quads.size_x)[inside] if quads.size_x.ndim else quads.size_x
-        )
-        hides = np.where(in_upper, *((t.hides if single else t.hides[quad]) for t in (upper, lower)))
-        x = np.where(hides[inside], np.nan, x)
-        y = spread(quads.source_y)[inside] + v[inside] * (
-            spread(quads.size_y)[inside] if quads.size_y.ndim else quads.size_y
-        )
-        self._store(pixel, nearness[inside], x, y)
+        hides = np.where(in_upper, spread(upper.hides), spread(lower.hides))
+        pixel = (spread(top) + step_y) * self.width + spread(left) + step_x
+        x = spread(quads.of(quads.source_x, chosen)) + u * spread(size_x)
+        x[hides] = np.nan
+        y = spread(quads.of(quads.source_y, chosen)) + v * spread(size_y)
+        inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
+        self._store(*(values.take(inside) for values in (pixel, nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
         """Depth test by repeated writing: whoever is still nearer than what stands there writes again.
@@ -181,16 +193,22 @@ class _Surface:
             self.nearness[pixel[waiting]] = nearness[waiting]
             stands = self.nearness[pixel[waiting]]
             mine = nearness[waiting]
-            won = waiting[stands == mine]
+            # What is written last stays: of those that are as near, the one that was drawn first.
+            won = waiting[stands == mine][::-1]
             self.x[pixel[won]] = x[won]
             self.y[pixel[won]] = y[won]
             waiting = waiting[mine > stands]
 
 
 def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
-    """First pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size; NaN: none."""
-    low = corners.min(axis=(0, 1)) - margin
-    high = corners.max(axis=(0, 1)) + margin
+    """(C, n, n): first pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size.
+
+    Of corners (C, n + 1, n + 1); NaN: none.
+    """
+    low = np.minimum(corners[:, :-1], corners[:, 1:])
+    high = np.maximum(corners[:, :-1], corners[:, 1:])
+    low = np.minimum(low[:, :, :-1], low[:, :, 1:]) - margin
+    high = np.maximum(high[:, :, :-1], high[:, :, 1:]) + margin
     valid = high - low < np.inf
     with np.errstate(invalid="ignore"):
         first = np.clip(np.ceil(np.where(valid, low, 0.0) - 0.5), 0, size).astype(np.int64)
@@ -198,15 +216,44 @@ def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArr
     return first, end - first
 
 
+def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
+    """The quads' boxes that hold pixel centres, in their order, some at a time: of some `bands.PIXELS` pixels.
+
+    What is larger by itself comes in some rows at a time: near the plane in which the target's camera stands, a quad
+    may cover the whole picture.
+    """
+    left, count_x = _centres_within(quads.x, width, quads.margin)
+    top, count_y = _centres_within(quads.y, height, quads.margin)
+    quad = np.flatnonzero((count_x > 0) & (count_y > 0) & quads.drawn)
+    left, top, count_x, count_y = (values.ravel().take(quad) for values in (left, top, count_x, count_y))
+    pixels = count_x * count_y
+    if pixels.max(initial=0) > PIXELS:
+        rows = np.maximum(PIXELS // count_x, 1)
+        parts = -(-count_y // rows)
+        part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        quad, left, top, count_x, count_y, rows = (
+            np.repeat(values, parts) for values in (quad, left, top, count_x, count_y, rows)
+        )
+        top = top + part * rows
+        count_y = np.minimum(count_y - part * rows, rows)
+        pixels = count_x * count_y
+    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // PIXELS, prepend=-1))
+    for start, stop in itertools.pairwise([*starts.tolist(), quad.size]):
+        part = slice(start, stop)
+        yield quad[part], left[part], top[part], count_x[part], count_y[part]
+
+
 def _candidates(count_x: NDArray, count_y: NDArray) -> tuple[NDArray | None, NDArray, NDArray]:
     """Every (quad, pixel) pair, as the quad's index and the pixel's offset; None where each quad has just one."""
     count = count_x * count_y
     if int(count.max()) == 1:
-        return None, count, count
+        nowhere = np.zeros_like(count)
+        return None, nowhere, nowhere
     quad = np.repeat(np.arange(count.size), count)
     rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
-    step_y = rank // count_x[quad]
-    return quad, rank - step_y * count_x[quad], step_y
+    wide = count_x.take(quad)
+    step_y = rank // wide
+    return quad, rank - step_y * wide, step_y
 
 
 @dataclass(frozen=True)
@@ -220,13 +267,11 @@ class _Triangle:
     """(Q,): turned away or overstretched: it holds nothing to show, but what is behind it is not seen."""
 
 
-def _triangles(quads: _Quads, chosen: NDArray, x: NDArray, y: NDArray) -> tuple[_Triangle, _Triangle]:
-    corner_x, corner_y, corner_n = (c[:, :, chosen] for c in (quads.x, quads.y, quads.nearness))
-    area = np.asarray(quads.size_x * quads.size_y)
-    area = area[chosen] if area.ndim else area
+def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
+    """The upper left and the lower right half of quads with these corners (2, 2, K), from the centre x, y (K,) on."""
     return (
-        _triangle(corner_x, corner_y, corner_n, (0, 0), (0, 1), (1, 0), x, y, area),
-        _triangle(corner_x, corner_y, corner_n, (1, 1), (1, 0), (0, 1), x, y, area),
+        _triangle(*corners, (0, 0), (0, 1), (1, 0), x, y, area),
+        _triangle(*corners, (1, 1), (1, 0), (0, 1), x, y, area),
     )
 
 

@@ -20,6 +20,7 @@ from .gpu_warp_source import (
     MOVE,
     NEARNESS,
     PLACES,
+    QUAD,
     RAY,
     SETTLED,
     SPLIT,
@@ -34,7 +35,7 @@ SAMPLERS = {
     "corner_map": "FLOAT_2D",  # (H, W + 2): nearness and shift of the corners in the rows
     "vertex_map": "FLOAT_2D",  # (H + 2, W + 2): target x and y, nearness there, and whether there is any
     "owner_map": "INT_2D",  # of the target, as all that follow: who won
-    "place_map": "FLOAT_2D",
+    "drawn_map": "INT_2D",  # minus the number of the quad that did
     "x_map": "FLOAT_2D",
     "y_map": "FLOAT_2D",
     "near_map": "FLOAT_2D",
@@ -47,7 +48,8 @@ IMAGES = {
     "corner_image": ("RG32F", "FLOAT_2D", {"WRITE"}),
     "vertex_image": ("RGBA32F", "FLOAT_2D", {"WRITE"}),
     "owner_image": ("R32I", "INT_2D_ATOMIC", {"READ", "WRITE"}),
-    "place_image": ("RG32F", "FLOAT_2D", {"WRITE"}),
+    "drawn_image": ("R32I", "INT_2D_ATOMIC", {"READ", "WRITE"}),
+    "broad_image": ("R32UI", "UINT_2D_ATOMIC", {"READ", "WRITE"}),  # above 0: some quad was too broad to be drawn
     "x_image": ("R32F", "FLOAT_2D", {"WRITE"}),
     "y_image": ("R32F", "FLOAT_2D", {"WRITE"}),
     "near_image": ("R32F", "FLOAT_2D", {"WRITE"}),
@@ -120,12 +122,14 @@ PROGRAMS = {
         NEARNESS + RAY + MOVE + VERTICES, ("depth_map",), ("vertex_image",), ("source_size", "is_parallel", *MOVES)
     ),
     "draw": Program(
-        SPLIT + TORN + DRAW,
+        SPLIT + TORN + QUAD + DRAW,
         ("vertex_map", "split_map", "cut_map"),
-        ("owner_image", "place_image"),
+        ("owner_image", "drawn_image", "broad_image"),
         ("source_size", "target_size", "cell_count", "quad_span", "to_settle"),
     ),
-    "settled": Program(SETTLED, ("owner_map", "place_map"), PLACED, ("target_size",)),
+    "settled": Program(
+        QUAD + SETTLED, ("owner_map", "drawn_map", "vertex_map"), PLACED, ("source_size", "target_size")
+    ),
     "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,

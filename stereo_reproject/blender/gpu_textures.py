@@ -48,7 +48,8 @@ def uploaded(values: NDArray[np.float32], size: tuple[int, int], *, lanes: int =
 
 
 def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
-    """(height, width) or (height, width, 4) float32 of a texture of floats, uint32 of one of unsigned integers.
+    """(height, width) or (height, width, 4) float32 of a texture of floats, uint32 of one of unsigned integers; signed
+    ones Blender does not read.
 
     Nothing is copied.
     """
@@ -65,9 +66,10 @@ class Bench:
 
     def create(self, name: str, size: tuple[int, int], *, fill: int | None = None) -> gpu.types.GPUTexture:
         """A texture to be written, size (width, height)."""
-        texture = _texture(size, IMAGES[f"{name}_image"][0])
+        kind, access, _ = IMAGES[f"{name}_image"]
+        texture = _texture(size, kind)
         if fill is not None:
-            texture.clear(format="INT", value=(fill,))
+            texture.clear(format=access.partition("_")[0], value=(fill,))
         self.textures[name] = texture
         return texture
 

@@ -28,11 +28,11 @@ from ..camera import (
     target_from_source,
 )
 from ..carrying import Carried
-from ..composite import target_position
+from ..composite import passes_seen
 from ..grid import CELL, Grid, build_grid
 from ..holes import TEAR
-from ..motion import Moving, standing_still, warp_motion
-from ..passes import COLOUR_PASS, DEPTH_PASS, OF_SOURCE, POSITION_PASS, VECTOR_PASS, Passes, filtered
+from ..motion import Moving
+from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
 from ..rectified import Shift, shift_of
 from ..warp import Warp
 from ..warp_stage import WarpStage
@@ -135,19 +135,16 @@ def _carried(
         bench.run("cuts", _size(source_camera))
         warp = _warped(bench, source_camera, target_camera)
         empty = _empty(bench, source_camera, target_camera)
-        seen = _target_depth(bench, source_camera, target_camera)
-        passes: Passes = {}
-        for name, image in source.items():
-            if name == DEPTH_PASS:
-                passes[name] = seen[..., None]
-            elif name == POSITION_PASS:
-                passes[name] = target_position(image, seen, warp, target_camera)
-            elif name == VECTOR_PASS:
-                eyes = motion or (standing_still(source_camera), standing_still(target_camera))
-                passes[name] = warp_motion(image, depth, warp, *eyes, seen)
-            elif name not in OF_SOURCE:
-                how = colour_interpolation if name == COLOUR_PASS and colour_interpolation else interpolation
-                passes[name] = _looked_up(bench, image, how if filtered(name) else "nearest", target_camera)
+        passes = passes_seen(
+            source,
+            warp,
+            _target_depth(bench, source_camera, target_camera),
+            (source_camera, target_camera),
+            lambda image, how: _looked_up(bench, image, how, target_camera),
+            interpolation=interpolation,
+            colour_interpolation=colour_interpolation,
+            motion=motion,
+        )
     finally:
         gpu.shader.unbind()
     return Carried(passes, grid, warp, empty, by="gpu")
@@ -202,13 +199,16 @@ def _draw(bench: Bench, source: Camera, target: Camera) -> None:
     moves = _moves(source, target)
     bench.create("vertex", (width + 2, height + 2))
     bench.run("vertices", (width + 2, height + 2), **moves)
-    bench.create("owner", _size(target), fill=LOWEST)
-    bench.create("place", _size(target))
+    for name in ("owner", "drawn"):
+        bench.create(name, _size(target), fill=LOWEST)
+    broad = bench.create("broad", (1, 1), fill=0)
     for to_settle in (0, 1):
         bench.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
         bench.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
     bench.run("settled", _size(target))
-    bench.drop("vertex", "place")
+    if downloaded(broad).any():
+        raise NoRoomError("a quad covers more pixels than one invocation of a shader should fill")
+    bench.drop("vertex", "drawn", "broad")
 
 
 def _empty(bench: Bench, source: Camera, target: Camera) -> NDArray[np.uint16]:

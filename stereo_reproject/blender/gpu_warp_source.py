@@ -7,6 +7,7 @@ there is none.
 
 from __future__ import annotations
 
+from ..bands import PIXELS
 from ..camera import OrthographicCamera
 from ..grid import CELL
 from ..holes import TEAR, Reason
@@ -32,6 +33,7 @@ COMMON = f"""
 #define INFINITE uintBitsToFloat(0x7f800000u)
 #define NOWHERE uintBitsToFloat(0xff800000u)
 #define BROAD {BROAD}
+#define MOST {PIXELS}
 #define HIGHEST int(0x7ffffffeu)
 #define LOWEST int(0x80000000u)
 
@@ -202,9 +204,8 @@ void main() {
 }
 """
 
-# quads._Surface.draw; drawn twice, the second time to settle who is nearest. By one and the same shader: two might
-# round the same nearness differently.
-DRAW = """
+# quads._triangles, and what quads._Surface._fill makes of them
+QUAD = """
 struct Triangle { vec3 origin; vec3 along_u; vec3 along_v; float determinant; bool drawn; bool hides; };
 Triangle triangle_of(vec3 origin, vec3 end_u, vec3 end_v, float area) {
   vec3 u = end_u - origin, v = end_v - origin;
@@ -222,6 +223,17 @@ vec2 within(Triangle by, vec2 centre) {
   vec2 d = centre - by.origin.xy;
   return vec2(d.x * by.along_v.y - d.y * by.along_v.x, by.along_u.x * d.y - by.along_u.y * d.x) / by.determinant;
 }
+bool is_in_upper(Triangle upper, vec2 uv) { return upper.drawn && uv.x + uv.y <= 1.0; }
+// Quads are numbered in the order in which they are drawn; of two that are as near, the first has the pixel.
+int number_of(ivec2 start, bool fine) {
+  ivec2 size = source_size + 1;
+  return start.y * size.x + start.x + (fine ? size.x * size.y : 0);
+}
+"""
+
+# quads._Surface._fill; drawn twice, the second time to settle which of the nearest it is. By one and the same shader:
+# two might round the same nearness differently.
+DRAW = """
 float nearness_in(Triangle by, vec2 uv) { return by.origin.z + uv.x * by.along_u.z + uv.y * by.along_v.z; }
 int ordered(float value) {
   int bits = floatBitsToInt(value);
@@ -252,22 +264,23 @@ void main() {
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
   ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
   ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
+  if ((stop.x - first.x) * (stop.y - first.y) > MOST) {
+    imageAtomicMax(broad_image, ivec2(0), 1u);
+    return;
+  }
   for (int y = first.y; y < stop.y; y++) {
     for (int x = first.x; x < stop.x; x++) {
       vec2 centre = vec2(x, y) + 0.5;
       vec2 uv = within(upper, centre);
-      bool in_upper = upper.drawn && uv.x + uv.y <= 1.0;
+      bool in_upper = is_in_upper(upper, uv);
       if (!in_upper && !lower.drawn) continue;
       vec2 turned = within(lower, centre);
       float near_by = in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned);
-      if (!in_upper) uv = 1.0 - turned;
-      float least = in_upper ? min(uv.x, uv.y) : min(min(turned.x, turned.y), uv.x + uv.y - 1.0);
+      float least = in_upper ? min(uv.x, uv.y) : min(min(turned.x, turned.y), 1.0 - turned.x - turned.y);
       if (!(least >= -EDGE_TOLERANCE) || !is_finite(near_by)) continue;
       int key = ordered(near_by);
       int stands = imageAtomicMax(owner_image, ivec2(x, y), key);
-      if (to_settle == 0 || stands != key) continue;
-      vec2 place = (in_upper ? upper.hides : lower.hides) ? vec2(NO_NUMBER) : vec2(start) - 0.5 + uv * size;
-      imageStore(place_image, ivec2(x, y), vec4(place, 0.0, 0.0));
+      if (to_settle != 0 && stands == key) imageAtomicMax(drawn_image, ivec2(x, y), -number_of(start, fine));
     }
   }
 }
@@ -275,11 +288,29 @@ void main() {
 
 # quads._Surface.result
 SETTLED = """
+vec2 place_in(ivec2 start, bool fine, vec2 centre) {
+  ivec2 end = fine ? start + 1 : min(start + CELL, source_size + 1);
+  vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
+  vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
+  vec2 size = vec2(end - start);
+  Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
+  vec2 uv = within(upper, centre);
+  bool in_upper = is_in_upper(upper, uv);
+  if (in_upper ? upper.hides : lower.hides) return vec2(NO_NUMBER);
+  return vec2(start) - 0.5 + (in_upper ? uv : 1.0 - within(lower, centre)) * size;
+}
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
   if (pixel.x >= target_size.x || pixel.y >= target_size.y) return;
-  int key = texelFetch(owner_map, pixel, 0).x;
-  vec2 place = key != LOWEST ? texelFetch(place_map, pixel, 0).xy : vec2(NO_NUMBER);
+  int key = texelFetch(owner_map, pixel, 0).x, number = texelFetch(drawn_map, pixel, 0).x;
+  vec2 place = vec2(NO_NUMBER);
+  if (number != LOWEST) {
+    int first_fine = number_of(ivec2(0), true), of_its_kind = -number;
+    bool fine = of_its_kind >= first_fine;
+    if (fine) of_its_kind -= first_fine;
+    int width = source_size.x + 1;
+    place = place_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
+  }
   bool covered = !is_nan(place.x);
   imageStore(x_image, pixel, vec4(place.x));
   imageStore(y_image, pixel, vec4(place.y));

@@ -19,10 +19,10 @@ import gpu
 import numpy as np
 import pytest
 
-from stereo_reproject import carrying
+from stereo_reproject import bands, carrying
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.bench import MODES
-from stereo_reproject.blender import gpu_textures, gpu_warp
+from stereo_reproject.blender import gpu_shaders, gpu_textures, gpu_warp
 from stereo_reproject.blender.gpu_shaders import PROGRAMS
 from stereo_reproject.camera import OrthographicCamera, target_px_from_source_px
 from stereo_reproject.made_up import SCENES as SCENES_OF_THE_BENCH
@@ -31,6 +31,7 @@ from stereo_reproject.motion import moving
 from stereo_reproject.passes import OF_SOURCE
 from stereo_reproject.reprojection import reproject
 from tests.core.analytic import camera, pixel_centres, pose, stereo_rig, world_rays
+from tests.core.test_hard_cases import blocks, chequers, comb, every_step, rows, slats
 
 HAS_GPU = bpy.app.version >= (5, 2)
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,6 +53,10 @@ GROWTH = 24 * 2**20
 
 SAME_MASK, SAME_COLOURS = 5e-4, 1e-3
 """What is promised: the share of pixels that are traced by one alone, and the largest difference of a colour."""
+
+TIES = 1e-3
+"""Share of the pixels, between cameras that are no pair of eyes: where a coarse cell that is turned every way is not
+quite where the fine one beside it is, and rounding decides which has a pixel that lies in both."""
 
 RECTIFIED = ["off-axis", "parallel", "orthographic parallel"]
 TURNED = ["toe-in", "orthographic toe-in", "general", "orthographic general"]
@@ -246,16 +251,8 @@ def test_one_that_fails_later_on_is_asked_no_more(untried, monkeypatch):
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("scene", list(SCENES_OF_THE_BENCH))
 def test_the_whole_stage_has_the_same_mask_and_colours(mode, scene):
-    """As they are promised: no pixel is left out."""
     size = (480, 270)
-    source, cameras = SCENES_OF_THE_BENCH[scene](*size), eyes(*size, mode)
-    options = {"accuracy": SETTINGS["balanced"], "invalid": np.zeros(size[::-1], bool)}
-    ours, numpys = (reproject(source, *cameras, carry=how, **options) for how in (gpu_warp.carry, carrying.carry))
-    assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
-    assert np.mean(ours.reasons != numpys.reasons) <= SAME_MASK
-    warped = (ours.reasons == 0) & (numpys.reasons == 0)
-    apart = np.abs(ours.passes["Combined"] - numpys.passes["Combined"])[warped]
-    assert apart.max() <= SAME_COLOURS
+    assert_keeps_its_promise(*both_wholly(SCENES_OF_THE_BENCH[scene](*size), eyes(*size, mode)))
 
 
 def test_numpy_warps_in_any_thread_but_the_main_one(dispatched):
@@ -306,6 +303,47 @@ def test_coarse_cells_are_what_numpy_s_are(threshold, scene):
     untied = ("orthographic toe-in",) if threshold <= 1.0 else ()
     for kind in ("off-axis", "toe-in", *untied):
         assert_same(*both(passes_of(scene, SIZE), *pair(kind), grid_threshold=threshold))
+
+
+PATTERNS = [comb, slats, chequers, blocks, every_step, rows]
+
+
+def both_wholly(source, cameras, accuracy="balanced"):
+    """The whole stage by the GPU and by numpy."""
+    options = {"accuracy": SETTINGS[accuracy], "invalid": np.zeros(source["Combined"].shape[:2], bool)}
+    ours, numpys = (reproject(source, *cameras, carry=how, **options) for how in (gpu_warp.carry, carrying.carry))
+    assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+    return ours, numpys
+
+
+def assert_keeps_its_promise(ours, numpys, ties=0.0):
+    """Of the mask, and of the colours of all that is not in it: no pixel is left out, but for this share of them."""
+    assert np.mean((ours.reasons != 0) != (numpys.reasons != 0)) <= SAME_MASK
+    told = (ours.reasons == 0) & (numpys.reasons == 0)
+    apart = np.abs(ours.passes["Combined"] - numpys.passes["Combined"]).max(axis=-1)
+    assert np.mean(told & (apart > SAME_COLOURS)) <= ties
+
+
+@pytest.mark.parametrize("kind", RECTIFIED + TURNED)
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_promise_is_kept_on_scenes_that_are_made_up(kind, scene, seed):
+    cameras = pair(kind)
+    source = passes_of(scene, (cameras[0].width, cameras[0].height), seed)
+    assert_keeps_its_promise(*both_wholly(source, cameras), TIES if kind.endswith("general") else 0.0)
+
+
+@pytest.mark.parametrize("kind", RECTIFIED + TURNED)
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_promise_is_kept_on_the_hardest_patterns(kind, pattern, swapped):
+    size = (93, 62)
+    cameras = pair(kind, size)[:: -1 if swapped else 1]
+    shape = (cameras[0].width, cameras[0].height)
+    source = passes_of("smooth", shape)
+    depth = pattern(*np.meshgrid(np.arange(shape[0]), np.arange(shape[1])))
+    source["Depth"] = np.broadcast_to(depth, shape[::-1]).astype(np.float32)[..., None]
+    assert_keeps_its_promise(*both_wholly(source, cameras, "exact"), TIES if kind.endswith("general") else 0.0)
 
 
 def test_no_depth_disturbs_it():
@@ -388,6 +426,31 @@ def test_numpy_warps_what_the_memory_has_no_room_for(monkeypatch):
     ours, numpys = both(passes_of("steps", SIZE), *pair("off-axis"))
     assert_identical(ours, numpys)
     assert gpu_warp.usable() == usable
+
+
+def test_numpy_warps_what_one_invocation_would_take_too_long_for(untried, monkeypatch, dispatched):
+    """A quad near the plane in which the target's camera stands covers the picture; drivers end what does not end."""
+    few = gpu_shaders.COMMON.replace(f"#define MOST {bands.PIXELS}\n", "#define MOST 150\n")
+    assert few != gpu_shaders.COMMON
+    # Its trial is of pictures that have such quads, too.
+    assert (gpu_warp.usable() is not None) == HAS_GPU
+    gpu_textures.shader.cache_clear()
+    monkeypatch.setattr(gpu_shaders, "COMMON", few)
+    assert_same(*both(passes_of("steps", SIZE), *pair("toe-in"), grid_threshold=0.0))
+    ours, numpys = both(passes_of("smooth", SIZE), *pair("toe-in"), grid_threshold=1000.0)
+    assert not numpys.grid.subdivided.all()
+    assert_identical(ours, numpys)
+    assert (gpu_warp.usable() is not None) == HAS_GPU
+
+
+def test_what_is_as_near_is_settled_by_no_race():
+    """Layers that cross, over and over: of two quads that are as near, the same one has the pixel each time."""
+    source = passes_of("noise", SIZE)
+    source["Depth"] = np.round(source["Depth"])
+    for kind in ("toe-in", "orthographic toe-in"):
+        first, *others = (gpu_warp.carry(source, *pair(kind)) for _ in range(4))
+        for other in others:
+            assert_identical(other, first)
 
 
 def test_numpy_warps_between_cameras_of_two_kinds(dispatched):

@@ -1,0 +1,68 @@
+"""Drawing quad by quad: how much is drawn at a time, and what is settled by the order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereo_reproject import quads
+from stereo_reproject.grid import build_grid
+from stereo_reproject.holes import TEAR
+from stereo_reproject.quads import draw_quads
+
+from .analytic import Plane, World, pixel_centres
+from .exact import Rig
+
+SIZE = (160, 90)
+AT_ONCE = 512
+"""Pixels: of which a picture has 28 times as many."""
+
+SAME_PLACE = 1e-3
+"""Pixels: that much a float32 keeps of a place within a quad that is stretched over the whole picture."""
+
+
+def drawn():
+    """x, y and nearness of a floor that reaches up to the plane in which the target's camera stands."""
+    source, target = Rig(size=SIZE, mode="toe-in", lens=20.0, ipd=6.0, convergence=3.0).eyes
+    floor = Plane((0.0, -0.6, 0.0), normal=(0.0, 1.0, 0.0))
+    depth = World((floor,)).hit(source, *pixel_centres(source))[0].astype(np.float32)
+    grid = build_grid(depth, source, target, threshold=0.0, most=TEAR)
+    return draw_quads(depth, source, target, grid, np.zeros((SIZE[1] + 1, SIZE[0] + 1), bool))
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """How many pixels were tried, each time."""
+    counts, candidates = [], quads._candidates
+
+    def counted(count_x, count_y):
+        counts.append(int(np.sum(count_x * count_y)))
+        return candidates(count_x, count_y)
+
+    monkeypatch.setattr(quads, "_candidates", counted)
+    return counts
+
+
+def test_quads_that_cover_the_picture_are_drawn_in_parts(at_once, monkeypatch):
+    whole = drawn()
+    assert max(at_once) > 2 * AT_ONCE, "the scene has such quads, or nothing is shown here"
+    tried = sum(at_once)
+    at_once.clear()
+    monkeypatch.setattr(quads, "PIXELS", AT_ONCE)
+    parts = drawn()
+    assert max(at_once) <= 2 * AT_ONCE
+    assert sum(at_once) == tried
+    np.testing.assert_array_equal(np.isnan(parts[0]), np.isnan(whole[0]))
+    there = ~np.isnan(whole[0])
+    for part, one in zip(parts, whole, strict=True):
+        np.testing.assert_allclose(part[there], one[there], atol=SAME_PLACE)
+
+
+@pytest.mark.parametrize("at_a_time", [1, 2, 5])
+def test_of_what_is_as_near_the_first_is_kept(at_a_time):
+    surface = quads._Surface((1, 2))
+    pixel, nearness, x = np.array([0, 1, 0, 0, 1]), np.array([0.5, 0.1, 0.7, 0.7, 0.1]), np.arange(5.0)
+    for start in range(0, 5, at_a_time):
+        part = slice(start, start + at_a_time)
+        surface._store(pixel[part], nearness[part], x[part], x[part])
+    assert surface.x.tolist() == [2.0, 1.0]
