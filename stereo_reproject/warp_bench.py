@@ -31,6 +31,8 @@ ACCURACY = "balanced"
 RATIO = "median of the ratios of each turn"
 NEEDS_SCIPY = "bench-warp compares with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
 
+_LEFT_TO_NUMPY = "has left a picture of this size to numpy"
+
 FindGpu = Callable[[], tuple[WarpStage | None, str]]
 """The GPU that can warp, or None and why there is none."""
 
@@ -96,16 +98,13 @@ def measure(
     on_part is told of each part of the work as it begins, and of its detail.
     """
     lookup_of = _scipy_lookup()
-    warp = NUMPY
-    if settings.warp == "gpu":
-        found, why = find_gpu()
-        if found is None:
-            raise BadInputError(f"--warp gpu: {why}; --warp numpy needs none")
-        warp = found
+    warp = _carrier(settings, find_gpu)
     on_part("scene", settings.scene)
     stage = Stage(settings, grid_threshold)
     # The first run pays for what is loaded on the way, and is not timed.
     carried, reasons = stage.whole(warp)
+    if carried.carried_by != settings.warp:
+        raise BadInputError(f"--warp gpu: {warp.device} {_LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
     lookup = lookup_of(stage.source[COLOUR_PASS], carried.warp.x, carried.warp.y)
     turns = []
     for number in range(1, settings.runs + 1):
@@ -132,6 +131,15 @@ def measure(
         "machine": machine_facts(),
         "versions": versions("numpy", "scipy", "bpy"),
     }
+
+
+def _carrier(settings: BenchSettings, find_gpu: FindGpu) -> WarpStage:
+    if settings.warp == "numpy":
+        return NUMPY
+    found, why = find_gpu()
+    if found is None:
+        raise BadInputError(f"--warp gpu: {why}; --warp numpy needs none")
+    return found
 
 
 def _times(turns: list[Turn]) -> dict[str, Any]:
@@ -168,7 +176,8 @@ def _scipy_lookup() -> Callable[[NDArray, NDArray, NDArray], Callable[[], object
         raise BadInputError(NEEDS_SCIPY.format(error)) from error
 
     def lookup_of(colours: NDArray, x: NDArray, y: NDArray) -> Callable[[], object]:
-        where = [np.nan_to_num(y - 0.5), np.nan_to_num(x - 0.5)]
+        # As one array: a list of two would be made into one by each call.
+        where = np.nan_to_num(np.stack([y, x]) - np.float32(0.5))
         channels = [np.ascontiguousarray(colours[..., k]) for k in range(3)]
         return lambda: [map_coordinates(channel, where, order=1, output=np.float32) for channel in channels]
 
@@ -208,6 +217,8 @@ def _agreement(stage: Stage, find_gpu: FindGpu) -> dict[str, Any]:
     if gpu is None:
         return {"holes": None, "colour": None, "why_none": why}
     (a, reasons), (b, others) = stage.whole(NUMPY), stage.whole(gpu)
+    if b.carried_by != "gpu":
+        return {"holes": None, "colour": None, "why_none": f"{gpu.device} {_LEFT_TO_NUMPY}"}
     answered = (reasons == 0) & (others == 0)
     apart = np.abs(a.passes[COLOUR_PASS][answered] - b.passes[COLOUR_PASS][answered])
     differ = float(np.mean((reasons != 0) != (others != 0)))

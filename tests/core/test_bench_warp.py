@@ -34,8 +34,8 @@ FACTS = {"size", "runs", "warp", "device", "machine", "versions", "scene", "hole
 
 GPU = WarpStage(carry, "Grand 9000")
 
-LEAST_BYTES = 12
-"""A pixel's place (x, y) and nearness alone are as many."""
+LEAST_BYTES, MOST_BYTES = 12, 80
+"""A pixel's place (x, y) and nearness alone are as many as the least."""
 
 
 def bench_warp(*options, folder=ROOT, path=()):
@@ -123,6 +123,8 @@ def test_the_agreement_counts_holes_and_takes_the_largest_colour_difference_wher
     other[3, 3, 1], other[0, 0], other[1, 1] = -0.25, 9.0, 9.0
 
     class Carried:
+        carried_by = "gpu"
+
         def __init__(self, image):
             self.passes = {"Combined": image}
 
@@ -138,6 +140,27 @@ def test_the_agreement_counts_holes_and_takes_the_largest_colour_difference_wher
 def test_a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for():
     with pytest.raises(BadInputError, match=r"--warp gpu: no usable GPU .*; --warp numpy needs none"):
         measured(warp="gpu")
+
+
+def test_numpy_is_never_measured_as_a_gpu():
+    """A GPU leaves what it cannot hold to numpy."""
+    small = WarpStage(carry, "A small GPU")
+    left = "A small GPU has left a picture of this size to numpy"
+    for warp in bench.CARRIERS:
+        settings = BenchSettings(size=(96, 64), warp=warp)
+        options = {"core": None, "find_gpu": lambda: (small, "")}
+        if warp == "gpu":
+            with pytest.raises(BadInputError, match=f"--warp gpu: {left}; take a smaller --size"):
+                warp_bench.measure(settings, 1.0, **options)
+        else:
+            found = warp_bench.measure(settings, 1.0, **options)["agreement"]
+            assert found == {"holes": None, "colour": None, "why_none": left}
+
+
+@pytest.mark.parametrize("mode", bench.MODES)
+def test_it_holds_no_more_than_is_promised(mode):
+    """Next to nothing of it is chance."""
+    assert measured(size=(960, 540), mode=mode)["peak_bytes_per_pixel"] <= MOST_BYTES
 
 
 @pytest.mark.parametrize(("found", "why"), [(GPU, ""), (None, "no usable GPU (Blender finds none)")])

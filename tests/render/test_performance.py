@@ -35,14 +35,14 @@ def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
     first = analysis(*quick, "--parts", "scenes", "path")
     assert (first.returncode, first.stderr) == (0, "")
     found = results_of(tmp_path)
-    assert found["facts"]["runs"] == {"done": 7, "failed": 0, "left out": 0}
+    assert found["facts"]["runs"] == {"done": 9, "failed": 0, "left out": 0}
     assert [row["method"] for row in found["scenes"]] == ["multiview", "card", "packed"]
     assert all(row["peak_mb"] > 0.0 and row["seconds"]["total"] > 0.0 for row in found["scenes"])
     assert len({row["holes"] for row in found["path"]}) == 2, "the camera moves, and sees other holes"
     assert (tmp_path / "path-packed.svg").exists()
     second = analysis(*quick, "--parts", "scenes", "path", "triangles")
     assert (second.returncode, second.stderr) == (0, "")
-    assert "7 of 15 runs are there already" in second.stdout
+    assert "9 of 17 runs are there already" in second.stdout
     again = results_of(tmp_path)
     assert again["scenes"] == found["scenes"]
     xs = [x for x, _ in again["scaling"][0]["stages"][0]["points"]]

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from stereo_reproject.settings import ACCURACIES
-from tests.bench.performance.plan import PATH, QUICK, SCENES, SERIES, Plan
+from tests.bench.performance.plan import QUICK, Plan
 
 QUICK_SECONDS = 270.0
 """After these, --quick begins no run any more: it ends within five minutes on a slow machine too."""
@@ -29,7 +29,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="the demo scene, small, in five minutes at most")
     parser.add_argument("--fresh", action="store_true", help="make finished runs again too")
     parser.add_argument("--seconds", type=float, metavar="S", help="begin no run after these")
-    parser.add_argument("--parts", nargs="+", choices=(SCENES, PATH, *SERIES), metavar="PART", help=_PARTS)
+    parser.add_argument("--parts", nargs="+", choices=Plan().parts, metavar="PART", help=_PARTS)
     parser.add_argument("--sizes", nargs="+", type=_size, metavar="WxH", help="of the scenes")
     parser.add_argument("--samples", type=_count, metavar="N", help="of the scenes")
     parser.add_argument("--turns", type=_count, metavar="N", help="how often each run is made; medians are told")
@@ -48,7 +48,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     return options
 
 
-_PARTS = f"only these of {', '.join((SCENES, PATH, *SERIES))}"
+_PARTS = f"only these of {', '.join(Plan().parts)}"
 
 
 def plan_of(options: argparse.Namespace) -> Plan:

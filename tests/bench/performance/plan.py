@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from stereo_reproject import made_up
+from stereo_reproject.bench import CARRIERS
 from stereo_reproject.file_digest import file_digest
 
 MULTIVIEW = "multiview"
 METHODS = ("card", "packed")
 
-SCENES, PATH = "scenes", "path"
+STAGE, SCENES, PATH = "stage", "scenes", "path"
 PIXELS, SAMPLES, TRIANGLES, HOLES = "pixels", "samples", "triangles", "holes"
 SERIES = (PIXELS, SAMPLES, TRIANGLES, HOLES)
 
@@ -52,9 +54,14 @@ class Scene:
         return [file_digest(self.blend), self.interocular, self.convergence]
 
 
+MADE_UP = Scene("made up", Path(made_up.__file__))
+"""What the warp stage is measured on, as the code makes it."""
+
+
 @dataclass(frozen=True)
 class Run:
-    """One run of the command line; with method "multiview", of Blender's own way. turn counts repeats."""
+    """One run of the command line; with method "multiview", of Blender's own way; with one of `bench.CARRIERS`, of the
+    warp stage alone. turn counts repeats."""
 
     scene: Scene
     method: str
@@ -62,11 +69,17 @@ class Run:
     samples: int
     accuracy: str = "balanced"
     frame: int | None = None
-    compare: bool = False
     turn: int = 0
 
+    @property
+    def peer(self) -> Run:
+        """What Blender's own way takes for the same."""
+        return replace(self, method=MULTIVIEW)
+
     def options(self) -> list[str]:
-        """Those of `render`, without the scene and the output folder."""
+        """Those of `render`, without the scene and the output folder; of `bench-warp`, where a carrier is measured."""
+        if self.method in CARRIERS:
+            return [f"--size={self.size[0]}x{self.size[1]}", f"--warp={self.method}"]
         optional = {
             "--interocular": self.scene.interocular,
             "--convergence": self.scene.convergence,
@@ -80,7 +93,6 @@ class Run:
             "--no-denoise",
             *(f"{name}={value}" for name, value in optional.items() if value is not None),
             *([] if self.method == MULTIVIEW else [f"--accuracy={self.accuracy}", f"--fill={self.method}"]),
-            *(["--compare"] if self.compare else []),
         ]
 
     @property
@@ -88,6 +100,8 @@ class Run:
         frame = "" if self.frame is None else f", frame {self.frame}"
         width, height = self.size
         turn = f", again ({self.turn + 1})" if self.turn else ""
+        if self.method in CARRIERS:
+            return f"warp stage, {width}x{height}, {self.method}{turn}"
         return f"{self.scene.name}, {width}x{height}, {self.samples} samples{frame}, {self.method}{turn}"
 
 
@@ -116,7 +130,8 @@ class Plan:
     study_counts: tuple[int, ...] = (4, 8, 16, 32, 64, 128)
     subdivisions: tuple[int, ...] = (0, 3, 4, 5, 6, 7, 8)
     interoculars: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-    parts: tuple[str, ...] = field(default=(SCENES, PATH, *SERIES))
+    stage_sizes: tuple[tuple[int, int], ...] = ((960, 540), (1920, 1080), (3840, 2160), (7680, 4320))
+    parts: tuple[str, ...] = field(default=(STAGE, SCENES, PATH, *SERIES))
 
 
 QUICK = Plan(
@@ -132,6 +147,7 @@ QUICK = Plan(
     study_counts=(2, 4, 8, 16),
     subdivisions=(0, 3, 5, 7),
     interoculars=(0.5, 1.0, 2.0, 4.0),
+    stage_sizes=((480, 270), (960, 540)),
 )
 """For a machine of two cores, in a few minutes: that everything works, and how the parts compare."""
 
@@ -142,7 +158,8 @@ def cases(plan: Plan, scenes: Sequence[Scene], study: Scene, path: Scene, subdiv
     study is the scene of which one thing is varied at a time, path the one with a moving camera, and subdivided are the
     study's variants with more triangles.
     """
-    found: list[Case] = []
+    # bench-warp has repeats of its own.
+    found = [Case(STAGE, Run(MADE_UP, carrier, size, 0)) for size in plan.stage_sizes for carrier in CARRIERS]
     for turn in range(plan.turns):
         found += (_again(case, turn) for case in _of_scenes(plan, scenes))
         found += (_again(case, turn) for case in _of_path(plan, path))
@@ -157,16 +174,19 @@ def _again(case: Case, turn: int) -> Case:
 def _of_scenes(plan: Plan, scenes: Sequence[Scene]) -> Iterator[Case]:
     for size in plan.sizes:
         for scene in scenes:
-            for method in METHODS:
-                yield Case(SCENES, Run(scene, method, size, plan.samples, plan.accuracy, compare=True))
-            yield Case(SCENES, Run(scene, MULTIVIEW, size, plan.samples))
+            yield from _compared(SCENES, Run(scene, MULTIVIEW, size, plan.samples, plan.accuracy))
 
 
 def _of_path(plan: Plan, path: Scene) -> Iterator[Case]:
     for frame in plan.frames:
-        for method in METHODS:
-            run = Run(path, method, plan.path_size, plan.path_samples, plan.accuracy, frame, compare=True)
-            yield Case(PATH, run)
+        yield from _compared(PATH, Run(path, MULTIVIEW, plan.path_size, plan.path_samples, plan.accuracy, frame))
+
+
+def _compared(part: str, peer: Run) -> Iterator[Case]:
+    """Every method, and multiview between them: what the machine does besides changes from minute to minute."""
+    first, *others = METHODS
+    for method in (first, MULTIVIEW, *others):
+        yield Case(part, replace(peer, method=method))
 
 
 def _of_study(plan: Plan, study: Scene, subdivided: Sequence[Scene]) -> Iterator[Case]:

@@ -22,6 +22,7 @@ from tests.bench.performance.plan import (
     SAMPLES,
     SCENES,
     SERIES,
+    STAGE,
     TRIANGLES,
     Case,
     Run,
@@ -31,6 +32,8 @@ RESULTS_SCHEMA = 1
 
 Row = dict[str, Any]
 
+STAGE_FIGURES = ("device", "seconds", "lookup_ratio", "peak_bytes_per_pixel", "agreement", "holes", "subdivided")
+
 FITTED = ("source", "warp", "fill", "composite", "total")
 """Stages whose growth is told; the others are not in every run."""
 
@@ -39,6 +42,7 @@ def analysed(cases: Sequence[Case], records: Mapping[Run, Record]) -> dict[str, 
     """All that the runs tell, as results.json has it beside the facts of the machine."""
     return {
         "schema": RESULTS_SCHEMA,
+        "stage": stage_rows(cases, records),
         "scenes": scene_rows(cases, records),
         "path": path_rows(cases, records),
         "scaling": scaling_rows(cases, records),
@@ -49,7 +53,6 @@ def analysed(cases: Sequence[Case], records: Mapping[Run, Record]) -> dict[str, 
 def run_row(case: Case, record: Record) -> Row:
     """One run as it was; what it does not have is None."""
     run, report = case.run, record.get("report") or {}
-    compare = report.get("compare") or {}
     return {
         "part": case.part,
         "scene": run.scene.name,
@@ -64,10 +67,6 @@ def run_row(case: Case, record: Record) -> Row:
         "message": record.get("message"),
         "blender": report.get("blender"),
         "seconds": _seconds(report),
-        "multiview_seconds": compare.get("multiview_seconds"),
-        "speedup": compare.get("speedup"),
-        "noise_ratio": compare.get("noise_ratio"),
-        "worst_tiles": compare.get("worst_tiles"),
         "fractions": report.get("fractions"),
         "grid": report.get("grid"),
         "pair_peak_mb": (report.get("memory") or {}).get("peak_mb"),
@@ -81,38 +80,51 @@ def _seconds(report: Mapping[str, Any]) -> dict[str, float] | None:
     return dict(report["seconds"]) if report.get("seconds") else None
 
 
-def scene_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
-    """A row for each scene, size and method, in the order of the paper's table 2: medians over the repeats.
+def stage_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
+    """A row for each size and carrier of the warp stage alone, with its time per pixel over that of the first size."""
+    rows = []
+    first: dict[str, float] = {}
+    for run in (case.run for case in cases if case.part == STAGE):
+        record, row = records[run], {"size": list(run.size), "method": run.method, "message": None}
+        if record["status"] != DONE:
+            rows.append({**row, "message": _why_none([record])})
+            continue
+        found = record["report"]["stage"]
+        per_pixel = found["seconds"] / (run.size[0] * run.size[1])
+        figures = {name: found[name] for name in STAGE_FIGURES}
+        rows.append({**row, **figures, "growth": per_pixel / first.setdefault(run.method, per_pixel)})
+    return rows
 
-    Multiview's seconds are those that it took in the runs of the others, so that a speed-up and they are of one run;
-    its memory is that of a process of its own.
-    """
+
+def scene_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
+    """A row for each scene, size and method, in the order of the paper's table 2: medians over the repeats."""
     rows = []
     runs = [case.run for case in cases if case.part == SCENES]
     for scene, size in dict.fromkeys((run.scene.name, run.size) for run in runs):
         own = [run for run in runs if (run.scene.name, run.size) == (scene, size)]
-        ours = [_median_row(method, [records[run] for run in own if run.method == method]) for method in METHODS]
-        peer = _peer_row([records[run] for run in own])
+        ours = [_median_row(method, [run for run in own if run.method == method], records) for method in METHODS]
+        peer = _peer_row([records[run] for run in own if run.method == MULTIVIEW])
         samples = own[0].samples
         rows += [{"scene": scene, "size": list(size), "samples": samples, **row} for row in (peer, *ours)]
     return rows
 
 
-def _median_row(method: str, records: Sequence[Record]) -> Row:
-    reports = _reports(records)
-    if not reports:
-        return {"method": method, "message": _why_none(records)}
+def _median_row(method: str, runs: Sequence[Run], records: Mapping[Run, Record]) -> Row:
+    """Speed-ups are those of each repeat, over multiview's run in the same repeat."""
+    done = [run for run in runs if records[run]["status"] == DONE]
+    if not done:
+        return {"method": method, "message": _why_none(records[run] for run in runs)}
+    reports = [records[run]["report"] for run in done]
     names = stage_order(name for report in reports for name in report["seconds"])
     fractions = [report["fractions"] for report in reports]
-    compared = [report["compare"] for report in reports if report.get("compare")]
+    compared = [(_total(records[run]), _total(records[run.peer])) for run in done]
     return {
         "method": method,
         "message": None,
         "turns": len(reports),
         "seconds": {name: _median(report["seconds"].get(name) for report in reports) for name in names},
-        "multiview_seconds": _median(compare["multiview_seconds"] for compare in compared),
-        "speedup": _median(compare["speedup"] for compare in compared),
-        "noise_ratio": _median(compare["noise_ratio"] for compare in compared),
+        "multiview_seconds": _median(peer for _, peer in compared),
+        "speedup": _median(None if ours is None or peer is None else peer / ours for ours, peer in compared),
         "holes": _median(part["disoccluded"] + part["outside"] for part in fractions),
         "traced": _median(part["rerendered"] for part in fractions),
         "peak_mb": _median(report["memory"]["peak_mb"] for report in reports),
@@ -120,28 +132,26 @@ def _median_row(method: str, records: Sequence[Record]) -> Row:
 
 
 def _peer_row(records: Sequence[Record]) -> Row:
-    """Of all runs of one scene at one size."""
-    reports = _reports(records)
-    seconds = [report["compare"]["multiview_seconds"] for report in reports if report.get("compare")]
-    alone = [report for report in reports if "fractions" not in report]
-    if not seconds:
+    """Of the runs of multiview of one scene at one size."""
+    reports = [record["report"] for record in records if record["status"] == DONE]
+    if not reports:
         return {"method": MULTIVIEW, "message": _why_none(records)}
+    total = _median(report["seconds"]["total"] for report in reports)
     return {
         "method": MULTIVIEW,
         "message": None,
-        "turns": len(seconds),
-        "seconds": {"total": _median(seconds)},
-        "multiview_seconds": _median(seconds),
+        "turns": len(reports),
+        "seconds": {"total": total},
+        "multiview_seconds": total,
         "speedup": 1.0,
-        "noise_ratio": 1.0,
         "holes": None,
         "traced": 1.0,
-        "peak_mb": _median(report["memory"]["peak_mb"] for report in alone),
+        "peak_mb": _median(report["memory"]["peak_mb"] for report in reports),
     }
 
 
-def _reports(records: Iterable[Record]) -> list[Mapping[str, Any]]:
-    return [record["report"] for record in records if record["status"] == DONE]
+def _total(record: Record) -> float | None:
+    return record["report"]["seconds"]["total"] if record["status"] == DONE else None
 
 
 def _why_none(records: Iterable[Record]) -> str:
@@ -158,10 +168,10 @@ def path_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]
     """A row for each frame and method of the camera path: medians over the repeats, and the size and samples."""
     runs = [case.run for case in cases if case.part == PATH]
     rows = []
-    for frame, method in dict.fromkeys((run.frame, run.method) for run in runs):
+    for frame, method in dict.fromkeys((run.frame, run.method) for run in runs if run.method != MULTIVIEW):
         own = [run for run in runs if (run.frame, run.method) == (frame, method)]
         row = {"scene": own[0].scene.name, "size": list(own[0].size), "samples": own[0].samples, "frame": frame}
-        rows.append({**row, **_median_row(method, [records[run] for run in own])})
+        rows.append({**row, **_median_row(method, own, records)})
     return rows
 
 

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.bench.performance.keeping import DONE, FAILED, Record
+from stereo_reproject.bench import CARRIERS
+from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Record
 from tests.bench.performance.plan import MULTIVIEW, Run
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -24,6 +25,9 @@ END_SECONDS = 20.0
 """What a process has to clean up, once it is asked to end."""
 
 MESSAGE_LENGTH = 240
+
+NO_GPU = "no usable GPU"
+"""What bench-warp says where there is none, which is no failure."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,8 @@ class Runner:
         if run.scene.amiss:
             return {"status": FAILED, "message": run.scene.amiss}
         try:
+            if run.method in CARRIERS:
+                return self._stage(run)
             return self._peer(run) if run.method == MULTIVIEW else self._ours(run)
         finally:
             shutil.rmtree(self._work, ignore_errors=True)
@@ -115,6 +121,17 @@ class Runner:
         scene = [str(run.scene.blend), "--output", str(output), "--quiet"]
         ended = run_process(["-m", "stereo_reproject", "render", *scene, *run.options()], self._work / "log")
         return record_of(ended, _read(output / "report.json"))
+
+    def _stage(self, run: Run) -> Record:
+        file = self._work / "stage.json"
+        ended = run_process(
+            ["-m", "stereo_reproject", "bench-warp", *run.options(), f"--json={file}"], self._work / "log"
+        )
+        if NO_GPU in ended.errors:
+            return {"status": LEFT_OUT, "message": ended.message()}
+        report = _read(file)
+        told = report and {"seconds": {"total": report["seconds"]}, "stage": report}
+        return record_of(ended, told)
 
     def _peer(self, run: Run) -> Record:
         module = "tests.bench.performance.multiview"
