@@ -63,13 +63,22 @@ def test_interocular_distances(mode, scale, ipd, sign):
         assert result.flagged.mean() < 0.1
 
 
+@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_eyes_further_apart_than_the_scene_is_deep(mode, sign):
+    """20 m, and converging on a wall 8 m away: the same part of it is seen, the ball and the card each by itself."""
+    world = World((Plane((0.0, 0.0, -8.0)), Sphere((0.3, 0.1, -7.5), 0.3)))
+    result = keeps_it(world, Rig(size=SIZE, mode=mode, ipd=20.0 * sign, convergence=8.0))
+    assert np.mean(~result.flagged & ~result.unknown) > 0.3
+
+
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("scale", [None, 4.0])
 def test_without_an_interocular_distance_all_is_as_it_was(mode, scale):
     source, target = Rig(size=SIZE, mode=mode, scale=scale, ipd=0.0).eyes
     depth, _ = room().hit(source, *pixel_centres(source))
     for accuracy in SETTINGS.values():
-        result = reprojected(passes_of(depth), source, target, accuracy=replace(accuracy, silhouette_radius=0))
+        result = reprojected(passes_of(depth), source, target, accuracy=accuracy)
         assert not result.reasons.any()
         np.testing.assert_allclose(result.warp.x, pixel_centres(source)[0], rtol=0, atol=np.spacing(np.float32(150)))
 
