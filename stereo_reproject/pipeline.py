@@ -138,10 +138,11 @@ def render_stereo_frame(
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine, composite,
-    denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy takes the
-    place of the one that the settings name; precedent has what other frames of the same animation have found. Raises
-    BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
+    on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine,
+    composite, denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy
+    takes the place of the one that the settings name, for a picture up to `accuracy.PROBED_PIXELS`; precedent has
+    what other frames of the same animation have found. Raises BadInputError when the settings cannot be met for
+    this scene, and StereoReprojectError when a render fails.
     """
     watch = Stopwatch(on_stage)
     precedent = precedent or Precedent()

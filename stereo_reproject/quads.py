@@ -71,10 +71,6 @@ class _Quads:
         places = first + np.array([[0, 1], [count + 1, count + 2]])[..., None]
         return self.x.ravel().take(places), self.y.ravel().take(places), self.nearness.ravel().take(places)
 
-    def of(self, values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
-        """What these quads have of one of their own arrays."""
-        return values.ravel().take(chosen) if values.ndim else values
-
 
 def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> _Corners:
     target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
@@ -151,7 +147,7 @@ class _Surface:
         around by the dozen.
         """
         chosen, left, top, count_x, count_y = boxes
-        size_x, size_y = quads.of(quads.size_x, chosen), quads.of(quads.size_y, chosen)
+        size_x, size_y = _of(quads.size_x, chosen), _of(quads.size_y, chosen)
         upper, lower = _triangles(quads.corners(chosen), left + 0.5, top + 0.5, size_x * size_y)
         quad, step_x, step_y = _candidates(count_x, count_y)
 
@@ -175,9 +171,9 @@ class _Surface:
         nearness = np.where(in_upper, at(upper.nearness), at(lower.nearness))
         hides = np.where(in_upper, spread(upper.hides), spread(lower.hides))
         pixel = (spread(top) + step_y) * self.width + spread(left) + step_x
-        x = spread(quads.of(quads.source_x, chosen)) + u * spread(size_x)
+        x = spread(_of(quads.source_x, chosen)) + u * spread(size_x)
         x[hides] = np.nan
-        y = spread(quads.of(quads.source_y, chosen)) + v * spread(size_y)
+        y = spread(_of(quads.source_y, chosen)) + v * spread(size_y)
         inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
         self._store(*(values.take(inside) for values in (pixel, nearness, x, y)))
 
@@ -198,6 +194,11 @@ class _Surface:
             self.x[pixel[won]] = x[won]
             self.y[pixel[won]] = y[won]
             waiting = waiting[mine > stands]
+
+
+def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
+    """(K,): what the chosen quads have of one of `_Quads`'s (C, n, n)."""
+    return values.ravel().take(chosen) if values.ndim else values
 
 
 def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:

@@ -31,7 +31,7 @@ ACCURACY = "balanced"
 RATIO = "median of the ratios of each turn"
 NEEDS_SCIPY = "bench-warp compares with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
 
-_LEFT_TO_NUMPY = "has left a picture of this size to numpy"
+LEFT_TO_NUMPY = "has left a picture of this size to numpy"
 
 FindGpu = Callable[[], tuple[WarpStage | None, str]]
 """The GPU that can warp, or None and why there is none."""
@@ -71,6 +71,13 @@ class Stage:
         forward_warp(depth, *self._eyes, grid, cut_right=self._cuts.right > TEAR, cut_down=self._cuts.down > TEAR)
 
     def carry(self, warp: WarpStage) -> Reprojection:
+        """Raises BadInputError where a GPU has left it to numpy, in the first run or in a later one."""
+        carried = self._carried(warp)
+        if warp.device is not None and carried.carried_by != "gpu":
+            raise BadInputError(f"--warp gpu: {warp.device} {LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
+        return carried
+
+    def _carried(self, warp: WarpStage) -> Reprojection:
         return reproject(
             self.source,
             *self._eyes,
@@ -103,8 +110,6 @@ def measure(
     stage = Stage(settings, grid_threshold)
     # The first run pays for what is loaded on the way, and is not timed.
     carried, reasons = stage.whole(warp)
-    if carried.carried_by != settings.warp:
-        raise BadInputError(f"--warp gpu: {warp.device} {_LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
     lookup = lookup_of(stage.source[COLOUR_PASS], carried.warp.x, carried.warp.y)
     turns = []
     for number in range(1, settings.runs + 1):
@@ -216,9 +221,11 @@ def _agreement(stage: Stage, find_gpu: FindGpu) -> dict[str, Any]:
     gpu, why = find_gpu()
     if gpu is None:
         return {"holes": None, "colour": None, "why_none": why}
-    (a, reasons), (b, others) = stage.whole(NUMPY), stage.whole(gpu)
-    if b.carried_by != "gpu":
-        return {"holes": None, "colour": None, "why_none": f"{gpu.device} {_LEFT_TO_NUMPY}"}
+    a, reasons = stage.whole(NUMPY)
+    try:
+        b, others = stage.whole(gpu)
+    except BadInputError:
+        return {"holes": None, "colour": None, "why_none": f"{gpu.device} {LEFT_TO_NUMPY}"}
     answered = (reasons == 0) & (others == 0)
     apart = np.abs(a.passes[COLOUR_PASS][answered] - b.passes[COLOUR_PASS][answered])
     differ = float(np.mean((reasons != 0) != (others != 0)))

@@ -224,7 +224,8 @@ vec2 within(Triangle by, vec2 centre) {
   return vec2(d.x * by.along_v.y - d.y * by.along_v.x, by.along_u.x * d.y - by.along_u.y * d.x) / by.determinant;
 }
 bool is_in_upper(Triangle upper, vec2 uv) { return upper.drawn && uv.x + uv.y <= 1.0; }
-// Quads are numbered in the order in which they are drawn; of two that are as near, the first has the pixel.
+// Coarse quads before fine ones, each row by row; of two that are as near, the one with the lower number has the pixel.
+// numpy draws the fine ones cell by cell: where two of them meet, either place is within the tolerance of the other.
 int number_of(ivec2 start, bool fine) {
   ivec2 size = source_size + 1;
   return start.y * size.x + start.x + (fine ? size.x * size.y : 0);
@@ -295,7 +296,8 @@ vec2 place_in(ivec2 start, bool fine, vec2 centre) {
   vec2 size = vec2(end - start);
   Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
   vec2 uv = within(upper, centre);
-  bool in_upper = is_in_upper(upper, uv);
+  // It was drawn: by one of the two, whatever rounding says of the diagonal here.
+  bool in_upper = is_in_upper(upper, uv) || !lower.drawn;
   if (in_upper ? upper.hides : lower.hides) return vec2(NO_NUMBER);
   return vec2(start) - 0.5 + (in_upper ? uv : 1.0 - within(lower, centre)) * size;
 }

@@ -436,10 +436,14 @@ def test_numpy_warps_what_one_invocation_would_take_too_long_for(untried, monkey
     assert (gpu_warp.usable() is not None) == HAS_GPU
     gpu_textures.shader.cache_clear()
     monkeypatch.setattr(gpu_shaders, "COMMON", few)
-    assert_same(*both(passes_of("steps", SIZE), *pair("toe-in"), grid_threshold=0.0))
+    ours, numpys = both(passes_of("steps", SIZE), *pair("toe-in"), grid_threshold=0.0)
+    assert_same(ours, numpys)
+    assert ours.by == ("gpu" if HAS_GPU else "numpy")
+    dispatched.clear()
     ours, numpys = both(passes_of("smooth", SIZE), *pair("toe-in"), grid_threshold=1000.0)
     assert not numpys.grid.subdivided.all()
     assert_identical(ours, numpys)
+    assert (ours.by, bool(dispatched)) == ("numpy", HAS_GPU)
     assert (gpu_warp.usable() is not None) == HAS_GPU
 
 

@@ -123,8 +123,6 @@ def test_the_agreement_counts_holes_and_takes_the_largest_colour_difference_wher
     other[3, 3, 1], other[0, 0], other[1, 1] = -0.25, 9.0, 9.0
 
     class Carried:
-        carried_by = "gpu"
-
         def __init__(self, image):
             self.passes = {"Combined": image}
 

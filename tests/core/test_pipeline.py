@@ -22,6 +22,7 @@ from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
 from stereo_reproject.precedent import Precedent
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
+from stereo_reproject.tracing import Means
 
 from .analytic import (
     ORTHOGRAPHIC_WIDTH,
@@ -653,6 +654,20 @@ def test_what_looks_different_from_each_eye_is_found_and_traced(method):
     assert frame.refinement.estimate.noise_ratio <= 1.1
     reference, again = (renderer.picture("right", seed=seed)["Combined"] for seed in (91, 92))
     assert noise_ratio(frame.eyes["right"]["Combined"], reference, again) < 1.2
+
+
+@pytest.mark.parametrize("method", ["packed", "card"])
+def test_a_large_picture_has_larger_tiles(method, monkeypatch):
+    """One of four times as many pixels as those of which tiles are small."""
+    renderer = caster(noise=0.1, view_dependent=("mirror",))
+    asked = settings(fill=method)
+    small = render_stereo_frame(renderer, asked)
+    monkeypatch.setattr("stereo_reproject.accuracy.PROBED_PIXELS", SIZE[0] * SIZE[1] // 4)
+    large = render_stereo_frame(renderer, asked)
+    sides = [frame.refinement.measured.probes.spacing for frame in (small, large)]
+    assert sides == [Means.spacing(method, side) for side in (8, 16)]
+    # What the next better setting traces beside holes is a quarter, too.
+    assert small.price.traced - large.price.traced > 0.5 / sides[0] ** 2
 
 
 def test_motion_vectors_are_carried_over_with_the_probes_there():

@@ -28,7 +28,7 @@ from tests.bench.performance.plan import (
     Run,
 )
 
-RESULTS_SCHEMA = 1
+RESULTS_SCHEMA = 2
 
 Row = dict[str, Any]
 
@@ -81,7 +81,8 @@ def _seconds(report: Mapping[str, Any]) -> dict[str, float] | None:
 
 
 def stage_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
-    """A row for each size and carrier of the warp stage alone, with its time per pixel over that of the first size."""
+    """A row for each size and carrier of the warp stage alone, with its time per pixel over that of the first size that
+    could be measured."""
     rows = []
     first: dict[str, float] = {}
     for run in (case.run for case in cases if case.part == STAGE):

@@ -78,7 +78,7 @@ def _facts_text(facts: Mapping[str, Any]) -> str:
 
 def stage_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """A row for each size and carrier, and the paper's own."""
-    head = ["size", "by", "seconds", "lookup ratio", "growth", "memory", "agreement"]
+    head = ["size", "by", "time", "lookup ratio", "growth", "memory", "agreement"]
     lines = [_line(head), _line(["---"] * len(head))]
     for row in rows:
         size = "x".join(map(str, row["size"]))
@@ -87,10 +87,11 @@ def stage_table(rows: Sequence[Mapping[str, Any]]) -> str:
             continue
         agreement = row["agreement"]
         agrees = NONE if agreement["holes"] is None else f"{agreement['holes']:.4%}, {agreement['colour']:.2g}"
-        cells = [f"{row['method']} ({_cell(row['device'])})", _seconds(row["seconds"]), f"{row['lookup_ratio']:.2f}"]
+        by = f"{row['method']} ({_cell(row['device'])})"
+        cells = [by, _milliseconds(row["seconds"]), f"{row['lookup_ratio']:.2f}"]
         lines.append(_line([size, *cells, f"{row['growth']:.2f}", f"{row['peak_bytes_per_pixel']:.1f} B/px", agrees]))
     for size, seconds in paper.WARP_SECONDS.items():
-        lines.append(_line([size, f"{paper.TITLE} ({paper.GPU})", f"{1000.0 * seconds:.2f} ms", *[NONE] * 4]))
+        lines.append(_line([size, f"{paper.TITLE} ({paper.GPU})", _milliseconds(seconds), *[NONE] * 4]))
     return "\n".join(lines)
 
 
@@ -207,6 +208,10 @@ def _cell(text: str) -> str:
 
 def _seconds(value: float | None) -> str:
     return NONE if value is None else f"{value:.3f} s" if value < 1.0 else f"{value:.2f} s"
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{1000.0 * seconds:.{2 if seconds < 0.1 else 0}f} ms"
 
 
 def _times(row: Mapping[str, Any]) -> str:
