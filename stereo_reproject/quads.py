@@ -18,6 +18,8 @@ from .rectified import EDGE_TOLERANCE, MAX_STRETCH
 CHUNK = 192
 """Cells drawn at a time: some 25 000 pixels, whose temporaries stay in a processor's cache."""
 
+ALL = slice(None)
+
 LARGEST_AREA = 1e12
 """Square pixels: what is larger is so by rounding."""
 
@@ -151,31 +153,25 @@ class _Surface:
         upper, lower = _triangles(quads.corners(chosen), left + 0.5, top + 0.5, size_x * size_y)
         quad, step_x, step_y = _candidates(count_x, count_y)
 
-        def spread(values: NDArray) -> NDArray:
-            return values if quad is None or values.ndim == 0 else values.take(quad)
-
-        def at(coefficients: NDArray) -> NDArray:
+        def at(coefficients: NDArray, candidates: NDArray | slice = ALL) -> NDArray:
+            whose, right, down = quad[candidates], step_x[candidates], step_y[candidates]
             base, along_x, along_y = coefficients
-            # In one type, or what comes out would depend on what else is drawn at a time.
-            return (
-                base.astype(np.float64)
-                if quad is None
-                else spread(base) + spread(along_x) * step_x + spread(along_y) * step_y
-            )
+            return base.take(whose) + along_x.take(whose) * right + along_y.take(whose) * down
 
-        upper_u, upper_v = at(upper.u), at(upper.v)
-        in_upper = upper_u + upper_v <= 1.0
-        u = np.where(in_upper, upper_u, 1.0 - at(lower.u))
-        v = np.where(in_upper, upper_v, 1.0 - at(lower.v))
-        least = np.where(in_upper, np.minimum(u, v), np.minimum(np.minimum(1.0 - u, 1.0 - v), u + v - 1.0))
-        nearness = np.where(in_upper, at(upper.nearness), at(lower.nearness))
-        hides = np.where(in_upper, spread(upper.hides), spread(lower.hides))
-        pixel = (spread(top) + step_y) * self.width + spread(left) + step_x
-        x = spread(_of(quads.source_x, chosen)) + u * spread(size_x)
+        u, v, nearness = at(upper.u), at(upper.v), at(upper.nearness)
+        in_lower = np.flatnonzero(~(u + v <= 1.0))
+        least, hides = np.minimum(u, v), upper.hides.take(quad)
+        turned_u, turned_v = at(lower.u, in_lower), at(lower.v, in_lower)
+        u[in_lower], v[in_lower] = 1.0 - turned_u, 1.0 - turned_v
+        least[in_lower] = np.minimum(np.minimum(turned_u, turned_v), 1.0 - turned_u - turned_v)
+        nearness[in_lower] = at(lower.nearness, in_lower)
+        hides[in_lower] = lower.hides.take(quad[in_lower])
+        pixel = (top.take(quad) + step_y) * self.width + left.take(quad) + step_x
+        x = _of(quads.source_x, chosen).take(quad) + u * _of(size_x, quad)
         x[hides] = np.nan
-        y = spread(_of(quads.source_y, chosen)) + v * spread(size_y)
+        y = _of(quads.source_y, chosen).take(quad) + v * _of(size_y, quad)
         inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
-        self._store(*(values.take(inside) for values in (pixel, nearness, x, y)))
+        self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
         """Depth test by repeated writing: whoever is still nearer than what stands there writes again.
@@ -184,16 +180,17 @@ class _Surface:
         a sort.
         """
         nearness = nearness.astype(np.float32, copy=False)
-        waiting = np.nonzero(nearness > self.nearness[pixel])[0]
+        waiting = np.flatnonzero(nearness > self.nearness.take(pixel))
         while waiting.size:
-            self.nearness[pixel[waiting]] = nearness[waiting]
-            stands = self.nearness[pixel[waiting]]
-            mine = nearness[waiting]
+            pixel, nearness, x, y = (values.take(waiting) for values in (pixel, nearness, x, y))
+            self.nearness[pixel] = nearness
+            stands = self.nearness.take(pixel)
             # What is written last stays: of those that are as near, the one that was drawn first.
-            won = waiting[stands == mine][::-1]
-            self.x[pixel[won]] = x[won]
-            self.y[pixel[won]] = y[won]
-            waiting = waiting[mine > stands]
+            won = np.flatnonzero(stands == nearness)[::-1]
+            place = pixel.take(won)
+            self.x[place] = x.take(won)
+            self.y[place] = y.take(won)
+            waiting = np.flatnonzero(nearness > stands)
 
 
 def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
@@ -244,17 +241,14 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
         yield quad[part], left[part], top[part], count_x[part], count_y[part]
 
 
-def _candidates(count_x: NDArray, count_y: NDArray) -> tuple[NDArray | None, NDArray, NDArray]:
-    """Every (quad, pixel) pair, as the quad's index and the pixel's offset; None where each quad has just one."""
+def _candidates(count_x: NDArray, count_y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Every (quad, pixel) pair, as the quad's index and the pixel's offset."""
     count = count_x * count_y
-    if int(count.max()) == 1:
-        nowhere = np.zeros_like(count)
-        return None, nowhere, nowhere
     quad = np.repeat(np.arange(count.size), count)
     rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
     wide = count_x.take(quad)
     step_y = rank // wide
-    return quad, rank - step_y * wide, step_y
+    return quad, (rank - step_y * wide).astype(np.float64), step_y.astype(np.float64)
 
 
 @dataclass(frozen=True)
