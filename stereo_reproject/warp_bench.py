@@ -72,13 +72,7 @@ class Stage:
 
     def carry(self, warp: WarpStage) -> Reprojection:
         """Raises BadInputError where a GPU has left it to numpy, in the first run or in a later one."""
-        carried = self._carried(warp)
-        if warp.device is not None and carried.carried_by != "gpu":
-            raise BadInputError(f"--warp gpu: {warp.device} {LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
-        return carried
-
-    def _carried(self, warp: WarpStage) -> Reprojection:
-        return reproject(
+        carried = reproject(
             self.source,
             *self._eyes,
             accuracy=SETTINGS[ACCURACY],
@@ -86,6 +80,9 @@ class Stage:
             grid_threshold=self._threshold,
             carry=warp.carry,
         )
+        if warp.device is not None and carried.carried_by != "gpu":
+            raise BadInputError(f"--warp gpu: {warp.device} {LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
+        return carried
 
     def whole(self, warp: WarpStage) -> tuple[Reprojection, NDArray[np.uint16]]:
         carried = self.carry(warp)

@@ -66,7 +66,7 @@ def test_interocular_distances(mode, scale, ipd, sign):
 @pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_eyes_further_apart_than_the_scene_is_deep(mode, sign):
-    """20 m, and converging on a wall 8 m away: the same part of it is seen, the ball and the card each by itself."""
+    """20 m, and converging on a wall 8 m away: both see the same part of it, and the ball from two sides."""
     world = World((Plane((0.0, 0.0, -8.0)), Sphere((0.3, 0.1, -7.5), 0.3)))
     result = keeps_it(world, Rig(size=SIZE, mode=mode, ipd=20.0 * sign, convergence=8.0))
     assert np.mean(~result.flagged & ~result.unknown) > 0.3
