@@ -1,9 +1,10 @@
 """What the warped colours are off by where that changes slowly: told by many probes together, and taken away.
 
 A reflection on a floor stands elsewhere for the other eye. Beside the noise of a denoised picture that shows, though it
-is a fraction of the noise of the probes that tell it. But its sign is the same over many of them: with m the mean of
-their residuals, m is off by their noise over the root of their number, and what is left of m beyond that is the bias.
-Where it is beyond doubt the warped pixels are corrected by it, and need not be traced.
+is a fraction of the noise of the probes that tell it; and in a noisy picture it shows where some tiles are traced and
+others, as far off, are not. But its sign is the same over many probes: with m the mean of their residuals, m is off by
+their noise over the root of their number, and what is left of m beyond that is the bias. Where it is beyond doubt the
+warped pixels are corrected by it, and need not be traced.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .metrics import tone, untone
+from .metrics import tone
 from .probes import Probes
 
 REACHES = (4, 2, 1)
@@ -36,11 +37,18 @@ class SourceNoise:
     """What noise does to a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
 
     shift (N, 3): how much brighter than without it is, on average. It is darker: most samples of a dim corner are black
-    and a few are bright, of which `tone` makes little. variance (N,): of one pixel.
+    and a few are bright, of which `tone` makes little. variance (N,): of one pixel. in_warp (N,): what of it the
+    warped pixels have.
     """
 
     shift: NDArray[np.float64]
     variance: NDArray[np.float64]
+    in_warp: NDArray[np.float64]
+
+    @classmethod
+    def of_noisy(cls, variance: NDArray[np.float64]) -> SourceNoise:
+        """Of a picture that is not denoised: the warped pixels have its noise (N,), and are as dark by it as probes."""
+        return cls(np.zeros((variance.size, 3)), variance, variance)
 
 
 @dataclass(frozen=True)
@@ -58,22 +66,25 @@ class Bias:
 
     def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
         """The scene-linear colours (N, >= 3) of the probes' pixels, corrected: (N, 3)."""
-        return _shifted(colour[..., :3], self.without_own if without_own else self.added)
+        return colour[..., :3] * _factor(colour[..., :3], self.without_own if without_own else self.added)
 
     def corrected(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """The scene-linear colour (H, W, >= 3) with the pixels of (H, W) corrected.
+        """The scene-linear colour (H, W, >= 3) with the pixels of (H, W) corrected, which show (H, W)."""
+        return multiplied(colour, pixels, self.factor(colour, pixels, shown))
 
-        Between the tiles' middles the bias is interpolated, among those that show the same as the pixel (H, W).
+    def factor(
+        self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
+    ) -> NDArray[np.float32]:
+        """(P, 3): by what the same is multiplied, in the mask's order.
+
+        Between the tiles' middles the bias is interpolated, among those that show the same as the pixel.
         """
-        result = colour.copy()
         rows, columns = np.nonzero(pixels)
-        if not self.added.any() or not rows.size:
-            return result
-        added = self._at(rows, columns, shown[rows, columns])
-        result[rows, columns, :3] = _shifted(colour[rows, columns, :3], added)
-        return result
+        if not self.added.any():
+            return np.ones((rows.size, 3), np.float32)
+        return _factor(colour[rows, columns, :3], self._at(rows, columns, shown[rows, columns]))
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
         """(P, 3) at pixels."""
@@ -115,7 +126,7 @@ def bias_of(
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
     # A few probes may all have been spared what makes others bright, and seem to be sure that it is dark.
-    nearby = np.maximum(nearby, 0.5 * noise.variance)
+    nearby = np.maximum(nearby, 0.5 * noise.variance) + noise.in_warp
     weight = known / (nearby + BY_CONTRAST * risk[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
     for reach in REACHES:
@@ -147,8 +158,9 @@ class _Neighbours:
         grid, shown = self._probes.on_grid(values, 0.0), self._shown
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
-        for down in range(-reach, reach + 1):
-            for right in range(-reach, reach + 1):
+        far_down, far_right = min(reach, height - 1), min(reach, width - 1)
+        for down in range(-far_down, far_down + 1):
+            for right in range(-far_right, far_right + 1):
                 here = np.s_[max(-down, 0) : height - max(down, 0), max(-right, 0) : width - max(right, 0)]
                 there = np.s_[max(down, 0) : height + min(down, 0), max(right, 0) : width + min(right, 0)]
                 same = shown[here] == shown[there]
@@ -156,7 +168,20 @@ class _Neighbours:
         return total[self._probes.tiles]
 
 
-def _shifted(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Scene-linear (P, 3), changed by so much after `tone`."""
-    toned = np.clip(tone(colour) + added, 0.0, 1.0 - 1e-6)
-    return np.clip(untone(toned), colour / FACTOR, colour * FACTOR).astype(np.float32)
+def multiplied(image: NDArray[np.float32], pixels: NDArray[np.bool_], factor: NDArray[np.float32]) -> NDArray:
+    """The colours (H, W, >= 3), those of (H, W) times factor (P, 3)."""
+    result = image.copy()
+    result[pixels, :3] *= factor
+    return result
+
+
+def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
+    """By what scene-linear colours (P, 3) are multiplied to change by so much after `tone`. 1 for what is not light.
+
+    With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
+    """
+    light = (colour > 0.0) & np.isfinite(colour)
+    bright = np.where(light, colour, 1.0).astype(np.float64)
+    step = added * (1.0 + bright)
+    factor = np.where(step < 1.0, (1.0 + step / bright) / np.where(step < 1.0, 1.0 - step, 1.0), FACTOR)
+    return np.where(light, np.clip(factor, 1.0 / FACTOR, FACTOR), 1.0).astype(np.float32)

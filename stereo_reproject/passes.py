@@ -102,6 +102,19 @@ _SEEN_IN_MIRRORS = frozenset(
 )
 _LIGHT_GROUP = "Combined_"
 
+_LIGHT = frozenset(
+    {
+        COLOUR_PASS,
+        # By their names in 4.5 and in 5.2.
+        *(kind + way for kind in ("Diff", "Gloss", "Trans", "Volume") for way in ("Dir", "Ind")),
+        *(f"{kind} {way}" for kind in ("Diffuse", "Glossy", "Transmission", "Volume") for way in ("Direct", "Indirect")),
+        "Emit",
+        "Emission",
+        "Env",
+        "Environment",
+    }
+)
+
 NO_SURFACE = 1e10
 """The depth that Blender gives to what has no surface, and that files have; inside the code it is infinite."""
 
@@ -146,6 +159,12 @@ def filtered(name: str) -> bool:
 def seen_in_mirrors(name: str) -> bool:
     """Whether a pass has, where there is a mirror, what that shows."""
     return name in _SEEN_IN_MIRRORS or name.startswith(_LIGHT_GROUP)
+
+
+def is_light(name: str) -> bool:
+    """Whether a pass is light that reaches the camera: all of it, or a part. Parts, times the colour that some have a
+    pass for, add up to all of it."""
+    return name in _LIGHT or name.startswith(_LIGHT_GROUP)
 
 
 def pass_letters(name: str, channels: int) -> str:

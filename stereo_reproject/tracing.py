@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .accuracy import Accuracy
+from .bias import SourceNoise, bias_of, multiplied
 from .composite import composite
 from .denoised_probes import look
 from .denoising import Denoising
 from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
-from .passes import COLOUR_PASS, NOISY_PASS, Passes, filtered
+from .passes import COLOUR_PASS, NOISY_PASS, Passes, filtered, is_light
 from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
 from .refinement import (
     Estimate,
@@ -248,6 +249,7 @@ class TargetEye:
         assert self._contrast is not None
         shown = materials_of(self.passes)
         if self._denoising is None:
+            before = self._corrected(probes, warped & ~probes.mask, before, once, again)
             return measure(probes, warped, self._contrast, before, once, again, shown=shown)
         colour = self.passes[COLOUR_PASS].copy()
         colour[probes.mask] = before
@@ -271,6 +273,23 @@ class TargetEye:
         left = self._denoising.noise_left
         at_probes, first = seen.at_probes, seen.first
         return measure(probes, warped, self._contrast, at_probes, once, again, shown=shown, denoised=left, first=first)
+
+    def _corrected(
+        self, probes: Probes, warped: NDArray[np.bool_], before: NDArray, once: NDArray, again: NDArray
+    ) -> NDArray[np.float32]:
+        """Take away what a noisy picture is off by in the warped pixels (H, W), all parts of its light alike.
+
+        Returns what would be at the probes (N, 3) if their own had not been heard.
+        """
+        assert self._contrast is not None
+        shown = materials_of(self.passes)
+        kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
+        noise = SourceNoise.of_noisy(self._contrast.noise[probes.rows, probes.columns].astype(np.float64))
+        bias = bias_of(probes, before, once, again, self._contrast.signal, kinds, noise=noise)
+        factor = bias.factor(self.passes[COLOUR_PASS], warped, kinds)
+        light = {name: multiplied(image, warped, factor) for name, image in self.passes.items() if is_light(name)}
+        self.passes = {**self.passes, **light}
+        return bias.at_probes(before, without_own=True)
 
 
 def _mean(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.bias import FACTOR, SourceNoise, bias_of
+from stereo_reproject.bias import FACTOR, SourceNoise, _factor, bias_of
 from stereo_reproject.denoised_probes import _source_noise
-from stereo_reproject.metrics import squared_error
+from stereo_reproject.metrics import squared_error, tone
 from stereo_reproject.probes import place_regular_probes
 from stereo_reproject.risk import contrast_of
 
@@ -41,7 +41,7 @@ class Warped:
             spoil(a, b)
         count = self.probes.rows.size
         # Small enough for `tone` to be a line.
-        noise = SourceNoise(np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()))
+        noise = SourceNoise(np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()), np.zeros(count))
         colour = self.colour[self.probes.mask]
         return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
 
@@ -140,6 +140,38 @@ def test_a_dim_corner_with_a_few_bright_samples_is_not_taken_for_dark():
         bias = bias_of(probes, denoised[probes.mask], a, b, contrast(denoised), shown, noise=noise)
         return bias.corrected(denoised, np.ones(size, bool), shown)[..., :3].mean() / mean
 
-    nothing = SourceNoise(np.zeros((probes.rows.size, 3)), np.zeros(probes.rows.size))
+    nothing = SourceNoise(*(np.zeros(size) for size in ((probes.rows.size, 3), probes.rows.size, probes.rows.size)))
     assert brightness(nothing) < 0.7
     assert abs(brightness(_source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 1e30, np.nan])
+def test_what_is_no_light_stays_as_it_is_and_the_brightest_is_light(value):
+    warped = Warped(0.1)
+    warped.colour[40:60, 200:220, :3] = value
+    bias = warped.bias()
+    assert bias.added.any()
+    corrected = warped.corrected(bias)[40:60, 200:220, :3]
+    if value > 0.0:
+        assert ((corrected >= value / FACTOR) & (corrected <= value * FACTOR)).all()
+    else:
+        assert np.array_equal(corrected, warped.colour[40:60, 200:220, :3], equal_nan=True)
+
+
+@pytest.mark.parametrize("added", [-0.15, -1e-3, 0.0, 1e-3, 0.08])
+def test_a_correction_is_exact_after_tone_mapping(added):
+    colour = np.array([[1e-3, 0.3, 1.0], [0.5, 2.0, 0.8]], np.float32)
+    factor = _factor(colour, np.full(colour.shape, added))
+    free = (factor > 1.0 / FACTOR) & (factor < FACTOR)
+    assert free.any()
+    np.testing.assert_allclose(tone(colour * factor)[free], (tone(colour) + added)[free], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 40), (17, 17), (40, 3)])
+def test_pictures_of_few_tiles_are_corrected_too(size):
+    shown, colour = np.zeros(size, int), np.full((*size, 4), 0.5, np.float32)
+    probes = place_regular_probes(np.ones(size, bool), spacing=6, seed=1)
+    truth = colour[probes.mask] + 0.1
+    noise = SourceNoise.of_noisy(np.zeros(probes.rows.size))
+    bias = bias_of(probes, colour[probes.mask], truth, truth, contrast(colour), shown, noise=noise)
+    np.testing.assert_allclose(bias.corrected(colour, np.ones(size, bool), shown)[..., :3], 0.6, rtol=0.02)

@@ -175,3 +175,55 @@ def test_a_watched_frame_without_holes_is_probed_or_rendered_whole():
     unwatched = Frame(holes=0.0).eye(blockers={"packed": "no OSL", "card": "no card"}, watched=False)
     unwatched.fill()
     assert not unwatched.traced.any()
+
+
+class SlowError(Frame):
+    """A highlight that stands elsewhere for the other eye: the warp is brighter at its middle by as much as its noise.
+    The light is two passes' sum, of which one is another's times a colour."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+        light = NOISE * np.exp(-((x - 100) ** 2 + (y - 80) ** 2) / (2 * 30.0**2)).astype(np.float32)
+        combined = self.reprojection.passes["Combined"]
+        combined[..., :3] += 4.0 * light[..., None]
+        self.color = np.full((*SIZE, 3), 0.25, np.float32)
+        direct = combined[..., :3].copy()
+        self.reprojection.passes |= {
+            "Diffuse Direct": direct,
+            "Diffuse Color": self.color,
+            "Emission": combined[..., :3] - self.color * direct,
+            "Index": np.ones((*SIZE, 1), np.float32),
+        }
+
+
+def slow_error(**options):
+    frame = SlowError(holes=0.1, **options)
+    eye = frame.eye(asked="packed")
+    eye.fill()
+    return frame, eye
+
+
+def test_a_slow_error_of_a_noisy_picture_is_taken_away_and_not_traced():
+    """Or single tiles of it would be, and stand out of the others."""
+    frame, eye = slow_error()
+    warped = ~eye.traced
+    before, after = (
+        (image["Combined"] - frame.truth)[..., :3].mean(axis=-1) for image in (frame.reprojection.passes, eye.passes)
+    )
+    middle = np.s_[60:100, 80:120]
+    assert before[middle].mean() > 2.0 * NOISE
+    assert abs(after[middle][warped[middle]].mean()) < 0.25 * before[middle].mean()
+    refinement = eye.refine()
+    assert refinement.pixels.mean() < 0.02
+    assert frame.ratio(eye) <= min(1.03, refinement.estimate.noise_ratio + 0.03)
+
+
+def test_parts_of_the_light_still_add_up_when_a_slow_error_is_taken_away():
+    frame, eye = slow_error()
+    warped, passes = ~eye.traced, eye.passes
+    assert not np.array_equal(passes["Emission"], frame.reprojection.passes["Emission"])
+    parts = passes["Diffuse Color"] * passes["Diffuse Direct"] + passes["Emission"]
+    np.testing.assert_allclose(parts[warped], passes["Combined"][..., :3][warped], rtol=1e-5, atol=1e-6)
+    for name in ("Diffuse Color", "Index"):
+        assert np.array_equal(passes[name], frame.reprojection.passes[name]), name
