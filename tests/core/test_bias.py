@@ -41,7 +41,8 @@ class Warped:
             spoil(a, b)
         count = self.probes.rows.size
         # Small enough for `tone` to be a line.
-        noise = SourceNoise(np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()), np.zeros(count))
+        variance = np.full(count, squared_error(self.truth + NOISE, self.truth).mean())
+        noise = SourceNoise(np.zeros((count, 3)), variance, np.zeros(count))
         colour = self.colour[self.probes.mask]
         return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
 
