@@ -168,11 +168,23 @@ def _bench_warp(arguments: argparse.Namespace, console: Console, host: Host) -> 
 
 
 def _file_to_write(name: str) -> Path:
-    """The absolute path of a file that is to be written. Raises BadInputError where it could not be."""
-    path = _absolute(name)
-    if not name or path.is_dir():
+    """The absolute path of a file that is to be written, where links lead. Raises BadInputError where it cannot be."""
+    if not name:
+        raise BadInputError("the file has no name; give it one")
+    try:
+        path = _absolute(name).resolve()
+        what = path.stat().st_mode if path.exists() else None
+        beside = path.parent.is_dir()
+    except (OSError, RuntimeError) as error:
+        # Links in a circle are a RuntimeError up to Python 3.12.
+        why = error.strerror if isinstance(error, OSError) else error
+        raise BadInputError(f"{name} cannot be written ({why}); name another file") from error
+    if what is not None and stat.S_ISDIR(what):
         raise BadInputError(f"{path} is a folder; name a file in it")
-    if not path.parent.is_dir():
+    if what is not None and not stat.S_ISREG(what):
+        # What appears whole takes the place of what is there.
+        raise BadInputError(f"{path} is not a regular file; name one, or a new one")
+    if not beside:
         raise BadInputError(f"the folder {path.parent} does not exist; make it, or name a file in another")
     if not os.access(path.parent, os.W_OK):
         raise BadInputError(f"the folder {path.parent} cannot be written; name a file in another")

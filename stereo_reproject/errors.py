@@ -25,7 +25,7 @@ def as_told(error: Exception) -> StereoReprojectError:
         case StereoReprojectError():
             return error
         case MemoryError():
-            return StereoReprojectError("out of memory: render smaller, or free some")
+            return StereoReprojectError("out of memory: take a smaller size, or free some")
         case OSError():
             return BadInputError(f"{error.strerror or error}: {error.filename or 'while writing'}")
     traceback.print_exception(error)

@@ -37,6 +37,7 @@ OF_A_FRAME = (
     "seconds",
     "fractions",
     "fill",
+    "warp",
     "estimate",
     "correction",
     "layers",

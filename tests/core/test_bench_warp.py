@@ -227,7 +227,9 @@ def test_a_threshold_of_nothing_subdivides_every_cell(scene):
         (["--grid-threshold", "-1"], "--grid-threshold: the grid threshold must be at least 0"),
         (["--json", "nowhere/warp.json"], "nowhere does not exist; make it"),
         (["--json", "."], "is a folder; name a file in it"),
-        (["--json", ""], "is a folder; name a file in it"),
+        (["--json", ""], "the file has no name; give it one"),
+        (["--json", "/dev/null"], "/dev/null is not a regular file"),
+        (["--json", f"{'a' * 300}.json"], "cannot be written (File name too long)"),
     ],
 )
 def test_what_cannot_be_done_is_told_in_a_line(tmp_path, monkeypatch, capsys, options, told):
@@ -270,3 +272,24 @@ def test_an_interrupted_measurement_leaves_nothing(tmp_path):
     assert err.startswith(b"stereo_reproject: interrupted")
     assert err.count(b"\n") == 1
     assert [path.name for path in tmp_path.rglob("*")] == ["tmp"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links as POSIX has them")
+def test_the_file_that_a_link_names_is_written_and_the_link_stays(tmp_path):
+    file, link = tmp_path / "old.json", tmp_path / "link.json"
+    file.write_text("old")
+    link.symlink_to(file.name)
+    status, _, err = bench_warp("--size", SMALL, "--json", link)
+    assert (status, err) == (0, "")
+    assert link.is_symlink()
+    assert json.loads(file.read_text())["size"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a FIFO")
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    status, out, err = bench_warp("--size", SMALL, "--json", pipe)
+    assert (status, out) == (2, "")
+    assert "is not a regular file" in err
+    assert pipe.is_fifo()

@@ -230,6 +230,7 @@ def test_the_report_tells_of_each_frame_and_of_all(first):
     for row in report["frames"]:
         assert (row["size"], row["samples"], row["accuracy"]) == ([64, 36], 1, "draft")
         assert 0.0 < row["fractions"]["rerendered"] < 1.0
+        assert row["warp"] == {"asked": "auto", "used": "numpy", "gpu": None}
         assert 0.0 < row["beside_seconds"] <= row["wall_seconds"]
 
 
