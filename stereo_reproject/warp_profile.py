@@ -1,4 +1,4 @@
-"""Where the time of numpy's warp stage goes: by the functions that it is made of, as Python's own profiler times them."""
+"""Where the time of numpy's warp stage goes: by its functions, as Python's own profiler times them."""
 
 from __future__ import annotations
 

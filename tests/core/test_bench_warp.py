@@ -31,7 +31,20 @@ FIGURES = {
     "lookup_ratio",
     "peak_bytes_per_pixel",
 }
-FACTS = {"size", "runs", "warp", "device", "machine", "versions", "scene", "holes", "grid", "subdivided", "agreement", "profile"}
+FACTS = {
+    "size",
+    "runs",
+    "warp",
+    "device",
+    "machine",
+    "versions",
+    "scene",
+    "holes",
+    "grid",
+    "subdivided",
+    "agreement",
+    "profile",
+}
 
 GPU = WarpStage(carry, "Grand 9000")
 

@@ -1,4 +1,4 @@
-"""The warp stage alone, as a person reads it: each size beside the paper, the adaptive grid, and where the time goes."""
+"""The warp stage alone, as a person reads it: beside the paper, with and without coarse cells, and by step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ STAGE_READ_AS = (
 )
 
 GRID_READ_AS = (
-    "On a smooth scene: *native* has every cell subdivided, *adaptive* those that ask for it. *map*: grid, forward warp "
-    "and depth test, by numpy; *stage*: all, with the lookup of the passes and the reasons to trace."
+    "On a smooth scene: *native* has every cell subdivided, *adaptive* those that ask for it. *map*: grid, forward "
+    "warp and depth test, by numpy; *stage*: all, with the lookup of the passes and the reasons to trace."
 )
 
 PROFILE_READ_AS = (

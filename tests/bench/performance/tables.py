@@ -80,12 +80,13 @@ def _facts_text(facts: Mapping[str, Any]) -> str:
     runs = facts["runs"]
     failed = f", {runs['failed']} failed" if runs["failed"] else ""
     left_out = f", {runs['left out']} were left out" if runs["left out"] else ""
+    turns, medians = facts["turns"], MEDIANS if facts["turns"] > 1 else ""
     lines = [
         f"* Made by: `{facts['command']}`",
         f"* Machine: {machine['cpu']}, {machine['cores']} cores, {machine['system']}",
         f"* Versions: {versions}",
         f"* Commit: {facts['commit'] or 'not known'}",
-        f"* Turns: {facts['turns']} of each run but those of the warp stage alone{MEDIANS if facts['turns'] > 1 else ''}",
+        f"* Turns: {turns} of each run but those of the warp stage alone{medians}",
         f"* Runs: {runs['done']} done{failed}{left_out}; ended {facts['ended']}",
     ]
     if facts["quick"]:
