@@ -57,6 +57,7 @@ SURROUNDINGS = {"machine": "this one", "versions": {"numpy": "2"}}
 TINY = replace(
     QUICK,
     sizes=((32, 18), (64, 36)),
+    path_sizes=None,
     frames=(1, 2),
     study_sizes=((16, 9), (32, 18)),
     study_counts=(1, 2),
