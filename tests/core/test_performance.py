@@ -651,6 +651,7 @@ def test_quick_needs_no_folder_and_has_a_time():
 
 
 def test_what_is_said_replaces_what_is_planned():
+    assert plan_of(parse(["--quick", "--sizes", "64x36"])).path_sizes is None, "the path has the scenes' own"
     lengths = ["--path-sizes", "16x9", "--path-samples", "3", "--study-samples", "5"]
     told = plan_of(parse(["--quick", *lengths]))
     assert (told.path_sizes, told.path_samples, told.study_samples) == (((16, 9),), 3, 5)

@@ -70,7 +70,10 @@ def plan_of(options: argparse.Namespace) -> Plan:
         "frames": options.frames,
     }
     told = {name: tuple(value) if isinstance(value, list) else value for name, value in said.items()}
-    return replace(QUICK if options.quick else Plan(), **{name: value for name, value in told.items() if value})
+    plan = QUICK if options.quick else Plan()
+    if options.sizes:
+        plan = replace(plan, path_sizes=None)
+    return replace(plan, **{name: value for name, value in told.items() if value})
 
 
 def _size(text: str) -> tuple[int, int]:
