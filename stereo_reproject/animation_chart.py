@@ -18,13 +18,16 @@ from .chart_canvas import (
     GREY,
     NOTE_LENGTH,
     NOTE_LINE,
+    ORANGE,
     PALE,
     PURPLE,
     SKY,
     VERMILLION,
     WIDTH,
+    YELLOW,
     new_figure,
     percent,
+    reported_note,
     wrapped,
     write_texts,
 )
@@ -57,7 +60,8 @@ NAME_DISTANCE = 0.185
 def draw_animation(report: Mapping[str, Any]) -> Figure:
     """Seconds per frame, made of their stages, with those of Blender's multiview; below, the traced share.
 
-    report is what animation.json holds, with a frame at least. A frame without figures is a gap.
+    report is what animation.json holds, with a frame at least; it may have "reported" too, see `reported_note`. A frame
+    without figures is a gap.
     """
     series = series_of(report)
     notes = _notes(report, series)
@@ -69,6 +73,8 @@ def draw_animation(report: Mapping[str, Any]) -> Figure:
     _draw_traced(lower, series)
     _scale(upper, lower, series)
     _name_lines(upper, series)
+    if report.get("reported"):
+        _draw_reported(upper, lower, series, report["reported"])
     return figure
 
 
@@ -129,6 +135,8 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
         if frames:
             line = f"{what}: frame{'s' if len(frames) > 1 else ''} {spelled(frames)}"
             notes.append(textwrap.shorten(line, NOTE_LENGTH, placeholder=" ..."))
+    if report.get("reported"):
+        notes.append(reported_note(report["reported"]))
     return wrapped(notes)
 
 
@@ -221,6 +229,21 @@ def _draw_traced(axes: Axes, series: Series) -> None:
     axes.stairs(shares, edges, baseline=None, color=BLUE, linewidth=_width(series), label="traced")
     axes.set_ylabel("traced, %")
     axes.set_xlabel("frame")
+
+
+def _draw_reported(upper: Axes, lower: Axes, series: Series, reported: Mapping[str, Any]) -> None:
+    """The seconds that others' speed-ups would come to over the peer, and their traced share."""
+    seconds = _peer(series)[1]
+    known = np.isfinite(seconds)
+    ends = [seconds[known] / speedup for speedup in reported["speedup"]]
+    upper.fill_between(series.frames[known], *ends, color=YELLOW, alpha=0.35, linewidth=0.0, label=reported["name"])
+    for end in ends:
+        upper.plot(series.frames[known], end, color=ORANGE, linewidth=0.9, linestyle=(0, (5, 2)))
+    share = 100.0 * reported["traced"]
+    lower.axhline(share, color=ORANGE, linewidth=1.1, linestyle=(0, (5, 2)), label=reported["name"])
+    lower.set_ylim(0.0, max(lower.get_ylim()[1], 1.15 * share))
+    place: dict[str, Any] = {"transform": lower.get_yaxis_transform(), "va": "center", "size": 9}
+    lower.text(1.015, share, f"{reported['name']}, {percent(reported['traced'])}", **place)
 
 
 def _scale(upper: Axes, lower: Axes, series: Series) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from .errors import BadInputError
 from .settings import WARPS, SceneOverrides
 
-BENCH_SCHEMA = 1
+BENCH_SCHEMA = 2
 
 SCENES = ("room", "smooth")
 """The names of `made_up.SCENES`, which take numpy to look up."""
@@ -109,6 +109,7 @@ def format_bench(report: Mapping[str, Any]) -> str:
             f"    carry         {report['carry_seconds']:10.4f}   grid, forward warp, lookup of the passes",
             f"      grid, warp  {_seconds(report['map_seconds'])}   where pixels come from, without steps or lookup",
             f"    reasons       {report['reasons_seconds']:10.4f}   which pixels are to be traced, and why",
+            *_profile_lines(report["profile"]),
             f"  bare lookup     {report['lookup_seconds']:10.4f}   SciPy, bilinear, three channels",
             f"  lookup ratio    {report['lookup_ratio']:10.2f}   {report['lookup_ratio_is']}",
             f"  peak memory     {report['peak_bytes_per_pixel']:10.1f}   bytes per pixel, over the input",
@@ -117,6 +118,19 @@ def format_bench(report: Mapping[str, Any]) -> str:
             _agreement_line(report["agreement"]),
         )
     )
+
+
+def _profile_lines(profile: Mapping[str, float] | None) -> list[str]:
+    told = {
+        "grid": "cells, and which are subdivided",
+        "steps": "in depth, of the source",
+        "map": "forward warp and depth test",
+        "lookup": "of the passes, where they come from",
+        "holes": "where nothing has landed, and why",
+        "reasons": "silhouettes, and all else that is to be traced",
+        "rest": "in none of these",
+    }
+    return [f"    . {step:<13} {profile[step]:10.4f}   {what}" for step, what in told.items()] if profile else []
 
 
 def _seconds(value: float | None) -> str:

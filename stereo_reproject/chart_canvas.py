@@ -83,3 +83,18 @@ def source_note(prices: Mapping[str, Any]) -> str:
 def percent(share: float) -> str:
     """A share with two digits that matter."""
     return f"{100.0 * share:.1f} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
+
+
+def reported_name(reported: Mapping[str, Any]) -> str:
+    """What the marks of others' own figures are called: "name" with the ends of their "speedup"."""
+    least, most = reported["speedup"]
+    return f"{reported['name']}, {least:g} to {most:g} ×"
+
+
+def reported_note(reported: Mapping[str, Any]) -> str:
+    """What those marks are: "told" says of what they are, and "traced" is a share on average."""
+    traced = percent(reported["traced"])
+    return (
+        f"Yellow: {reported['name']}'s own figures ({reported['told']}): the seconds that its speed-ups would come to "
+        f"over this multiview, and {traced} traced on average."
+    )

@@ -18,6 +18,8 @@ from .chart_canvas import (
     add_axes_between,
     new_figure,
     percent,
+    reported_name,
+    reported_note,
     source_note,
     wrapped,
     write_titles,
@@ -42,10 +44,13 @@ BOTH_EYES = "both eyes"
 
 
 def draw_stages(prices: Mapping[str, Any]) -> Figure:
-    """A bar for each run and one for the peer, made of their stages, as in the paper's figure 9."""
-    rows, peer = prices["rows"], prices["peer"]
-    figure = new_figure(1.95 + 0.36 * (len(rows) + 1))
-    notes = _stage_notes(rows, source_note(prices))
+    """A bar for each run and one for the peer, made of their stages, as in the paper's figure 9.
+
+    prices may have "reported": what others say of their own, for `reported_note`.
+    """
+    rows, peer, reported = prices["rows"], prices["peer"], prices.get("reported")
+    notes = _stage_notes(rows, source_note(prices), reported)
+    figure = new_figure(1.95 + 0.36 * (len(rows) + (2 if reported else 1)))
     axes = add_axes_between(figure, notes, left=0.16, right=0.81)
     write_titles(figure, prices, "where the time goes", notes)
     used = [name for name in stage_order(name for row in rows for name in row["seconds"]) if name != "total"]
@@ -58,6 +63,8 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
     axes.axvline(peer["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)
     _name_bars(axes, rows, peer)
     _write_seconds(axes, rows, used)
+    if reported:
+        _draw_reported(axes, reported, peer["seconds"], below=len(rows) + 1)
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(-0.005, 1.0),
@@ -72,11 +79,19 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str) -> str:
+def _draw_reported(axes: Axes, reported: Mapping[str, Any], peer: float, *, below: int) -> None:
+    """Where pairs would end that are as much faster than the peer; its name has a row below the bars."""
+    ends = sorted(peer / speedup for speedup in reported["speedup"])
+    axes.axvspan(*ends, color=YELLOW, alpha=0.45, linewidth=0.0, zorder=0.4)
+    axes.set_ylim(below + 0.55, -0.55)
+    axes.text(0.5 * sum(ends), below, reported_name(reported), ha="center", va="center", size=8)
+
+
+def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str, reported: Mapping[str, Any] | None) -> str:
     columns = "Speed-up: over Blender's multiview. Traced: the share of the target eye's pixels."
     probed = any("probes" in row["seconds"] for row in rows)
     split = " Holes and probes are traced in one render, whose time is divided by their pixels." if probed else ""
-    return wrapped([columns, source + split])
+    return wrapped([columns, source + split, *([reported_note(reported)] if reported else [])])
 
 
 def _before(row: Mapping[str, Any], stage: str, used: Sequence[str]) -> float:

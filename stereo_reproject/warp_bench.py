@@ -25,6 +25,7 @@ from .made_up import CONVERGENCE, INTEROCULAR, SCENES, eyes
 from .passes import COLOUR_PASS, DEPTH_PASS
 from .reprojection import Reprojection, reproject
 from .warp import forward_warp
+from .warp_profile import profiled
 from .warp_stage import NUMPY, WarpStage
 
 ACCURACY = "balanced"
@@ -112,6 +113,8 @@ def measure(
     for number in range(1, settings.runs + 1):
         on_part("timing", f"{number} of {settings.runs}")
         turns.append(_turn(stage, warp, lookup))
+    on_part("profile", "")
+    profile = profiled(lambda: stage.whole(NUMPY)) if warp is NUMPY else None
     on_part("memory", "")
     peak = _peak_bytes(lambda: stage.whole(warp))
     on_part("agreement", "")
@@ -123,6 +126,7 @@ def measure(
         "warp": settings.warp,
         "device": warp.device or cpu_name(),
         **_times(turns),
+        "profile": profile,
         "peak_bytes_per_pixel": peak / reasons.size,
         "agreement": _agreement(stage, find_gpu),
         "holes": float(np.mean(reasons != 0)),

@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stereo_reproject import bench, cli, made_up, warp_bench, worker
+from stereo_reproject import bench, cli, composite, made_up, warp_bench, warp_profile, worker
 from stereo_reproject.bench import BenchSettings, format_bench
 from stereo_reproject.carrying import carry
 from stereo_reproject.errors import BadInputError
@@ -30,9 +31,25 @@ FIGURES = {
     "lookup_ratio",
     "peak_bytes_per_pixel",
 }
-FACTS = {"size", "runs", "warp", "device", "machine", "versions", "scene", "holes", "grid", "subdivided", "agreement"}
+FACTS = {
+    "size",
+    "runs",
+    "warp",
+    "device",
+    "machine",
+    "versions",
+    "scene",
+    "holes",
+    "grid",
+    "subdivided",
+    "agreement",
+    "profile",
+}
 
 GPU = WarpStage(carry, "Grand 9000")
+
+LEFT_UNTOLD = 0.25
+"""Share of the stage's time that may be in none of its steps: a tenth at most sizes."""
 
 LEAST_BYTES, MOST_BYTES = 12, 80
 """A pixel's place (x, y) and nearness alone are as many as the least."""
@@ -102,6 +119,41 @@ def test_the_medians_and_the_ratio_are_those_of_all_turns(monkeypatch):
     assert report["map_seconds"] == pytest.approx(0.05)
     assert report["lookup_ratio"] == pytest.approx(4.0), "the ratios are 2, 3, 6, 5, 4"
     assert "ratio" in report["lookup_ratio_is"]
+
+
+@pytest.mark.parametrize("mode", bench.MODES)
+def test_the_profile_finds_every_step_and_nearly_all_of_the_time(mode):
+    stage = warp_bench.Stage(BenchSettings(size=(480, 270), mode=mode), 1.0)
+    seconds = warp_profile.profiled(lambda: stage.whole(NUMPY))
+    assert tuple(seconds) == warp_profile.STEPS
+    assert all(value > 0.0 for value in seconds.values())
+    assert seconds[warp_profile.REST] < LEFT_UNTOLD * sum(seconds.values())
+
+
+def test_time_that_a_step_takes_longer_is_told_of_that_step_alone(monkeypatch):
+    stage = warp_bench.Stage(BenchSettings(size=(96, 64)), 1.0)
+    slept = 0.2
+
+    def slow(step):
+        def called(*arguments, **options):
+            time.sleep(slept)
+            return step(*arguments, **options)
+
+        return called
+
+    # What the step calls, that the profiler still knows the step.
+    monkeypatch.setattr(composite, "passes_seen", slow(composite.passes_seen))
+    seconds = warp_profile.profiled(lambda: stage.whole(NUMPY))
+    assert seconds["lookup"] >= slept > sum(seconds.values()) - seconds["lookup"]
+
+
+def test_a_gpu_has_no_profile():
+    grand = WarpStage(lambda *passes, **options: replace(carry(*passes, **options), by="gpu"), "Grand 9000")
+    settings = BenchSettings(size=(96, 64), warp="gpu")
+    report = warp_bench.measure(settings, 1.0, core=None, find_gpu=lambda: (grand, ""))
+    assert report["profile"] is None
+    assert ". grid" not in format_bench(report)
+    assert ". grid" in format_bench(measured())
 
 
 def test_the_peak_is_that_of_the_stage_over_its_input():

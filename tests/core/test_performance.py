@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,10 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.bench import CARRIERS
+from stereo_reproject.bench import CARRIERS, MODES
 from stereo_reproject.warp_bench import LEFT_TO_NUMPY
-from tests.bench.performance import fits, running, tables
+from stereo_reproject.warp_profile import STEPS
+from tests.bench.performance import fits, paper, running, stage_tables, tables
 from tests.bench.performance.__main__ import main
 from tests.bench.performance.fits import fitted, power_law, power_law_with_constant
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Kept, have_run
@@ -56,12 +57,14 @@ SURROUNDINGS = {"machine": "this one", "versions": {"numpy": "2"}}
 TINY = replace(
     QUICK,
     sizes=((32, 18), (64, 36)),
+    path_sizes=None,
     frames=(1, 2),
     study_sizes=((16, 9), (32, 18)),
     study_counts=(1, 2),
     subdivisions=(0, 1),
     interoculars=(1.0, 2.0),
     stage_sizes=((16, 9), (32, 18)),
+    stage_size=(32, 18),
     study_size=(32, 18),
 )
 
@@ -217,8 +220,12 @@ def report_of(run, **changes):
     total = source + fill + 0.25
     if run.method in CARRIERS:
         agreement = {"holes": 0.0, "colour": 1e-4, "why_none": None}
+        native = run.picture.grid_threshold == 0.0
         figures = {"seconds": 1e-6 * pixels**1.1, "lookup_ratio": 2.5, "peak_bytes_per_pixel": 75.0}
-        stage = {**figures, "device": "Some CPU", "agreement": agreement, "holes": 0.1, "subdivided": 0.5}
+        by_step = {"map_seconds": 0.5 if native else 0.2, "profile": dict.fromkeys(STEPS, 0.003)}
+        by_step = by_step if run.method == "numpy" else dict.fromkeys(by_step)
+        shares = {"holes": 0.1, "subdivided": 1.0 if native else 0.25}
+        stage = {**figures, **by_step, **shares, "device": "Some CPU", "agreement": agreement}
         return {"seconds": {"total": stage["seconds"]}, "stage": stage}
     if run.method == MULTIVIEW:
         return {"seconds": {"total": 2.0 * total}, "memory": {"peak_mb": 250.0}}
@@ -378,6 +385,8 @@ def results(room, tmp_path):
         "versions": {"numpy": "2", "bpy": None},
         "command": "the command",
         "quick": True,
+        "commit": "abc123",
+        "turns": 3,
         "blender": "5.2.3 LTS",
         "runs": {DONE: len(found["runs"]), FAILED: 0, LEFT_OUT: 0},
         "ended": "today",
@@ -432,13 +441,55 @@ def test_without_its_peer_a_run_has_no_speed_up(room, tmp_path):
 
 def test_the_warp_stage_has_a_row_for_each_size_and_carrier(results):
     rows = results["stage"]
-    assert [(row["size"], row["method"]) for row in rows] == [
+    of_room = [row for row in rows if (row["scene"], row["mode"]) == ("room", "off-axis")]
+    assert [(row["size"], row["method"]) for row in of_room] == [
         ([width, height], carrier) for width, height in TINY.stage_sizes for carrier in CARRIERS
     ]
-    assert [row["growth"] for row in rows] == pytest.approx([1.0, 1.0, 4.0**0.1, 4.0**0.1])
-    lines = tables.stage_table(rows).splitlines()
-    assert "| 32x18 | numpy (Some CPU) | 1.09 ms | 2.50 | 1.15 | 75.0 B/px | 0.0000%, 0.0001 |" in lines
+    assert [row["growth"] for row in of_room] == pytest.approx([1.0, 1.0, 4.0**0.1, 4.0**0.1])
+    lines = stage_tables.stage_table(rows).splitlines()
+    figures = "numpy (Some CPU) | 1.09 ms | 2.50 | 1.15 | 75.0 B/px | 0.0000%, 0.0001 |"
+    assert f"| room, off-axis | 32x18 | {figures}" in lines
     assert "RTX 2080 Ti) | 0.25 ms" in lines[-2]
+    assert "smooth, toe-in, native" in "".join(lines)
+
+
+def test_the_warp_stage_is_measured_toed_in_and_on_smooth_surfaces_natively_and_not(room):
+    runs = [case.run for case in planned(room) if case.part == STAGE]
+    pictures = {(run.picture.scene, run.picture.mode, run.picture.grid_threshold) for run in runs}
+    smooth = {("smooth", mode, threshold) for mode in MODES for threshold in (0.0, 1.0)}
+    assert pictures == {("room", mode, 1.0) for mode in MODES} | smooth
+    assert {run.size for run in runs if run.picture.scene == "smooth"} == {TINY.stage_size}
+
+
+def test_a_picture_of_the_warp_stage_is_asked_for_in_words_that_bench_warp_knows(room):
+    from stereo_reproject.cli import _parser
+
+    for run in (case.run for case in planned(room) if case.part == STAGE):
+        told = _parser("test").parse_args(["bench-warp", *run.options()])
+        assert (told.scene, told.mode, told.grid_threshold) == tuple(asdict(run.picture).values())
+
+
+def test_the_adaptive_grid_is_compared_with_the_native_one_of_the_same_picture(results):
+    rows = results["grid"]
+    assert [(row["scene"], row["mode"]) for row in rows] == [("smooth", mode) for mode in MODES]
+    assert [row["map_speedup"] for row in rows] == pytest.approx([2.5, 2.5])
+    assert [row["stage_speedup"] for row in rows] == pytest.approx([1.0, 1.0])
+    line = stage_tables.grid_table(rows).splitlines()[2]
+    assert "1 arc minutes | 25.0%, native 100.0% | 500 ms | 200 ms | 2.50 ×" in line
+
+
+def test_without_its_native_run_an_adaptive_one_is_not_compared(room, tmp_path):
+    wanted = planned(room, replace(TINY, parts=(STAGE,)))
+    found = analysed(wanted, have(wanted, tmp_path, FakeRunner(fails=lambda run: run.picture.grid_threshold == 0.0)))
+    assert found["grid"] == []
+
+
+def test_the_steps_of_the_stage_are_told_with_their_shares(results):
+    lines = stage_tables.profile_table(results["stage"]).splitlines()
+    by_numpy = [row for row in results["stage"] if row["method"] == "numpy"]
+    assert len(lines) == 2 + len(by_numpy)
+    assert all(line.count(f"3.00 ms ({1 / len(STEPS):.0%})") == len(STEPS) for line in lines[2:])
+    assert len({line.count("|") for line in lines}) == 1
 
 
 @pytest.mark.parametrize("why", ["no usable GPU (none); --warp numpy needs none", f"Grand 9000 {LEFT_TO_NUMPY}; take"])
@@ -449,7 +500,7 @@ def test_where_there_is_no_gpu_its_row_says_so_and_nothing_has_failed(room, tmp_
     record = running.Runner(tmp_path / "work")(run)
     assert record["status"] == LEFT_OUT
     rows = analysed([Case(STAGE, run)], {run: record})["stage"]
-    assert f"--warp gpu: {why}" in tables.stage_table(rows).splitlines()[2]
+    assert f"--warp gpu: {why}" in stage_tables.stage_table(rows).splitlines()[2]
 
 
 def test_the_growth_of_each_stage_is_told(results):
@@ -462,16 +513,83 @@ def test_the_growth_of_each_stage_is_told(results):
     assert all(stage["fit"] is None for stage in by_series[HOLES, "card"]), "the same share each time"
 
 
+def test_the_growth_of_stages_that_are_in_every_run_alone_is_told(room, tmp_path):
+    wanted = planned(room, replace(TINY, parts=(SAMPLES,)))
+    records = have(wanted, tmp_path, FakeRunner())
+    for run, record in records.items():
+        record["report"]["seconds"] |= {"pilot": 2.0 * run.samples}
+        if run.samples > 1:
+            record["report"]["seconds"] |= {"refine": 1.0}
+    row = analysed(wanted, records)["scaling"][1]
+    fits_of = {stage["stage"]: stage["fit"] for stage in row["stages"]}
+    assert list(fits_of) == ["source", "warp", "pilot", "fill", "composite", "total"]
+    assert fits_of["pilot"]["exponent"] == pytest.approx(1.0)
+    assert row["not_in_all"] == ["refine"]
+    assert "* Not in every run, and not fitted: refine (samples a pixel, packed)" in tables.scaling_table([row])
+
+
+@pytest.mark.parametrize(
+    ("size", "frames"), [((960, 540), 24), ((1920, 1080), 6), ((3840, 2160), 3), ((1920, 540), 12)]
+)
+def test_the_path_has_fewer_frames_where_they_are_larger(size, frames):
+    found = Plan(path_sizes=((960, 540), size)).frames_at(size)
+    assert len(found) == len(set(found)) == frames
+    assert (found[0], found[-1]) == (1, 24)
+
+
+def test_the_path_has_the_sizes_of_the_scenes_unless_it_is_told_others(room):
+    def sizes(plan):
+        return {case.run.size for case in planned(room, plan) if case.part == PATH}
+
+    assert sizes(TINY) == set(TINY.sizes)
+    assert sizes(replace(TINY, path_sizes=((8, 8),))) == {(8, 8)}
+    assert replace(TINY, frames=(3,)).frames_at(TINY.sizes[1]) == [3]
+
+
+def test_the_path_comes_to_totals_by_size_and_method(results):
+    rows = results["path_totals"]
+    assert [(row["size"], row["method"]) for row in rows] == [
+        (list(size), method) for size in TINY.sizes for method in METHODS
+    ]
+    assert {(row["frames"], row["speedup"], row["traced"], row["peak_mb"]) for row in rows} == {(2, 2.0, 0.06, 300.0)}
+    small, large = rows[0], rows[2]
+    assert small["seconds"] < large["seconds"] == pytest.approx(0.5 * large["multiview_seconds"])
+
+
+def test_the_speed_up_of_the_path_is_that_of_all_its_frames_together(room, tmp_path):
+    wanted = planned(room, replace(TINY, parts=(PATH,), sizes=((32, 18),)))
+    records = have(wanted, tmp_path, FakeRunner())
+    for run, record in records.items():
+        total = {MULTIVIEW: (2.0, 30.0), "card": (1.0, 10.0), "packed": (1.0, 10.0)}[run.method][run.frame - 1]
+        record["report"]["seconds"]["total"] = total
+    row = analysed(wanted, records)["path_totals"][0]
+    assert (row["speedup"], row["speedups"]) == (pytest.approx(32.0 / 11.0), [2.0, 3.0])
+
+
 def test_the_tables_have_a_line_for_each_row(results):
     text = tables.as_markdown(results)
     lines = text.splitlines()
     assert sum(line.startswith("| room | 32x18 |") for line in lines) == 3
-    assert sum(line.startswith(("| 1 |", "| 2 |")) for line in lines) == 4
-    assert "| IEEE VR 2020" not in text
-    assert "Wissmann et al., IEEE VR 2020, over two full renders | 1.28 to 1.55 | 6%" in text
+    assert sum(line.startswith(("| 1 |", "| 2 |")) for line in lines) == 8
+    assert f"{paper.TITLE}, over two full renders | 1.28 to 1.55 × | 6%" in text
+    assert "its table 2 could not be had" in text
     assert "do not quote its seconds" in text
-    for table in (tables.scenes_table(results["scenes"]), tables.scaling_table(results["scaling"])):
+    for fact in ("* Commit: abc123", "* Turns: 3 of each run", "Some CPU, 2 cores", "`the command`"):
+        assert fact in text
+    for table in (
+        tables.scenes_table(results["scenes"]),
+        tables.path_totals_table(results["path_totals"]),
+        tables.scaling_table(results["scaling"]),
+    ):
         assert len({line.count("|") for line in table.splitlines()}) == 1, "every line has as many cells"
+
+
+def test_the_paper_stands_beside_the_rows_that_have_a_speed_up(results):
+    for table in (tables.scenes_table(results["scenes"]), tables.path_totals_table(results["path_totals"])):
+        last = table.splitlines()[-1]
+        assert last.startswith(f"| {paper.TITLE} |")
+        assert "| 1.28 to 1.55 × |" in last
+        assert "6% on average" in last
 
 
 def test_a_failed_run_says_so_in_its_cell_and_the_table_stays_whole(room, tmp_path):
@@ -509,10 +627,15 @@ def test_the_csv_has_a_line_for_each_run_of_a_part(results, tmp_path):
 
 def test_the_charts_are_drawn_of_what_was_measured(results, tmp_path):
     names = draw_all(results, tmp_path)
-    assert names == ["stages-room-32x18", "stages-room-64x36", "path-card", "path-packed"]
+    assert names == [
+        *("stages-room-32x18", "stages-room-64x36"),
+        *(f"path-{method}-{size}" for size in ("32x18", "64x36") for method in METHODS),
+    ]
     for name in names:
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert (tmp_path / f"{name}.svg").stat().st_size > 0
+        drawn = (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
+        assert f"{paper.TITLE}, over two full renders" in drawn
+        assert "the paper, " in drawn
     prices = prices_of(results["scenes"][:3], "5.2")
     assert [row["name"] for row in prices["rows"]] == list(METHODS)
     assert animation_of(results["path"][:2])["totals"]["speedup"] == pytest.approx(2.0)
@@ -528,6 +651,10 @@ def test_quick_needs_no_folder_and_has_a_time():
 
 
 def test_what_is_said_replaces_what_is_planned():
+    assert plan_of(parse(["--quick", "--sizes", "64x36"])).path_sizes is None, "the path has the scenes' own"
+    lengths = ["--path-sizes", "16x9", "--path-samples", "3", "--study-samples", "5"]
+    told = plan_of(parse(["--quick", *lengths]))
+    assert (told.path_sizes, told.path_samples, told.study_samples) == (((16, 9),), 3, 5)
     plan = plan_of(parse(["--quick", "--sizes", "64x36", "--frames", "2-6:2", "--parts", "path", "--turns", "2"]))
     assert (plan.sizes, plan.frames, plan.parts, plan.turns) == (((64, 36),), (2, 4, 6), (PATH,), 2)
 

@@ -39,7 +39,7 @@ def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
     assert [row["method"] for row in found["scenes"]] == ["multiview", "card", "packed"]
     assert all(row["peak_mb"] > 0.0 and row["seconds"]["total"] > 0.0 for row in found["scenes"])
     assert len({row["holes"] for row in found["path"]}) == 2, "the camera moves, and sees other holes"
-    assert (tmp_path / "path-packed.svg").exists()
+    assert (tmp_path / "path-packed-64x36.svg").exists()
     second = analysis(*quick, "--parts", "scenes", "path", "triangles")
     assert (second.returncode, second.stderr) == (0, "")
     assert "9 of 17 runs are there already" in second.stdout

@@ -34,7 +34,7 @@ from tests.bench.performance.options import parse, plan_of
 from tests.bench.performance.pictures import draw_all
 from tests.bench.performance.plan import DEMO, PATH, TRIANGLES, Case, Plan, Run, Scene, cases, scene_of, scenes_in
 from tests.bench.performance.results import analysed, write_csv
-from tests.bench.performance.running import ROOT, Runner, code_digest, last_json, run_process
+from tests.bench.performance.running import ROOT, Runner, code_digest, commit, last_json, run_process
 from tests.bench.performance.tables import as_markdown
 
 INTERRUPTED = 130
@@ -158,6 +158,8 @@ def _write(
     results["facts"] = {
         **facts,
         "command": shlex.join(["python", "-m", "tests.bench.performance", *sys.argv[1:]]),
+        "commit": commit(),
+        "turns": plan_of(options).turns,
         "quick": options.quick,
         "blender": blenders[0] if blenders else None,
         "runs": counts,

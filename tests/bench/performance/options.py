@@ -32,13 +32,18 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--parts", nargs="+", choices=Plan().parts, metavar="PART", help=_PARTS)
     parser.add_argument("--sizes", nargs="+", type=_size, metavar="WxH", help="of the scenes")
     parser.add_argument("--samples", type=_count, metavar="N", help="of the scenes")
+    parser.add_argument("--path-sizes", nargs="+", type=_size, metavar="WxH", help="of the path (those of the scenes)")
+    parser.add_argument("--path-samples", type=_count, metavar="N", help="of the path")
+    parser.add_argument("--study-samples", type=_count, metavar="N", help="where these are not what is varied")
     parser.add_argument("--turns", type=_count, metavar="N", help="how often each run is made; medians are told")
     parser.add_argument("--accuracy", choices=ACCURACIES, help="of card and packed (balanced)")
     parser.add_argument(
         "--study", metavar="SCENE", help="of which one thing is varied, and a path is made (the demo's)"
     )
     parser.add_argument("--animated", type=Path, metavar="FILE", help="a .blend whose camera moves, in place of a path")
-    parser.add_argument("--frames", type=_frames, metavar="A-B[:STEP]", help="of the path, or of that .blend")
+    parser.add_argument(
+        "--frames", type=_frames, metavar="A-B[:STEP]", help="of the path, or of that .blend; fewer at larger sizes"
+    )
     options = parser.parse_args(arguments)
     if options.scenes is None and not options.quick:
         parser.error("name a folder of scenes (--scenes DIR; make bench SCENES=DIR), or take --quick")
@@ -57,12 +62,18 @@ def plan_of(options: argparse.Namespace) -> Plan:
         "parts": options.parts,
         "sizes": options.sizes,
         "samples": options.samples,
+        "path_sizes": options.path_sizes,
+        "path_samples": options.path_samples,
+        "study_samples": options.study_samples,
         "turns": options.turns,
         "accuracy": options.accuracy,
         "frames": options.frames,
     }
     told = {name: tuple(value) if isinstance(value, list) else value for name, value in said.items()}
-    return replace(QUICK if options.quick else Plan(), **{name: value for name, value in told.items() if value})
+    plan = QUICK if options.quick else Plan()
+    if options.sizes:
+        plan = replace(plan, path_sizes=None)
+    return replace(plan, **{name: value for name, value in told.items() if value})
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -19,6 +19,24 @@ FACTS = {
     "warp_gpu": GPU,
 }
 
+REPORTED = {
+    "name": "the paper",
+    "speedup": list(SPEEDUP),
+    "traced": TRACED,
+    "told": f"{TITLE}, over two full renders",
+}
+"""As the charts have it."""
+
+KNOWN = (
+    f"Of the paper's own figures these stand here: a speed-up of {SPEEDUP[0]} to {SPEEDUP[1]} over two full renders, "
+    f"{TRACED:.0%} of the pixels traced on average, and its warp's "
+    f"{' and '.join(f'{1000.0 * seconds:g} ms at {size}' for size, seconds in WARP_SECONDS.items())} on an {GPU}; the "
+    "single rows of its table 2 could not be had and are not among them."
+)
+
+METHOD = "its reprojection"
+"""What its range of speed-ups is of: which of its methods has which end was not read."""
+
 COUNTERPARTS = {
     "multiview": "two renders",
     "card": "Repro ReRaster",

@@ -8,6 +8,7 @@ from typing import Any
 
 from stereo_reproject.charts import draw_animation_chart, draw_stages_chart
 from stereo_reproject.report import OUTSIDE_TOTAL
+from tests.bench.performance.paper import REPORTED
 from tests.bench.performance.plan import MULTIVIEW
 
 SEEN = 0.002
@@ -25,10 +26,11 @@ def draw_all(results: Mapping[str, Any], folder: Path) -> list[str]:
         if prices is not None:
             names.append(f"stages-{scene}-{size[0]}x{size[1]}")
             draw_stages_chart(prices, folder / names[-1])
-    for method in dict.fromkeys(row["method"] for row in results["path"]):
-        report = animation_of([row for row in results["path"] if row["method"] == method])
+    for size, method in dict.fromkeys((tuple(row["size"]), row["method"]) for row in results["path"]):
+        rows = [row for row in results["path"] if (tuple(row["size"]), row["method"]) == (size, method)]
+        report = animation_of(rows)
         if report["frames"]:
-            names.append(f"path-{method}")
+            names.append(f"path-{method}-{size[0]}x{size[1]}")
             draw_animation_chart(report, folder / names[-1])
     return names
 
@@ -49,6 +51,7 @@ def prices_of(rows: Sequence[Mapping[str, Any]], blender: str | None) -> dict[st
         "rows": ours,
         "peer": {"seconds": peer["seconds"]["total"]},
         "note": EACH_ITS_OWN,
+        "reported": REPORTED,
     }
 
 
@@ -61,7 +64,7 @@ def _stages(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def animation_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """One method's rows of the path as animation.json has frames."""
+    """The rows of the path of one size and method as animation.json has frames, with what the paper says."""
     done = [row for row in rows if row["message"] is None]
     frames = [_frame(row) for row in done]
     known = [row["multiview_seconds"] is not None for row in done]
@@ -69,7 +72,8 @@ def animation_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     ours = sum(row["seconds"]["total"] for row, told in zip(done, known, strict=True) if told)
     totals = {"speedup": peer / ours, "speedup_from": "measured", "compared": sum(known)} if any(known) else {}
     failed = [row["frame"] for row in rows if row["message"] is not None]
-    return {"frames": frames, "totals": totals, "failed": failed, "asked_for": [row["frame"] for row in rows]}
+    asked_for = [row["frame"] for row in rows]
+    return {"frames": frames, "totals": totals, "failed": failed, "asked_for": asked_for, "reported": REPORTED}
 
 
 def _frame(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stereo_reproject import made_up
-from stereo_reproject.bench import CARRIERS
+from stereo_reproject.bench import CARRIERS, MODES
 from stereo_reproject.file_digest import file_digest
+from stereo_reproject.settings import StereoSettings
 
 MULTIVIEW = "multiview"
 METHODS = ("card", "packed")
+NUMPY = CARRIERS[0]
 
 STAGE, SCENES, PATH = "stage", "scenes", "path"
 PIXELS, SAMPLES, TRIANGLES, HOLES = "pixels", "samples", "triangles", "holes"
@@ -59,9 +62,29 @@ MADE_UP = Scene("made up", Path(made_up.__file__))
 
 
 @dataclass(frozen=True)
+class Picture:
+    """What the warp stage alone is measured on; the threshold is in arc minutes."""
+
+    scene: str = "room"
+    mode: str = "off-axis"
+    grid_threshold: float = StereoSettings.grid_threshold
+
+    def options(self) -> list[str]:
+        return [f"--scene={self.scene}", f"--mode={self.mode}", f"--grid-threshold={self.grid_threshold:g}"]
+
+
+ROOM = Picture()
+NATIVE_AND_ADAPTIVE = tuple(
+    Picture("smooth", mode, threshold) for mode in MODES for threshold in (0.0, StereoSettings.grid_threshold)
+)
+"""The smooth scene with all of its cells subdivided, and with those that ask for it."""
+TOED_IN = Picture(mode="toe-in")
+
+
+@dataclass(frozen=True)
 class Run:
     """One run of the command line; with method "multiview", of Blender's own way; with one of `bench.CARRIERS`, of the
-    warp stage alone. turn counts repeats."""
+    warp stage alone, on picture. turn counts repeats."""
 
     scene: Scene
     method: str
@@ -70,6 +93,7 @@ class Run:
     accuracy: str = "balanced"
     frame: int | None = None
     turn: int = 0
+    picture: Picture = ROOM
 
     @property
     def peer(self) -> Run:
@@ -79,7 +103,7 @@ class Run:
     def options(self) -> list[str]:
         """Those of `render`, without the scene and the output folder; of `bench-warp`, where a carrier is measured."""
         if self.method in CARRIERS:
-            return [f"--size={self.size[0]}x{self.size[1]}", f"--warp={self.method}"]
+            return [f"--size={self.size[0]}x{self.size[1]}", f"--warp={self.method}", *self.picture.options()]
         optional = {
             "--interocular": self.scene.interocular,
             "--convergence": self.scene.convergence,
@@ -101,7 +125,8 @@ class Run:
         width, height = self.size
         turn = f", again ({self.turn + 1})" if self.turn else ""
         if self.method in CARRIERS:
-            return f"warp stage, {width}x{height}, {self.method}{turn}"
+            picture = f"{self.picture.scene}, {self.picture.mode}, threshold {self.picture.grid_threshold:g}"
+            return f"warp stage, {picture}, {width}x{height}, {self.method}{turn}"
         return f"{self.scene.name}, {width}x{height}, {self.samples} samples{frame}, {self.method}{turn}"
 
 
@@ -113,15 +138,23 @@ class Case:
     run: Run
 
 
+FEWEST_FRAMES = 3
+"""Of the path, at any size."""
+
+
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured. interoculars are factors of the scene's own distance; subdivisions quarter each face."""
+    """How much is measured. interoculars are factors of the scene's own distance; subdivisions quarter each face.
+
+    The path has all of `sizes` unless it has sizes of its own, and `frames` at the smallest of them, see `frames_at`.
+    stage_size is that of whatever the warp stage is measured on at one size alone.
+    """
 
     sizes: tuple[tuple[int, int], ...] = ((960, 540), (1920, 1080), (3840, 2160))
     samples: int = 64
     accuracy: str = "balanced"
     turns: int = 3
-    path_size: tuple[int, int] = (960, 540)
+    path_sizes: tuple[tuple[int, int], ...] | None = None
     path_samples: int = 32
     frames: tuple[int, ...] = tuple(range(1, 25))
     study_size: tuple[int, int] = (960, 540)
@@ -131,16 +164,26 @@ class Plan:
     subdivisions: tuple[int, ...] = (0, 3, 4, 5, 6, 7, 8)
     interoculars: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
     stage_sizes: tuple[tuple[int, int], ...] = ((960, 540), (1920, 1080), (3840, 2160), (7680, 4320))
+    stage_size: tuple[int, int] = (1920, 1080)
     parts: tuple[str, ...] = field(default=(STAGE, SCENES, PATH, *SERIES))
+
+    def frames_at(self, size: tuple[int, int]) -> list[int]:
+        """Those of the path at this size, evenly among its frames: fewer by as much as it has more pixels than the
+        smallest, so that no size takes longer than another; `FEWEST_FRAMES` at least, if there are as many."""
+        smallest = min(math.prod(one) for one in self.path_sizes or self.sizes)
+        wanted = max(round(len(self.frames) * smallest / math.prod(size)), FEWEST_FRAMES)
+        count = min(wanted, len(self.frames))
+        last = len(self.frames) - 1
+        return [self.frames[round(place * last / max(count - 1, 1))] for place in range(count)]
 
 
 QUICK = Plan(
     sizes=((192, 108), (384, 216), (768, 432)),
     samples=4,
     turns=1,
-    path_size=(256, 144),
+    path_sizes=((128, 72), (256, 144), (512, 288)),
     path_samples=4,
-    frames=tuple(range(1, 7)),
+    frames=tuple(range(1, 5)),
     study_size=(320, 180),
     study_samples=8,
     study_sizes=((160, 90), (240, 135), (320, 180), (480, 270), (640, 360)),
@@ -148,6 +191,7 @@ QUICK = Plan(
     subdivisions=(0, 3, 5, 7),
     interoculars=(0.5, 1.0, 2.0, 4.0),
     stage_sizes=((480, 270), (960, 540)),
+    stage_size=(960, 540),
 )
 """For a machine of two cores, in a few minutes: that everything works, and how the parts compare."""
 
@@ -158,13 +202,20 @@ def cases(plan: Plan, scenes: Sequence[Scene], study: Scene, path: Scene, subdiv
     study is the scene of which one thing is varied at a time, path the one with a moving camera, and subdivided are the
     study's variants with more triangles.
     """
-    # bench-warp has repeats of its own.
-    found = [Case(STAGE, Run(MADE_UP, carrier, size, 0)) for size in plan.stage_sizes for carrier in CARRIERS]
+    found = list(_of_stage(plan))
     for turn in range(plan.turns):
         found += (_again(case, turn) for case in _of_scenes(plan, scenes))
         found += (_again(case, turn) for case in _of_path(plan, path))
         found += (_again(case, turn) for case in _of_study(plan, study, subdivided))
     return [case for case in found if case.part in plan.parts]
+
+
+def _of_stage(plan: Plan) -> Iterator[Case]:
+    """Once each: bench-warp has repeats of its own."""
+    for size in plan.stage_sizes:
+        yield from (Case(STAGE, Run(MADE_UP, carrier, size, 0)) for carrier in CARRIERS)
+    for picture in (TOED_IN, *NATIVE_AND_ADAPTIVE):
+        yield Case(STAGE, Run(MADE_UP, NUMPY, plan.stage_size, 0, picture=picture))
 
 
 def _again(case: Case, turn: int) -> Case:
@@ -178,8 +229,9 @@ def _of_scenes(plan: Plan, scenes: Sequence[Scene]) -> Iterator[Case]:
 
 
 def _of_path(plan: Plan, path: Scene) -> Iterator[Case]:
-    for frame in plan.frames:
-        yield from _compared(PATH, Run(path, MULTIVIEW, plan.path_size, plan.path_samples, plan.accuracy, frame))
+    for size in plan.path_sizes or plan.sizes:
+        for frame in plan.frames_at(size):
+            yield from _compared(PATH, Run(path, MULTIVIEW, size, plan.path_samples, plan.accuracy, frame))
 
 
 def _compared(part: str, peer: Run) -> Iterator[Case]:

@@ -25,26 +25,39 @@ from tests.bench.performance.plan import (
     STAGE,
     TRIANGLES,
     Case,
+    Picture,
     Run,
 )
 
-RESULTS_SCHEMA = 2
+RESULTS_SCHEMA = 3
 
 Row = dict[str, Any]
 
-STAGE_FIGURES = ("device", "seconds", "lookup_ratio", "peak_bytes_per_pixel", "agreement", "holes", "subdivided")
+TOTAL = "total"
 
-FITTED = ("source", "warp", "fill", "composite", "total")
-"""Stages whose growth is told; the others are not in every run."""
+STAGE_FIGURES = (
+    "device",
+    "seconds",
+    "map_seconds",
+    "profile",
+    "lookup_ratio",
+    "peak_bytes_per_pixel",
+    "agreement",
+    "holes",
+    "subdivided",
+)
 
 
 def analysed(cases: Sequence[Case], records: Mapping[Run, Record]) -> dict[str, Any]:
     """All that the runs tell, as results.json has it beside the facts of the machine."""
+    stage, path = stage_rows(cases, records), path_rows(cases, records)
     return {
         "schema": RESULTS_SCHEMA,
-        "stage": stage_rows(cases, records),
+        "stage": stage,
+        "grid": grid_rows(stage),
         "scenes": scene_rows(cases, records),
-        "path": path_rows(cases, records),
+        "path": path,
+        "path_totals": path_totals(path),
         "scaling": scaling_rows(cases, records),
         "runs": [run_row(case, records[case.run]) for case in cases],
     }
@@ -81,20 +94,47 @@ def _seconds(report: Mapping[str, Any]) -> dict[str, float] | None:
 
 
 def stage_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
-    """A row for each size and carrier of the warp stage alone, with its time per pixel over that of the first size that
-    could be measured."""
+    """A row for each picture, size and carrier of the warp stage alone, with its time per pixel over that of the
+    picture's first size that could be measured."""
     rows = []
-    first: dict[str, float] = {}
+    first: dict[tuple[Picture, str], float] = {}
     for run in (case.run for case in cases if case.part == STAGE):
-        record, row = records[run], {"size": list(run.size), "method": run.method, "message": None}
+        record, row = records[run], {**asdict(run.picture), "size": list(run.size), "method": run.method}
         if record["status"] != DONE:
             rows.append({**row, "message": _why_none([record])})
             continue
         found = record["report"]["stage"]
         per_pixel = found["seconds"] / (run.size[0] * run.size[1])
         figures = {name: found[name] for name in STAGE_FIGURES}
-        rows.append({**row, **figures, "growth": per_pixel / first.setdefault(run.method, per_pixel)})
+        growth = per_pixel / first.setdefault((run.picture, run.method), per_pixel)
+        rows.append({**row, "message": None, **figures, "growth": growth})
     return rows
+
+
+def grid_rows(stage: Sequence[Row]) -> list[Row]:
+    """What the adaptive grid gains over a native one of the same picture, by numpy: of the map, which is grid, forward
+    warp and depth test, and of the whole stage."""
+    done = [row for row in stage if row["message"] is None and row["map_seconds"] is not None]
+    natives = {_picture(row): row for row in done if row["grid_threshold"] == 0.0}
+    rows = []
+    for row in (row for row in done if row["grid_threshold"] > 0.0 and _picture(row) in natives):
+        native = natives[_picture(row)]
+        rows.append(
+            {
+                **{name: row[name] for name in ("scene", "mode", "size", "grid_threshold", "subdivided")},
+                **{name: row[name] for name in ("map_seconds", "seconds")},
+                "native_map_seconds": native["map_seconds"],
+                "native_seconds": native["seconds"],
+                "native_subdivided": native["subdivided"],
+                "map_speedup": native["map_seconds"] / row["map_seconds"],
+                "stage_speedup": native["seconds"] / row["seconds"],
+            }
+        )
+    return rows
+
+
+def _picture(row: Row) -> tuple[object, ...]:
+    return row["scene"], row["mode"], *row["size"]
 
 
 def scene_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
@@ -166,18 +206,56 @@ def _median(values: Iterable[float | None]) -> float | None:
 
 
 def path_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
-    """A row for each frame and method of the camera path: medians over the repeats, and the size and samples."""
+    """A row for each size, frame and method of the camera path: medians over the repeats, and the samples."""
     runs = [case.run for case in cases if case.part == PATH]
     rows = []
-    for frame, method in dict.fromkeys((run.frame, run.method) for run in runs if run.method != MULTIVIEW):
-        own = [run for run in runs if (run.frame, run.method) == (frame, method)]
-        row = {"scene": own[0].scene.name, "size": list(own[0].size), "samples": own[0].samples, "frame": frame}
+    for size, frame, method in dict.fromkeys((run.size, run.frame, run.method) for run in runs):
+        if method == MULTIVIEW:
+            continue
+        own = [run for run in runs if (run.size, run.frame, run.method) == (size, frame, method)]
+        row = {"scene": own[0].scene.name, "size": list(size), "samples": own[0].samples, "frame": frame}
         rows.append({**row, **_median_row(method, own, records)})
     return rows
 
 
+def path_totals(path: Sequence[Row]) -> list[Row]:
+    """A row for each size and method: means over the frames that are known, and the speed-up of all that have one."""
+    rows = []
+    for size, method in dict.fromkeys((tuple(row["size"]), row["method"]) for row in path):
+        own = [row for row in path if (tuple(row["size"]), row["method"]) == (size, method)]
+        done = [row for row in own if row["message"] is None]
+        compared = [row for row in done if row["speedup"] is not None]
+        seconds = [row["seconds"]["total"] for row in done]
+        ours, peers = (
+            sum(row["seconds"]["total"] for row in compared),
+            sum(row["multiview_seconds"] for row in compared),
+        )
+        speedups = [row["speedup"] for row in compared]
+        rows.append(
+            {
+                "size": list(size),
+                "method": method,
+                "frames": len(done),
+                "failed": len(own) - len(done),
+                "seconds": _mean(seconds),
+                "multiview_seconds": _mean([row["multiview_seconds"] for row in compared]),
+                "speedup": peers / ours if compared else None,
+                "speedups": [min(speedups), max(speedups)] if compared else None,
+                "holes": _mean([row["holes"] for row in done]),
+                "traced": _mean([row["traced"] for row in done]),
+                "peak_mb": max((row["peak_mb"] for row in done if row["peak_mb"] is not None), default=None),
+            }
+        )
+    return rows
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return statistics.fmean(values) if values else None
+
+
 def scaling_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[Row]:
-    """How each stage's seconds grow with what is varied: the points, and what is fitted to them."""
+    """How the seconds of each stage that is in all runs of a series grow with what is varied: the points, and what is
+    fitted to them."""
     rows = []
     for series in SERIES:
         for method in METHODS:
@@ -186,9 +264,18 @@ def scaling_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[R
             if not runs:
                 continue
             missing = [f"{run.title}: {records[run]['message']}" for run in runs if records[run]["status"] != DONE]
-            stages = [_stage_row(stage, [(_varied(series, *one), one[1]) for one in done]) for stage in FITTED]
-            rows.append({"series": series, "method": method, "stages": stages, "missing": missing})
+            fitted_stages, others = _stages_of([report["seconds"] for _, report in done])
+            stages = [_stage_row(stage, [(_varied(series, *one), one[1]) for one in done]) for stage in fitted_stages]
+            row = {"series": series, "method": method, "stages": stages, "missing": missing}
+            rows.append({**row, "not_in_all": others})
     return rows
+
+
+def _stages_of(reports: Sequence[Mapping[str, float]]) -> tuple[list[str], list[str]]:
+    """Those that are in every report, and those that are in some; the total is the last."""
+    names = stage_order(name for report in reports for name in report if name not in (*OUTSIDE_TOTAL, TOTAL))
+    in_all = [name for name in names if all(name in report for report in reports)]
+    return [*in_all, TOTAL], [name for name in names if name not in in_all]
 
 
 def _varied(series: str, run: Run, report: Mapping[str, Any]) -> float:
@@ -202,7 +289,7 @@ def _varied(series: str, run: Run, report: Mapping[str, Any]) -> float:
 
 
 def _stage_row(stage: str, measured: Sequence[tuple[float, Mapping[str, Any]]]) -> Row:
-    points = [[x, report["seconds"].get(stage, 0.0)] for x, report in measured]
+    points = [[x, report["seconds"][stage]] for x, report in measured]
     fit = fitted(*zip(*points, strict=True)) if points else None
     return {"stage": stage, "points": points, "fit": None if fit is None else asdict(fit)}
 

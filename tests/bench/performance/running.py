@@ -102,6 +102,15 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
+def commit() -> str | None:
+    """What is checked out, and whether files of it are changed; None where that cannot be told."""
+    try:
+        told = ["git", "describe", "--always", "--dirty=, with changes", "--abbrev=12", "--exclude=*"]
+        return subprocess.run(told, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip() or None
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
 class Runner:
     """Makes runs, with their files in a private folder for the time; pictures are not kept."""
 

@@ -8,9 +8,24 @@ from typing import Any
 from stereo_reproject.report import OUTSIDE_TOTAL
 from stereo_reproject.tradeoff import stage_order
 from tests.bench.performance import paper
+from tests.bench.performance.cells import (
+    NONE,
+    cell,
+    megabytes,
+    seconds,
+    share,
+    size_text,
+    table,
+    times,
+    times_between,
+)
 from tests.bench.performance.plan import HOLES, MULTIVIEW, PIXELS, SAMPLES, TRIANGLES
+from tests.bench.performance.stage_tables import stage_text
 
-NONE = "–"
+Rows = Sequence[Mapping[str, Any]]
+
+SHARES = ["holes", "traced", "memory peak"]
+PAPER_SHARES = [NONE, f"{paper.TRACED:.0%} on average", NONE]
 
 VARIED = {
     PIXELS: "pixels",
@@ -19,20 +34,21 @@ VARIED = {
     HOLES: "traced share (eyes further apart)",
 }
 
+MEDIANS = "; medians are told, of a speed-up those of the ratios of each turn"
+
 NEGLIGIBLE = 0.05
 """A constant below this share of the least time is not told."""
 
 
 def as_markdown(results: Mapping[str, Any]) -> str:
     """The whole of results.md."""
-    facts = results["facts"]
     parts = [
         "# Performance analysis",
-        _facts_text(facts),
-        f"## The warp stage alone\n\n{STAGE_READ_AS}\n\n{stage_table(results['stage'])}" if results["stage"] else "",
+        _facts_text(results["facts"]),
+        stage_text(results),
         f"## Scenes\n\n{READ_AS}\n\n{scenes_table(results['scenes'])}" if results["scenes"] else "",
-        _paper_text(results["scenes"]) if results["scenes"] else "",
-        f"## Camera path\n\n{path_table(results['path'])}" if results["path"] else "",
+        _path_text(results) if results["path"] else "",
+        _paper_text(results) if results["scenes"] or results["path"] else "",
         f"## Growth\n\n{GROWTH}\n\n{scaling_table(results['scaling'])}" if results["scaling"] else "",
         _charts_text(results.get("charts") or ()),
     ]
@@ -42,14 +58,13 @@ def as_markdown(results: Mapping[str, Any]) -> str:
 READ_AS = (
     "*multiview* is what Blender's own way took, in a process of its own like all others; the speed-up is over the one "
     "of the same repeat. *holes*: disoccluded or outside the source's frame; *traced*: with silhouettes and all else "
-    "that was not warped. Loading and writing are in no total."
+    "that was not warped. Times are of a pair; those of the stages come to the total, and loading and writing are in "
+    "none. *memory peak* is the process's until the pair is made."
 )
 
-STAGE_READ_AS = (
-    "*lookup ratio*: over SciPy's bare bilinear lookup of three channels, on one core; *growth*: time per pixel over "
-    "that of the first size; *memory*: over the input, of what Python and numpy hold; *agreement*: of numpy and GPU, "
-    "the share of pixels that are holes in one alone, and the largest difference of a colour. docs/performance.md has "
-    "what is measured."
+PATH_READ_AS = (
+    "Means over the frames, of which a larger size has fewer; the speed-up is that of all frames together, and *of the "
+    "frames* the least and the greatest of a single one. *memory peak*: the most of any."
 )
 
 GROWTH = (
@@ -65,10 +80,13 @@ def _facts_text(facts: Mapping[str, Any]) -> str:
     runs = facts["runs"]
     failed = f", {runs['failed']} failed" if runs["failed"] else ""
     left_out = f", {runs['left out']} were left out" if runs["left out"] else ""
+    turns, medians = facts["turns"], MEDIANS if facts["turns"] > 1 else ""
     lines = [
         f"* Made by: `{facts['command']}`",
         f"* Machine: {machine['cpu']}, {machine['cores']} cores, {machine['system']}",
         f"* Versions: {versions}",
+        f"* Commit: {facts['commit'] or 'not known'}",
+        f"* Turns: {turns} of each run but those of the warp stage alone{medians}",
         f"* Runs: {runs['done']} done{failed}{left_out}; ended {facts['ended']}",
     ]
     if facts["quick"]:
@@ -76,88 +94,102 @@ def _facts_text(facts: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def stage_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each size and carrier, and the paper's own."""
-    head = ["size", "by", "time", "lookup ratio", "growth", "memory", "agreement"]
-    lines = [_line(head), _line(["---"] * len(head))]
-    for row in rows:
-        size = "x".join(map(str, row["size"]))
-        if row["message"] is not None:
-            lines.append(_line([size, row["method"], _cell(row["message"]), *[NONE] * 4]))
-            continue
-        agreement = row["agreement"]
-        agrees = NONE if agreement["holes"] is None else f"{agreement['holes']:.4%}, {agreement['colour']:.2g}"
-        by = f"{row['method']} ({_cell(row['device'])})"
-        cells = [by, _milliseconds(row["seconds"]), f"{row['lookup_ratio']:.2f}"]
-        lines.append(_line([size, *cells, f"{row['growth']:.2f}", f"{row['peak_bytes_per_pixel']:.1f} B/px", agrees]))
-    for size, seconds in paper.WARP_SECONDS.items():
-        lines.append(_line([size, f"{paper.TITLE} ({paper.GPU})", _milliseconds(seconds), *[NONE] * 4]))
-    return "\n".join(lines)
-
-
-def scenes_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each scene, size and method. A run that failed says so in its cell."""
+def scenes_table(rows: Rows) -> str:
+    """A row for each scene, size and method, and the paper's. A run that failed says so in its cell."""
     stages = _stages(rows)
-    head = ["scene", "size", "method", "total", "multiview", "speed-up", *stages, "holes", "traced", "memory peak"]
-    lines = [_line(head), _line(["---"] * len(head))]
+    head = ["scene", "size", "samples", "method", "total", "multiview", "speed-up", *stages, *SHARES]
+    lines = []
     for row in rows:
-        start = [row["scene"], "x".join(map(str, row["size"])), _method(row["method"])]
-        lines.append(_line([*start, *_figures(row, stages)]))
-    return "\n".join(lines)
+        start = [row["scene"], size_text(row["size"]), str(row["samples"]), _method(row["method"])]
+        lines.append([*start, *_figures(row, stages)])
+    theirs = [NONE, NONE, times_between(paper.SPEEDUP), *[NONE] * len(stages), *PAPER_SHARES]
+    return table(head, [*lines, [paper.TITLE, NONE, NONE, paper.METHOD, *theirs]])
 
 
-def path_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A row for each frame and method of the camera path."""
+def _path_text(results: Mapping[str, Any]) -> str:
+    """What the path comes to, and each of its frames."""
+    first = results["path"][0]
+    sizes = dict.fromkeys(tuple(row["size"]) for row in results["path"])
+    parts = [f"## Camera path: {first['scene']}, {first['samples']} samples", PATH_READ_AS]
+    parts.append(path_totals_table(results["path_totals"]))
+    for size in sizes:
+        rows = [row for row in results["path"] if tuple(row["size"]) == size]
+        parts.append(f"### {size_text(size)}\n\n{path_table(rows)}")
+    return "\n\n".join(parts)
+
+
+def path_totals_table(rows: Rows) -> str:
+    """A row for each size and method, and the paper's."""
+    head = ["size", "method", "frames", "total", "multiview", "speed-up", "of the frames", *SHARES]
+    lines = [
+        [
+            size_text(row["size"]),
+            _method(row["method"]),
+            f"{row['frames']}{', ' + str(row['failed']) + ' not measured' if row['failed'] else ''}",
+            seconds(row["seconds"]),
+            seconds(row["multiview_seconds"]),
+            times(row["speedup"]),
+            times_between(row["speedups"]),
+            share(row["holes"]),
+            share(row["traced"]),
+            megabytes(row["peak_mb"]),
+        ]
+        for row in rows
+    ]
+    theirs = [paper.TITLE, paper.METHOD, NONE, NONE, NONE, times_between(paper.SPEEDUP), NONE, *PAPER_SHARES]
+    return table(head, [*lines, theirs])
+
+
+def path_table(rows: Rows) -> str:
+    """A row for each frame and method of the camera path at one size."""
     stages = _stages(rows)
-    first = rows[0]
-    size = "x".join(map(str, first["size"]))
-    head = ["frame", "method", "total", "multiview", "speed-up", *stages, "holes", "traced", "memory peak"]
-    lines = [f"{first['scene']}, {size}, {first['samples']} samples", "", _line(head), _line(["---"] * len(head))]
-    for row in rows:
-        lines.append(_line([str(row["frame"]), _method(row["method"]), *_figures(row, stages)]))
-    return "\n".join(lines)
+    head = ["frame", "method", "total", "multiview", "speed-up", *stages, *SHARES]
+    return table(head, [[str(row["frame"]), _method(row["method"]), *_figures(row, stages)] for row in rows])
 
 
-def _stages(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def _stages(rows: Rows) -> list[str]:
     """Those that take part in the total, of all rows."""
     names = stage_order(name for row in rows for name in row.get("seconds") or () if name != "total")
     return [name for name in names if name not in OUTSIDE_TOTAL and _any_seconds(rows, name)]
 
 
-def _any_seconds(rows: Sequence[Mapping[str, Any]], stage: str) -> bool:
+def _any_seconds(rows: Rows, stage: str) -> bool:
     return any(((row.get("seconds") or {}).get(stage) or 0.0) >= 0.0005 for row in rows)
 
 
 def _figures(row: Mapping[str, Any], stages: Sequence[str]) -> list[str]:
     """The cells after the method: the total, multiview's, the speed-up, the stages', the shares and the memory."""
     if row["message"] is not None:
-        return [_cell(row["message"]), *[NONE] * (len(stages) + 5)]
-    seconds = row["seconds"]
+        return [cell(row["message"]), *[NONE] * (len(stages) + 5)]
+    took = row["seconds"]
     return [
-        _seconds(seconds["total"]),
-        _seconds(row["multiview_seconds"]),
-        _times(row),
-        *(_seconds(seconds.get(name)) for name in stages),
-        _share(row["holes"]),
-        _share(row["traced"]),
-        NONE if row["peak_mb"] is None else f"{row['peak_mb']:.0f} MB",
+        seconds(took["total"]),
+        seconds(row["multiview_seconds"]),
+        times(row["speedup"]),
+        *(seconds(took.get(name)) for name in stages),
+        share(row["holes"]),
+        share(row["traced"]),
+        megabytes(row["peak_mb"]),
     ]
 
 
-def scaling_table(rows: Sequence[Mapping[str, Any]]) -> str:
+def scaling_table(rows: Rows) -> str:
     """A row for each series, method and stage."""
     head = ["varied", "from", "to", "method", "stage", "exponent (95 %)", "constant", "off by", "points"]
-    lines = [_line(head), _line(["---"] * len(head))]
-    missing: list[str] = []
+    lines = []
+    notes: list[str] = []
     for row in rows:
-        missing += row["missing"]
+        notes += [f"Not measured: {cell(line)}" for line in row["missing"]]
+        if row["not_in_all"]:
+            where = f"{VARIED[row['series']]}, {row['method']}"
+            notes.append(f"Not in every run, and not fitted: {', '.join(row['not_in_all'])} ({where})")
         for stage in row["stages"]:
             xs = [x for x, _ in stage["points"]]
             ends = [f"{x:.3g}" if x < 1000 else f"{x:.0f}" for x in (min(xs), max(xs))] if xs else [NONE, NONE]
             start = [VARIED[row["series"]], *ends, row["method"], stage["stage"]]
-            lines.append(_line([*start, *_fit_cells(stage)]))
-    notes = [f"Not measured: {_cell(line)}" for line in dict.fromkeys(missing)]
-    return "\n".join([*lines, *(["", *notes] if notes else [])])
+            lines.append([*start, *_fit_cells(stage)])
+    told = [f"* {note}" for note in dict.fromkeys(notes)]
+    return "\n".join([table(head, lines), *(["", *told] if told else [])])
 
 
 def _fit_cells(stage: Mapping[str, Any]) -> list[str]:
@@ -166,27 +198,21 @@ def _fit_cells(stage: Mapping[str, Any]) -> list[str]:
         return [NONE, NONE, NONE, str(len(points))]
     interval = "" if fit["low"] is None else f" ({fit['low']:.2f} to {fit['high']:.2f})"
     least = min(y for _, y in points)
-    constant = _seconds(fit["constant"]) if fit["constant"] > NEGLIGIBLE * least else NONE
+    constant = seconds(fit["constant"]) if fit["constant"] > NEGLIGIBLE * least else NONE
     return [f"{fit['exponent']:.2f}{interval}", constant, f"{fit['spread'] - 1.0:.0%}", str(fit["points"])]
 
 
-def _paper_text(rows: Sequence[Mapping[str, Any]]) -> str:
+def _paper_text(results: Mapping[str, Any]) -> str:
     """The paper's own figures beside what was measured here."""
-    lines = [
-        "## Beside the paper",
-        "",
-        "| | speed-up | traced |",
-        "|---|---|---|",
-        f"| {paper.TITLE}, over two full renders | {paper.SPEEDUP[0]} to {paper.SPEEDUP[1]} | {paper.TRACED:.0%} |",
-    ]
+    rows = [*results["scenes"], *results["path"]]
+    lines = [[f"{paper.TITLE}, over two full renders", times_between(paper.SPEEDUP), f"{paper.TRACED:.0%}"]]
     for method in dict.fromkeys(row["method"] for row in rows if row["method"] != MULTIVIEW):
         own = [row for row in rows if row["method"] == method and row["message"] is None]
         speedups = [row["speedup"] for row in own if row["speedup"] is not None]
         if speedups:
-            traced = _share(sum(row["traced"] for row in own) / len(own))
-            ends = f"{min(speedups):.2f} to {max(speedups):.2f}"
-            lines.append(f"| {_method(method)}, over multiview | {ends} | {traced} |")
-    return "\n".join(lines)
+            traced = share(sum(row["traced"] for row in own) / len(own))
+            lines.append([f"{_method(method)}, over multiview", times_between(speedups), traced])
+    return f"## Beside the paper\n\n{paper.KNOWN}\n\n{table(['', 'speed-up', 'traced, on average'], lines)}"
 
 
 def _charts_text(charts: Sequence[str]) -> str:
@@ -195,29 +221,3 @@ def _charts_text(charts: Sequence[str]) -> str:
 
 def _method(method: str) -> str:
     return f"{method} ({paper.COUNTERPARTS[method]})"
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _cell(text: str) -> str:
-    """A text that does not end the cell that it is in."""
-    return " ".join(text.split()).replace("|", "\\|")
-
-
-def _seconds(value: float | None) -> str:
-    return NONE if value is None else f"{value:.3f} s" if value < 1.0 else f"{value:.2f} s"
-
-
-def _milliseconds(seconds: float) -> str:
-    return f"{1000.0 * seconds:.{2 if seconds < 0.1 else 0}f} ms"
-
-
-def _times(row: Mapping[str, Any]) -> str:
-    value = row["speedup"]
-    return NONE if value is None else f"{value:.2f} ×"
-
-
-def _share(value: float | None) -> str:
-    return NONE if value is None else f"{value:.1%}"
