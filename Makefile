@@ -57,16 +57,16 @@ extension: $(INSTALLED)
 	@$(VENV)/bin/python .ci/extension.py
 
 bench: $(TEST_INSTALLED)
-	@$(VENV)/bin/python -m tests.bench.performance --scenes $(SCENES) $(BENCH_OPTIONS)
+	@$(VENV)/bin/python -m tests.bench.performance --scenes "$(SCENES)" $(BENCH_OPTIONS)
 
 coverage: $(TEST_INSTALLED)
-	@$(VENV)/bin/python tests/bench/coverage.py --scenes $(SCENES) $(COVERAGE_OPTIONS)
+	@$(VENV)/bin/python tests/bench/coverage.py --scenes "$(SCENES)" $(COVERAGE_OPTIONS)
 
 spending: $(TEST_INSTALLED)
-	@$(VENV)/bin/python tests/bench/spending.py --scenes $(SCENES) $(SPENDING_OPTIONS)
+	@$(VENV)/bin/python tests/bench/spending.py --scenes "$(SCENES)" $(SPENDING_OPTIONS)
 
 preview: $(TEST_INSTALLED)
-	@$(VENV)/bin/python tests/bench/preview.py --scenes $(SCENES)
+	@$(VENV)/bin/python tests/bench/preview.py --scenes "$(SCENES)"
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .hypothesis .ruff_cache

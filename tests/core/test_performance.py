@@ -19,6 +19,8 @@ pytest.importorskip("matplotlib")
 from stereo_reproject.bench import CARRIERS, MODES
 from stereo_reproject.warp_bench import LEFT_TO_NUMPY
 from stereo_reproject.warp_profile import STEPS
+from stereo_reproject.work_folder import work_folder
+from tests.bench.performance import __main__ as bench
 from tests.bench.performance import fits, paper, running, stage_tables, tables
 from tests.bench.performance.__main__ import main
 from tests.bench.performance.fits import fitted, power_law, power_law_with_constant
@@ -323,18 +325,18 @@ def test_when_the_time_is_up_no_run_is_begun(room, tmp_path):
 
 
 def test_a_process_tells_of_its_end(tmp_path):
-    ended = run_process(["-c", "print('{\"a\": 1}'); print('Blender quits')"], tmp_path / "log")
+    ended = run_process(["-c", "print('{\"a\": 1}'); print('Blender quits')"], tmp_path / "run")
     assert (ended.status, last_json(ended.output)) == (0, {"a": 1})
     assert ended.seconds > 0.0
-    assert list(tmp_path.iterdir()) == []
+    assert list((tmp_path / "run").iterdir()) == []
 
 
 @pytest.mark.skipif(not hasattr(os, "wait4"), reason="the system does not tell of memory")
 def test_the_peak_is_that_of_the_process_and_of_its_own(tmp_path):
     grandchild = "b = bytearray(300 << 20)"
     code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {grandchild!r}], check=True)"
-    assert run_process(["-c", code], tmp_path / "log").peak_mb > 300.0
-    assert run_process(["-c", grandchild], tmp_path / "log").peak_mb > 300.0
+    assert run_process(["-c", code], tmp_path / "run").peak_mb > 300.0
+    assert run_process(["-c", grandchild], tmp_path / "run").peak_mb > 300.0
 
 
 def test_the_message_of_a_failed_run_is_its_last_error():
@@ -356,7 +358,7 @@ from tests.bench.performance.running import run_process
 signal.signal(signal.SIGTERM, bench._interrupt)
 child = "import os, time; open({str(tmp_path / "pid")!r}, 'w').write(str(os.getpid())); time.sleep(600)"
 try:
-    run_process(["-c", child], Path({str(tmp_path / "log")!r}))
+    run_process(["-c", child], Path({str(tmp_path / "run")!r}))
 except KeyboardInterrupt:
     sys.exit(7)
 """
@@ -497,7 +499,7 @@ def test_where_there_is_no_gpu_its_row_says_so_and_nothing_has_failed(room, tmp_
     errors = f"stereo_reproject: error: --warp gpu: {why}\n"
     monkeypatch.setattr(running, "run_process", lambda *_: Ended(2, 1.0, None, "", errors))
     run = next(case.run for case in planned(room) if case.run.method == "gpu")
-    record = running.Runner(tmp_path / "work")(run)
+    record = running.Runner(tmp_path)(run)
     assert record["status"] == LEFT_OUT
     rows = analysed([Case(STAGE, run)], {run: record})["stage"]
     assert f"--warp gpu: {why}" in stage_tables.stage_table(rows).splitlines()[2]
@@ -667,13 +669,21 @@ def test_what_is_said_replaces_what_is_planned():
         (["--quick", "--frames", "6-1"], "must be of the form A-B"),
         (["--quick", "--turns", "0"], "must be a whole number from 1"),
         (["--quick", "--parts", "all"], "invalid choice: 'all'"),
+        (["--quick", "--sizes", "1x1"], "must be at least 4x4, not 1x1"),
+        (["--quick", "--frames", "1-99999"], "must not go beyond frame 1000"),
+        (["--quick", "--seconds", "nan"], "must be a number of seconds, not 'nan'"),
+        (["--quick", "--seconds", "-1"], "must be a number of seconds, not '-1'"),
+        (["--quick", "--output", ""], "is empty; name a folder"),
     ],
 )
-def test_a_bad_option_is_told(capsys, arguments, told):
-    with pytest.raises(SystemExit) as ended:
-        parse(arguments)
-    assert ended.value.code == 2
-    assert told in capsys.readouterr().err.splitlines()[-1]
+def test_a_bad_option_is_told_in_a_line(tmp_path, monkeypatch, capsys, arguments, told):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    assert main(arguments) == 2
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert told in printed.err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -694,6 +704,23 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, arguments, told):
     assert printed.err.count("\n") == 1
     assert told in printed.err
     assert not list(Path(tmp_path).rglob("*.json"))
+
+
+def test_two_analyses_do_not_share_a_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with work_folder(tmp_path):
+        assert main(["--quick", "--fresh", "--output", str(tmp_path)]) == 2
+        assert len(list(tmp_path.iterdir())) == 1
+    printed = capsys.readouterr()
+    assert printed.err == f"error: another analysis is writing to {tmp_path}; wait for it, or choose another folder\n"
+
+
+@pytest.mark.parametrize(("signum", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_how_it_was_interrupted_is_in_its_status(monkeypatch, capsys, signum, status):
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr(bench, "_analyse", lambda *_: bench._interrupt(signum, None))
+    assert main(["--quick"]) == status
+    assert "interrupted" in capsys.readouterr().err
 
 
 def test_a_bench_of_other_figures_is_strict_json(results, tmp_path):

@@ -32,6 +32,10 @@ def results_of(folder):
 
 def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
     quick = ["--quick", "--output", tmp_path, "--sizes", "64x36", "--frames", "1-2"]
+    theirs = [tmp_path / folder / "mine.txt" for folder in ("work", "runs", "variants")]
+    for file in theirs:
+        file.parent.mkdir()
+        file.write_text("mine")
     first = analysis(*quick, "--parts", "scenes", "path")
     assert (first.returncode, first.stderr) == (0, "")
     found = results_of(tmp_path)
@@ -40,6 +44,7 @@ def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
     assert all(row["peak_mb"] > 0.0 and row["seconds"]["total"] > 0.0 for row in found["scenes"])
     assert len({row["holes"] for row in found["path"]}) == 2, "the camera moves, and sees other holes"
     assert (tmp_path / "path-packed-64x36.svg").exists()
+    assert all(file.exists() for file in theirs)
     second = analysis(*quick, "--parts", "scenes", "path", "triangles")
     assert (second.returncode, second.stderr) == (0, "")
     assert "9 of 17 runs are there already" in second.stdout
@@ -47,7 +52,7 @@ def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
     assert again["scenes"] == found["scenes"]
     xs = [x for x, _ in again["scaling"][0]["stages"][0]["points"]]
     assert xs == sorted(set(xs))
-    assert not (tmp_path / "work").exists()
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_a_scene_that_cannot_be_rendered_is_told_in_its_cell(tmp_path):

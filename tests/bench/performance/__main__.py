@@ -4,7 +4,7 @@
     python -m tests.bench.performance --quick
 
 docs/performance.md says what it measures and what the files are that it writes. Exit status: 0 all done, 1 a run
-failed, 2 bad input, 130 interrupted.
+failed, 2 bad input, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-import shutil
 import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -25,9 +24,10 @@ from typing import Any
 from stereo_reproject.bench import machine_facts, versions
 from stereo_reproject.charts import check_charts
 from stereo_reproject.cli import version
-from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.file_digest import file_digest
 from stereo_reproject.report import whole_file, write_json
+from stereo_reproject.work_folder import WORK_PREFIX, work_folder
 from tests.bench.performance import paper
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Kept, Record, have_run
 from tests.bench.performance.options import parse, plan_of
@@ -37,29 +37,30 @@ from tests.bench.performance.results import analysed, write_csv
 from tests.bench.performance.running import ROOT, Runner, code_digest, commit, last_json, run_process
 from tests.bench.performance.tables import as_markdown
 
-INTERRUPTED = 130
+RESULTS = ("results.csv", "results.md", "results.json")
 PACKAGES = ("bpy", "numpy", "scipy", "matplotlib")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    options = parse(arguments)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
+        options = parse(arguments)
         check_charts()
         return _analyse(options, lambda text: print(text, flush=True))
     except (StereoReprojectError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        print(f"error: {error.strerror or error}: {error.filename or options.output}", file=sys.stderr)
+        where = f": {error.filename}" if error.filename else ""
+        print(f"error: {error.strerror or error}{where}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print("interrupted; finished runs are kept, and the same command goes on", file=sys.stderr)
-        return INTERRUPTED
+        return 128 + (error.args[0] if error.args else signal.SIGINT)
 
 
-def _interrupt(_signum: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _interrupt(signum: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(signum)
 
 
 def _analyse(options: argparse.Namespace, tell: Callable[[str], None]) -> int:
@@ -67,18 +68,37 @@ def _analyse(options: argparse.Namespace, tell: Callable[[str], None]) -> int:
     demo = scene_of(ROOT / DEMO)
     scenes = [demo] if options.quick else scenes_in(options.scenes, options.names)
     study = _study(options, [demo, *scenes])
-    output.mkdir(parents=True, exist_ok=True)
+    with work_folder(output, RESULTS) as work:
+        _check_alone(output, work)
+        return _have_analysed(options, plan, scenes, study, output, work, tell)
+
+
+def _check_alone(output: Path, work: Path) -> None:
+    """Raises BadInputError where another analysis is at work: side by side, neither's times would say anything."""
+    if any(folder != work for folder in output.glob(f"{WORK_PREFIX}*")):
+        raise BadInputError(f"another analysis is writing to {output}; wait for it, or choose another folder")
+
+
+def _have_analysed(
+    options: argparse.Namespace,
+    plan: Plan,
+    scenes: Sequence[Scene],
+    study: Scene,
+    output: Path,
+    work: Path,
+    tell: Callable[[str], None],
+) -> int:
     if options.fresh:
-        for folder in ("runs", "variants"):
-            shutil.rmtree(output / folder, ignore_errors=True)
+        for file in (*output.glob("runs/*.json"), *output.glob("variants/*.json")):
+            file.unlink()
     facts = {"machine": machine_facts(), "versions": {"stereo_reproject": version(), **versions(*PACKAGES)}}
-    path = _path(plan, options, study, output)
-    subdivided = _subdivided(plan, study, output)
+    path = _path(plan, options, study, output, work)
+    subdivided = _subdivided(plan, study, output, work)
     planned = cases(plan, scenes, study, path, subdivided)
     records = have_run(
         planned,
         Kept(output / "runs", {**facts, "code": code_digest()}),
-        Runner(output / "work"),
+        Runner(work / "tmp"),
         tell=tell,
         seconds=options.seconds,
     )
@@ -96,7 +116,7 @@ def _study(options: argparse.Namespace, known: Sequence[Scene]) -> Scene:
     return found[name]
 
 
-def _path(plan: Plan, options: argparse.Namespace, study: Scene, output: Path) -> Scene:
+def _path(plan: Plan, options: argparse.Namespace, study: Scene, output: Path, work: Path) -> Scene:
     """The scene with a moving camera: the one that was named, or the study with a path that is made."""
     if options.animated is not None:
         if not options.animated.is_file():
@@ -106,19 +126,19 @@ def _path(plan: Plan, options: argparse.Namespace, study: Scene, output: Path) -
     if PATH not in plan.parts:
         return replace(study, name=name)
     distance = [] if study.convergence is None else [f"--distance={study.convergence}"]
-    return _variant(study, name, [f"--frames={max(plan.frames)}", *distance], output)
+    return _variant(study, name, [f"--frames={max(plan.frames)}", *distance], output, work)
 
 
-def _subdivided(plan: Plan, study: Scene, output: Path) -> list[Scene]:
+def _subdivided(plan: Plan, study: Scene, output: Path, work: Path) -> list[Scene]:
     if TRIANGLES not in plan.parts:
         return []
     return [
-        _variant(study, f"{study.name}-subdivided-{level}", [f"--subdivisions={level}"], output)
+        _variant(study, f"{study.name}-subdivided-{level}", [f"--subdivisions={level}"], output, work)
         for level in plan.subdivisions
     ]
 
 
-def _variant(scene: Scene, name: str, how: Sequence[str], output: Path) -> Scene:
+def _variant(scene: Scene, name: str, how: Sequence[str], output: Path, work: Path) -> Scene:
     """A variant of a scene, made in a process of its own unless it is there; with what is amiss, if it cannot be."""
     folder = output / "variants"
     blend, note = folder / f"{name}.blend", folder / f"{name}.json"
@@ -127,7 +147,7 @@ def _variant(scene: Scene, name: str, how: Sequence[str], output: Path) -> Scene
     if not (made.get("of") == wanted and blend.is_file()):
         folder.mkdir(parents=True, exist_ok=True)
         module = "tests.bench.performance.variants"
-        ended = run_process(["-m", module, str(scene.blend), str(blend), *how], folder / "log")
+        ended = run_process(["-m", module, str(scene.blend), str(blend), *how], work / "tmp")
         told = last_json(ended.output)
         if ended.status != 0 or told is None:
             return replace(scene, name=name, amiss=f"the variant could not be made: {ended.message()}")

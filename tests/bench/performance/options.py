@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 from stereo_reproject.settings import ACCURACIES
 from tests.bench.performance.plan import QUICK, Plan
@@ -16,19 +18,28 @@ QUICK_SECONDS = 270.0
 
 OUTPUT = Path("build/bench")
 
+MOST_FRAMES = 1000
+LEAST_SIDE = 4
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ValueError(f"{message}; `{self.prog} --help` lists what can be given")
+
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    """Raises ValueError, which says what is amiss, on one line."""
+    parser = _Parser(
         prog="python -m tests.bench.performance",
         description="Measure multiview, card and packed over scenes and sizes, along a camera path, and how their "
         "stages grow. It may be interrupted: the same command goes on.",
     )
     parser.add_argument("names", nargs="*", metavar="SCENE", help="only these scenes of the folder")
     parser.add_argument("--scenes", type=Path, metavar="DIR", help="holds NAME/NAME.blend or NAME.blend")
-    parser.add_argument("--output", type=Path, default=OUTPUT, metavar="DIR", help="(%(default)s)")
+    parser.add_argument("--output", type=_folder, default=OUTPUT, metavar="DIR", help="(%(default)s)")
     parser.add_argument("--quick", action="store_true", help="the demo scene, small, in five minutes at most")
     parser.add_argument("--fresh", action="store_true", help="make finished runs again too")
-    parser.add_argument("--seconds", type=float, metavar="S", help="begin no run after these")
+    parser.add_argument("--seconds", type=_seconds, metavar="S", help="begin no run after these")
     parser.add_argument("--parts", nargs="+", choices=Plan().parts, metavar="PART", help=_PARTS)
     parser.add_argument("--sizes", nargs="+", type=_size, metavar="WxH", help="of the scenes")
     parser.add_argument("--samples", type=_count, metavar="N", help="of the scenes")
@@ -76,11 +87,29 @@ def plan_of(options: argparse.Namespace) -> Plan:
     return replace(plan, **{name: value for name, value in told.items() if value})
 
 
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; name a folder for the results")
+    return Path(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number of seconds, not {text!r}")
+    return value
+
+
 def _size(text: str) -> tuple[int, int]:
     if not re.fullmatch(r"[1-9][0-9]{0,4}x[1-9][0-9]{0,4}", text):
         raise argparse.ArgumentTypeError(f"must be of the form WIDTHxHEIGHT, such as 1920x1080, not {text!r}")
-    width, height = text.split("x")
-    return int(width), int(height)
+    width, height = (int(number) for number in text.split("x"))
+    if min(width, height) < LEAST_SIDE:
+        raise argparse.ArgumentTypeError(f"must be at least {LEAST_SIDE}x{LEAST_SIDE}, not {text}")
+    return width, height
 
 
 def _count(text: str) -> int:
@@ -93,4 +122,6 @@ def _frames(text: str) -> tuple[int, ...]:
     found = re.fullmatch(r"([0-9]{1,6})-([0-9]{1,6})(?::([1-9][0-9]{0,5}))?", text)
     if not found or int(found[1]) > int(found[2]):
         raise argparse.ArgumentTypeError(f"must be of the form A-B or A-B:STEP, such as 1-24, not {text!r}")
+    if int(found[2]) > MOST_FRAMES:
+        raise argparse.ArgumentTypeError(f"must not go beyond frame {MOST_FRAMES}, not {text!r}")
     return tuple(range(int(found[1]), int(found[2]) + 1, int(found[3] or 1)))

@@ -264,8 +264,8 @@ def scenes_in(folder: Path, names: Sequence[str] = ()) -> list[Scene]:
     """
     if not folder.is_dir():
         raise ValueError(f"there is no folder {folder}; name one with .blend files (SCENES=folder), or take --quick")
-    found = {path.stem: path for path in sorted(folder.glob("*.blend"))}
-    found |= {path.stem: path for path in sorted(folder.glob("*/*.blend")) if path.stem == path.parent.name}
+    inside, beside = (sorted(path for path in folder.glob(at) if path.is_file()) for at in ("*/*.blend", "*.blend"))
+    found = {path.stem: path for path in beside} | {path.stem: path for path in inside if path.stem == path.parent.name}
     missing = [name for name in names if name not in found]
     if missing or not found:
         what = f"no scene {missing[0]}" if missing else "no .blend file, nor NAME/NAME.blend"

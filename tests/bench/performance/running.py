@@ -49,12 +49,14 @@ class Ended:
         return (told.removeprefix("stereo_reproject: error: ") or f"exit status {self.status}")[:MESSAGE_LENGTH]
 
 
-def run_process(arguments: Sequence[str], log: Path) -> Ended:
-    """Run Python with these arguments, from the root of the checkout; log is where its output goes for the time."""
-    log.parent.mkdir(parents=True, exist_ok=True)
+def run_process(arguments: Sequence[str], folder: Path) -> Ended:
+    """Run Python with these arguments, from the root of the checkout; its output, and what else it makes for the time,
+    goes into the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
     paths = (str(ROOT), os.environ.get("PYTHONPATH", ""))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    names = [log.with_suffix(f".{kind}") for kind in ("out", "err")]
+    environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+    names = [folder / name for name in ("out.log", "err.log")]
     start = time.perf_counter()
     with names[0].open("wb") as out, names[1].open("wb") as err:
         process = subprocess.Popen(
@@ -112,10 +114,10 @@ def commit() -> str | None:
 
 
 class Runner:
-    """Makes runs, with their files in a private folder for the time; pictures are not kept."""
+    """Makes runs, with their files in a folder of their own for the time; pictures are not kept."""
 
     def __init__(self, work: Path) -> None:
-        self._work = work
+        self._work = work / "run"
 
     def __call__(self, run: Run) -> Record:
         if run.scene.amiss:
@@ -130,14 +132,12 @@ class Runner:
     def _ours(self, run: Run) -> Record:
         output = self._work / "pair"
         scene = [str(run.scene.blend), "--output", str(output), "--quiet"]
-        ended = run_process(["-m", "stereo_reproject", "render", *scene, *run.options()], self._work / "log")
+        ended = run_process(["-m", "stereo_reproject", "render", *scene, *run.options()], self._work)
         return record_of(ended, _read(output / "report.json"))
 
     def _stage(self, run: Run) -> Record:
         file = self._work / "stage.json"
-        ended = run_process(
-            ["-m", "stereo_reproject", "bench-warp", *run.options(), f"--json={file}"], self._work / "log"
-        )
+        ended = run_process(["-m", "stereo_reproject", "bench-warp", *run.options(), f"--json={file}"], self._work)
         if any(words in ended.errors for words in NO_GPU):
             return {"status": LEFT_OUT, "message": ended.message()}
         report = _read(file)
@@ -146,7 +146,7 @@ class Runner:
 
     def _peer(self, run: Run) -> Record:
         module = "tests.bench.performance.multiview"
-        ended = run_process(["-m", module, str(run.scene.blend), *run.options()], self._work / "log")
+        ended = run_process(["-m", module, str(run.scene.blend), *run.options()], self._work)
         return record_of(ended, last_json(ended.output))
 
 

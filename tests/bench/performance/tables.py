@@ -185,11 +185,17 @@ def scaling_table(rows: Rows) -> str:
             notes.append(f"Not in every run, and not fitted: {', '.join(row['not_in_all'])} ({where})")
         for stage in row["stages"]:
             xs = [x for x, _ in stage["points"]]
-            ends = [f"{x:.3g}" if x < 1000 else f"{x:.0f}" for x in (min(xs), max(xs))] if xs else [NONE, NONE]
+            ends = [_varied(row["series"], x) for x in (min(xs), max(xs))] if xs else [NONE, NONE]
             start = [VARIED[row["series"]], *ends, row["method"], stage["stage"]]
             lines.append([*start, *_fit_cells(stage)])
     told = [f"* {note}" for note in dict.fromkeys(notes)]
     return "\n".join([table(head, lines), *(["", *told] if told else [])])
+
+
+def _varied(series: str, x: float) -> str:
+    if series == HOLES:
+        return f"{x:.1%}"
+    return f"{x:.3g}" if x < 1000 else f"{x:.0f}"
 
 
 def _fit_cells(stage: Mapping[str, Any]) -> list[str]:
@@ -216,7 +222,7 @@ def _paper_text(results: Mapping[str, Any]) -> str:
 
 
 def _charts_text(charts: Sequence[str]) -> str:
-    return "## Charts\n\n" + "\n".join(f"![{name}]({name}.png)" for name in charts) if charts else ""
+    return "## Charts\n\n" + "\n".join(f"![{name}](<{name}.png>)" for name in charts) if charts else ""
 
 
 def _method(method: str) -> str:
