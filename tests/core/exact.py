@@ -45,6 +45,13 @@ THIRD_DIFFERENCES = 1.5
 """How much more than in the middle of a cell its perspective may be off elsewhere: a lens of 8 mm on 200 pixels changes
 by a quarter over one."""
 
+HIDDEN = 0.1
+"""Share of a picture, at most, in which something stands that the source does not see, and lands before what it does:
+a card that only one frame reaches, twice."""
+
+BETWEEN = 0.3
+"""Pixels, at most, that lie between the source's pixel centres, along edges: so many of a row and a column."""
+
 SEEN = 1e-6
 """Share by which the source may see something nearer and still see the same point: the rounding of two traces."""
 
@@ -323,22 +330,46 @@ def bent_within_cell(x, y):
 class Judged:
     """Of the target's pixels (H, W): which are flagged, which show what the source cannot know of, which are wrong.
 
-    unknown: something stands before what the warp shows, and the source does not see it. off: pixels in the target
-    between a centre and where what is shown there really is; beside: in the source, from where the right point is.
+    hidden: something stands before what the warp shows, and the source does not see it; what is shown must land there
+    for all that. between: what lies between the source's pixel centres. off: pixels in the target between a centre and
+    where what is shown there really is; beside: in the source, from where the right point is. seen: what
+    both eyes see, but for the sky of parallel rays, which has no place.
     """
 
     flagged: np.ndarray
-    unknown: np.ndarray
+    hidden: np.ndarray
+    between: np.ndarray
     off: np.ndarray
     beside: np.ndarray
     limit: np.ndarray
     beside_limit: np.ndarray
+    seen: np.ndarray
+
+    @property
+    def unknown(self):
+        return self.hidden | self.between
+
+    @property
+    def told(self):
+        """Not flagged, and known to the source: these are right, or wrong."""
+        return ~self.flagged & ~self.unknown
+
+    @property
+    def excused(self):
+        """The share of pixels that are neither flagged nor right, and (hidden, between) why that is no fault."""
+        return np.mean(~self.flagged & self.hidden), np.mean(~self.flagged & self.between & ~self.hidden)
+
+    @property
+    def vague(self):
+        """Whether so much is excused that the rest proves little."""
+        hidden, between = self.excused
+        return hidden > HIDDEN or between * self.flagged.size > BETWEEN * sum(self.flagged.shape)
 
     @property
     def wrong(self):
         """Neither flagged nor right."""
-        told = ~self.flagged & ~self.unknown
-        return told & ~((self.off <= self.limit) & (self.beside <= self.beside_limit))
+        lands, found = self.off <= self.limit, self.beside <= self.beside_limit
+        return ~self.flagged & ~self.between & ~(lands & (found | self.hidden))
 
     @property
     def worst(self):
@@ -369,13 +400,14 @@ def judged(world, source, target, *, accuracy=STRICT, threshold=1.0, **options) 
     limit = bound.total[i, j]
     beside_limit = 2.0 * limit / np.clip(bound.stretch[i, j], 1e-3, 1.0)
     nearness = np.where(covered, warp.nearness, -np.inf)
-    unknown = ~exact.seen & (target.nearness_from_depth(exact.depth) > nearness)
-    unknown |= _in_the_rim(source, at_x, at_y) & (surface != index[i, j])
-    unknown |= _in_the_rim(source, exact.x, exact.y) & _at(_beside_another(index), exact.x, exact.y)
-    unknown |= _sliver(exact, index) | _between_centres(exact.x, exact.y, exact.index, index)
-    unknown |= _between_centres(at_x, at_y, surface, index)
-    unknown |= _at(_small(index), exact.x, exact.y)
-    return Judged(result.reasons != 0, unknown, off, beside, limit, beside_limit)
+    hidden = ~exact.seen & (target.nearness_from_depth(exact.depth) > nearness)
+    between = _in_the_rim(source, at_x, at_y) & (surface != index[i, j])
+    between |= _in_the_rim(source, exact.x, exact.y) & _at(_beside_another(index), exact.x, exact.y)
+    between |= _sliver(exact, index) | _between_centres(exact.x, exact.y, exact.index, index)
+    between |= _between_centres(at_x, at_y, surface, index)
+    between |= _at(_small(index), exact.x, exact.y)
+    seen = exact.seen & ~(np.isinf(exact.depth) & isinstance(source, OrthographicCamera))
+    return Judged(result.reasons != 0, hidden, between, off, beside, limit, beside_limit, seen)
 
 
 def _sliver(exact, index):

@@ -78,6 +78,11 @@ def pairs(draw, far):
     return rig.eyes if draw(st.booleans()) else rig.eyes[::-1]
 
 
+TOLD = 0.4
+"""Of what both eyes see, where that is half of the picture, the least share that is not flagged: pictures of 20 x 4
+pixels are bands along edges."""
+
+
 # Against tracing
 
 
@@ -88,6 +93,9 @@ def test_every_pixel_is_right_or_flagged(data):
     source, target = data.draw(pairs(far))
     result = judged(world, source, target, threshold=data.draw(THRESHOLDS))
     assert not result.wrong.any(), result.worst
+    assert not result.vague, result.excused
+    if np.mean(result.seen) > 0.5:
+        assert np.sum(result.told & result.seen) >= TOLD * np.sum(result.seen)
 
 
 SCENES = {
@@ -111,7 +119,7 @@ def test_the_settings_keep_it_too(scene, mode, accuracy):
     result = judged(SCENES[scene], source, target, accuracy=setting)
     assert not result.wrong.any(), result.worst
     assert result.flagged.mean() < 0.25, "most of these pictures is not flagged"
-    assert (result.unknown & ~result.flagged).sum() <= 2
+    assert sum(result.excused) * result.flagged.size <= 2
 
 
 # Coarse against native
