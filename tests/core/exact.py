@@ -26,7 +26,7 @@ from stereo_reproject.composite import contain
 from stereo_reproject.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, PERSPECTIVE
 from stereo_reproject.holes import TEAR
 from stereo_reproject.parallax import ARC_MINUTE
-from stereo_reproject.rectified import MAX_STRETCH
+from stereo_reproject.rectified import EDGE_TOLERANCE, MAX_STRETCH
 from stereo_reproject.reprojection import reproject
 
 from .analytic import pixel_centres, pose, px_from_world, world_rays
@@ -185,6 +185,53 @@ def most_in_a_cell(threshold, source, target, near, far, *, most):
     """Pixels by which a coarse cell of a rectified pair, with depths in near..far, may be off; see docs/numerics.md."""
     ipd = np.linalg.norm(source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3])
     return min(px_per_slope(target) * ipd * per_nearness_allowed(threshold, source, target, near, far), most)
+
+
+def misses(depth, result, source, target, *, threshold=1.0):
+    """Of the pixels that are not flagged (N,): how far beside their centres lands what they show, and how far it may.
+
+    What they show is at warp.x, warp.y, between the depths (H, W) of the pixels around. Beside rounding and what a
+    coarse cell misses that may be as much as the perspective within one pixel is, which is the third.
+    """
+    row, column = np.nonzero((result.reasons == 0) & result.warp.covered)
+    x, y = (place[row, column].astype(np.float64) for place in (result.warp.x, result.warp.y))
+    # All of a parallel projection's sky is as far away.
+    most = np.inf if isinstance(source, PerspectiveCamera) else OrthographicCamera.SKY_DEPTH
+    depth = np.minimum(depth.astype(np.float32).astype(np.float64), most)
+    height, width = depth.shape
+    left, top = (np.floor(p - 0.5).astype(int) for p in (x, y))
+    across, down = x - 0.5 - left, y - 0.5 - top
+    corners = [(top, left), (top, left + 1), (top + 1, left), (top + 1, left + 1)]
+    # Two triangles, cut from top right to bottom left; on a rectified pair y lies on a row.
+    upper = across + down <= 1.0
+    shares = [
+        np.where(upper, 1.0 - across - down, 0.0),
+        np.where(upper, across, 1.0 - down),
+        np.where(upper, down, 1.0 - across),
+        np.where(upper, 0.0, across + down - 1.0),
+    ]
+    # In the frame's outermost half pixels depth stays as it is; what has no share may be no number.
+    at = [depth[np.clip(i, 0, height - 1), np.clip(j, 0, width - 1)] for i, j in corners]
+    flat = isinstance(source, OrthographicCamera)
+    with np.errstate(divide="ignore"):
+        linear = at if flat else [1.0 / z for z in at]
+        mixed = sum(np.where(s > 0.0, s * n, 0.0) for s, n in zip(shares, linear, strict=True))
+        mixed = mixed if flat else 1.0 / mixed
+    landed = np.array(_where(source, target, x, y, mixed))
+    off = np.hypot(*(landed - np.array([column + 0.5, row + 0.5])))
+    straight = np.zeros(landed.shape)
+    for share, (i, j), z in zip(shares, corners, at, strict=True):
+        straight += np.where(share > 0.0, share * np.array(_where(source, target, j + 0.5, i + 0.5, z)), 0.0)
+    perspective = np.hypot(*(straight - landed))
+    goes_to = where_they_go(source, target, depth)
+    coarse = _at(_coarse(depth, *goes_to, source, target, result.grid, threshold), x, y)
+    if not np.array_equal(source.world_from_camera[:3, :3], target.world_from_camera[:3, :3]):
+        # A quad may have a centre so far beyond its side, where the next one goes on otherwise; no further than a tear.
+        bend = sum(8.0 * bent(p, np.zeros(depth.shape, int)) for p in goes_to)
+        coarse += EDGE_TOLERANCE * np.minimum(_at(bend, x, y), TEAR)
+    size = 2 * max(width, height) + np.abs(x) + np.abs(y)
+    rounding = ROUNDINGS * np.finfo(np.float32).eps * (size + _shift_terms(mixed, source, target))
+    return off, rounding + coarse + perspective, perspective
 
 
 def where_they_go(source, target, depth):
