@@ -114,14 +114,20 @@ def test_a_broken_depth_pass(mode, scale, cleaned, share):
 
 
 @pytest.mark.parametrize("scale", [None, 5.0])
-@pytest.mark.parametrize("ipd", [0.065, 1e3])
-def test_depths_at_the_ends_of_what_float32_holds(scale, ipd):
-    depth = np.random.default_rng(5).choice(np.float32([1.2e-38, 1e-37, 1e-30, 1.0, 1e30, 3e38, np.inf]), SIZE[::-1])
-    for mode in MODES:
-        source, target = Rig(size=SIZE, mode=mode, scale=scale, ipd=ipd, lens=5000.0).eyes
-        result = reprojected(passes_of(depth), source, target)
-        whole(result, source)
-        lands(depth, result, source, target)
+@pytest.mark.parametrize(("lens", "ipd"), [(50.0, 0.065), (5000.0, 0.065), (5000.0, 1e3)])
+@pytest.mark.parametrize("mode", MODES)
+def test_depths_at_the_ends_of_what_float32_holds(scale, lens, ipd, mode):
+    """In blocks, of which with a common rig what is far is told, and with parallel rays what is near."""
+    values = np.float32([1.2e-38, 1e-37, 1e-30, 1.0, 1e30, 3e38, np.inf])
+    depth = np.random.default_rng(5).choice(values, (6, 8)).repeat(12, axis=0).repeat(12, axis=1)[: SIZE[1], : SIZE[0]]
+    source, target = Rig(size=SIZE, mode=mode, scale=scale, ipd=ipd, lens=lens).eyes
+    result = reprojected(passes_of(depth), source, target)
+    whole(result, source)
+    lands(depth, result, source, target)
+    if ipd < 1.0 and lens < 100.0:
+        told = np.unique(result.passes["Depth"][result.reasons == 0])
+        assert told.size > 2
+        assert np.mean(result.reasons == 0) > 0.1
 
 
 def test_what_a_float32_holds_no_more_is_the_sky():
