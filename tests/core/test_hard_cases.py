@@ -242,7 +242,7 @@ def test_the_parallax_at_the_ends(near, far, ipd):
 # Colours
 
 
-@pytest.mark.parametrize("value", [1e30, -1e30, 0.0, -1.0, 1e-45, np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("value", [1e30, -1e30, 3e38, 0.0, -1.0, 1e-45, np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("accuracy", ["balanced", "high", "exact"])
 @pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
