@@ -16,13 +16,25 @@ from stereo_reproject import bands, quads, silhouettes
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import ViewPlane, target_px_from_source_px
 from stereo_reproject.composite import contain
-from stereo_reproject.holes import TEAR, Reason
+from stereo_reproject.holes import Reason
 from stereo_reproject.parallax import parallax_angle, parallax_difference
 from stereo_reproject.rectified import shift_of
 from stereo_reproject.reprojection import reproject
 
 from .analytic import Plane, Sphere, World, pixel_centres
-from .exact import ROUNDINGS, STRICT, Rig, examples, judged, misses, nothing_said, passes_of, reprojected, spread, where_they_go
+from .exact import (
+    ROUNDINGS,
+    STRICT,
+    Rig,
+    examples,
+    judged,
+    misses,
+    nothing_said,
+    passes_of,
+    reprojected,
+    spread,
+    where_they_go,
+)
 
 SIZE = (93, 62)
 MODES = ["off-axis", "parallel", "toe-in"]
