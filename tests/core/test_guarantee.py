@@ -22,19 +22,9 @@ from stereo_reproject.rectified import shift_of
 from stereo_reproject.warp import forward_warp
 
 from .analytic import Plane, Sphere, World, pixel_centres
-from .exact import (
-    ROUNDINGS,
-    Rig,
-    examples,
-    judged,
-    misses,
-    most_in_a_cell,
-    nothing_said,
-    passes_of,
-    px_per_slope,
-    reprojected,
-    where_they_go,
-)
+from .bounds import ROUNDINGS, most_in_a_cell, px_per_slope
+from .exact import Rig, examples, nothing_said, passes_of, reprojected, where_they_go
+from .judging import judged, misses
 
 THRESHOLDS = st.sampled_from([0.0, 0.25, 1.0, 3.0, 30.0])
 MODES = st.sampled_from(["off-axis", "parallel", "toe-in"])

@@ -16,7 +16,9 @@ from stereo_reproject.holes import TEAR
 from stereo_reproject.rectified import shift_of
 
 from .analytic import Plane, Sphere, World, pixel_centres, pose
-from .exact import THIRD_DIFFERENCES, Rig, examples, judged, passes_of, px_per_slope, reprojected
+from .bounds import THIRD_DIFFERENCES, px_per_slope
+from .exact import Rig, examples, passes_of, reprojected
+from .judging import judged
 
 SIZE = (150, 90)
 MODES = ["off-axis", "parallel", "toe-in"]
