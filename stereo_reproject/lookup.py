@@ -99,7 +99,9 @@ def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
             looked_at = True if weight.all() else (weight != 0.0)[:, None]
             np.minimum(low, taken, out=low, where=looked_at)
             np.maximum(high, taken, out=high, where=looked_at)
-            total += taken * texels.spread(weight)
+            # Of the largest float32s the overshoot is none, until it is held within their range.
+            with np.errstate(over="ignore"):
+                total += taken * texels.spread(weight)
     return np.clip(total, low, high, out=total)
 
 

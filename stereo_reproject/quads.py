@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bands import PIXELS
+from . import bands
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
@@ -116,8 +116,9 @@ def _fine_quads(
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
 
 
-_Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
-"""Of each quad that covers any pixel centre: its index, the first column and row of those, and how many there are."""
+_Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
+"""Of each quad that covers any pixel centre: its index, the first column and row of those, how many columns and rows
+there are, and how many rows were drawn before."""
 
 
 class _Surface:
@@ -148,10 +149,10 @@ class _Surface:
         The steps stand in one function because each hands its arrays to the next: split up, they would be passed
         around by the dozen.
         """
-        chosen, left, top, count_x, count_y = boxes
+        chosen, left, top, count_x, count_y, drawn = boxes
         size_x, size_y = _of(quads.size_x, chosen), _of(quads.size_y, chosen)
         upper, lower = _triangles(quads.corners(chosen), left + 0.5, top + 0.5, size_x * size_y)
-        quad, step_x, step_y = _candidates(count_x, count_y)
+        quad, step_x, step_y = _candidates(count_x, count_y, drawn)
 
         def at(coefficients: NDArray, candidates: NDArray | slice = ALL) -> NDArray:
             whose, right, down = quad[candidates], step_x[candidates], step_y[candidates]
@@ -218,37 +219,40 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
     """The quads' boxes that hold pixel centres, in their order, some at a time: of some `bands.PIXELS` pixels.
 
     What is larger by itself comes in some rows at a time: near the plane in which the target's camera stands, a quad
-    may cover the whole picture.
+    may cover the whole picture. All of its parts count from its own first row, and so say the same to the bit.
     """
     left, count_x = _centres_within(quads.x, width, quads.margin)
     top, count_y = _centres_within(quads.y, height, quads.margin)
     quad = np.flatnonzero((count_x > 0) & (count_y > 0) & quads.drawn)
     left, top, count_x, count_y = (values.ravel().take(quad) for values in (left, top, count_x, count_y))
-    pixels = count_x * count_y
-    if pixels.max(initial=0) > PIXELS:
-        rows = np.maximum(PIXELS // count_x, 1)
+    pixels, drawn = count_x * count_y, np.zeros_like(top)
+    if pixels.max(initial=0) > bands.PIXELS:
+        rows = np.maximum(bands.PIXELS // count_x, 1)
         parts = -(-count_y // rows)
         part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
         quad, left, top, count_x, count_y, rows = (
             np.repeat(values, parts) for values in (quad, left, top, count_x, count_y, rows)
         )
-        top = top + part * rows
-        count_y = np.minimum(count_y - part * rows, rows)
+        drawn = part * rows
+        count_y = np.minimum(count_y - drawn, rows)
         pixels = count_x * count_y
-    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // PIXELS, prepend=-1))
+    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // bands.PIXELS, prepend=-1))
     for start, stop in itertools.pairwise([*starts.tolist(), quad.size]):
         part = slice(start, stop)
-        yield quad[part], left[part], top[part], count_x[part], count_y[part]
+        yield quad[part], left[part], top[part], count_x[part], count_y[part], drawn[part]
 
 
-def _candidates(count_x: NDArray, count_y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Every (quad, pixel) pair, as the quad's index and the pixel's offset."""
+def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Every (quad, pixel) pair, as the quad's index and the pixel's offset; of each quad from row `drawn` on."""
     count = count_x * count_y
     quad = np.repeat(np.arange(count.size), count)
     rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
     wide = count_x.take(quad)
     step_y = rank // wide
-    return quad, (rank - step_y * wide).astype(np.float64), step_y.astype(np.float64)
+    step_x = (rank - step_y * wide).astype(np.float64)
+    if drawn.any():
+        step_y += drawn.take(quad)
+    return quad, step_x, step_y.astype(np.float64)
 
 
 @dataclass(frozen=True)

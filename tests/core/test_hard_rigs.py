@@ -16,7 +16,9 @@ from stereo_reproject.holes import TEAR
 from stereo_reproject.rectified import shift_of
 
 from .analytic import Plane, Sphere, World, pixel_centres, pose
-from .exact import THIRD_DIFFERENCES, Rig, examples, judged, passes_of, px_per_slope, reprojected
+from .bounds import THIRD_DIFFERENCES, px_per_slope
+from .exact import Rig, examples, passes_of, reprojected
+from .judging import judged
 
 SIZE = (150, 90)
 MODES = ["off-axis", "parallel", "toe-in"]
@@ -40,12 +42,26 @@ def room(scale=1.0, view=1.0):
     )
 
 
-def keeps_it(world, rig, **options):
-    """From either eye to the other."""
+TOLD = 0.3
+"""Share of a picture that is right and not flagged, at least, unless a case says why there is less of it."""
+
+
+def keeps_it(world, rig, *, told=TOLD):
+    """From either eye to the other: no pixel is wrong, few are excused, and so many are told."""
     for source, target in (rig.eyes, rig.eyes[::-1]):
-        result = judged(world, source, target, **options)
+        result = judged(world, source, target)
         assert not result.wrong.any(), (rig, result.worst)
+        assert not result.vague, (rig, result.excused)
+        assert np.mean(result.told) >= told, rig
     return result
+
+
+def all_are_holes(world, rig):
+    """From either eye to the other: they have nothing in common."""
+    for source, target in (rig.eyes, rig.eyes[::-1]):
+        depth, _ = world.hit(source, *pixel_centres(source))
+        result = reprojected(passes_of(depth), source, target)
+        assert (result.reasons != 0).all()
 
 
 # Interocular distance and convergence
@@ -53,23 +69,32 @@ def keeps_it(world, rig, **options):
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("scale", [None, 4.0])
-@pytest.mark.parametrize("ipd", [1e-9, 1e-3, 0.065, 1.0, 20.0, 1e6])
+@pytest.mark.parametrize("ipd", [1e-9, 1e-3, 0.065, 1.0])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_interocular_distances(mode, scale, ipd, sign):
-    """Up to more than the scene is deep; below zero the eyes are swapped."""
-    rig = Rig(size=SIZE, mode=mode, scale=scale, ipd=sign * ipd, convergence=max(3.0, ipd))
-    result = keeps_it(room(), rig)
+    """Up to an eighth of the depth; below zero the eyes are swapped."""
+    result = keeps_it(room(), Rig(size=SIZE, mode=mode, scale=scale, ipd=sign * ipd, convergence=3.0))
     if ipd <= 1e-3:
         assert result.flagged.mean() < 0.1
 
 
-@pytest.mark.parametrize("mode", ["off-axis", "toe-in"])
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("ipd", [20.0, 1e6])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_eyes_further_apart_than_the_scene_is_deep(mode, sign):
-    """20 m, and converging on a wall 8 m away: both see the same part of it, and the ball from two sides."""
-    world = World((Plane((0.0, 0.0, -8.0)), Sphere((0.3, 0.1, -7.5), 0.3)))
-    result = keeps_it(world, Rig(size=SIZE, mode=mode, ipd=20.0 * sign, convergence=8.0))
-    assert np.mean(~result.flagged & ~result.unknown) > 0.3
+def test_eyes_further_apart_than_the_scene_is_deep(mode, orthographic, ipd, sign):
+    """2.5 times, converging on a wall or seeing enough of it: both see the same part, and the ball from two sides."""
+    unit = ipd / 20.0
+    world = World((Plane((0.0, 0.0, -8.0 * unit)), Sphere((0.3 * unit, 0.1 * unit, -7.5 * unit), 0.3 * unit)))
+    lens, scale = (8.0 if mode == "parallel" else 50.0), (2.0 * ipd if orthographic else None)
+    keeps_it(world, Rig(size=SIZE, mode=mode, lens=lens, scale=scale, ipd=sign * ipd, convergence=8.0 * unit))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("scale", [None, 4.0])
+@pytest.mark.parametrize("ipd", [20.0, 1e6])
+def test_eyes_that_see_nothing_in_common(mode, scale, ipd):
+    all_are_holes(World((Plane((0.0, 0.0, -8.0)),)), Rig(size=SIZE, mode=mode, scale=scale, ipd=ipd, convergence=ipd))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -84,11 +109,26 @@ def test_without_an_interocular_distance_all_is_as_it_was(mode, scale):
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("convergence", [1e-6, 0.1, 2.0, 1e9, np.inf, -2.0, -0.1])
+@pytest.mark.parametrize("convergence", [0.1, 2.0, 1e9, np.inf, -2.0, -0.1])
 def test_convergences(mode, convergence):
-    """At the near plane, in the scene, at infinity and behind the camera."""
-    keeps_it(room(), Rig(size=SIZE, mode=mode, convergence=convergence))
+    """In front of the scene, within it, at infinity and behind the camera."""
+    # Within a tenth of a unit their frames, or they, are turned apart by nine tenths of a picture's width.
+    told = TOLD if mode == "parallel" else {0.1: 0.1, -0.1: 0.05}.get(convergence, TOLD)
+    keeps_it(room(), Rig(size=SIZE, mode=mode, convergence=convergence), told=told)
     keeps_it(room(), Rig(size=SIZE, mode=mode, convergence=convergence, lens=8.0, ipd=0.01))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_convergence_at_the_near_plane(mode):
+    """A micron away: eyes that are as near to each other see a room of some of them, others nothing in common."""
+    keeps_it(room(0.5e-6), Rig(size=SIZE, mode=mode, convergence=1e-6, ipd=2e-8))
+    if mode != "parallel":
+        all_are_holes(room(), Rig(size=SIZE, mode=mode, convergence=1e-6))
+        all_are_holes(room(), Rig(size=SIZE, mode=mode, convergence=1e-6, lens=8.0, ipd=0.01))
+
+
+STILL_TOLD = {(80.0, 20.0): 0.07, (80.0, 8.0): 0.01, **{(angle, 8.0): 0.08 for angle in (30.0, 44.0, 45.0, 46.0, 53.0)}}
+"""By degrees and lens: of what is that far aside in one eye's picture the other sees less, or 2.5 times as much."""
 
 
 @pytest.mark.parametrize("degrees", [1.0, 10.0, 30.0, 44.0, 45.0, 46.0, 53.0, 80.0])
@@ -97,7 +137,7 @@ def test_toe_in(degrees, lens):
     """Each eye turned so far, around what stands in the middle; from 45 degrees on one looks past the other."""
     rig = Rig(size=SIZE, mode="toe-in", lens=lens, ipd=2.0 * 3.0 * np.tan(np.radians(degrees)), convergence=3.0)
     world = World((Plane((0.0, 0.0, -8.0)), Sphere((0.1, 0.1, -3.0), 0.6), Plane((-0.4, -0.5, -2.5), half=0.3)))
-    keeps_it(world, rig)
+    keeps_it(world, rig, told=STILL_TOLD.get((degrees, lens), 0.2))
 
 
 @pytest.mark.parametrize("degrees", [0.1, 10.0, 45.0])
@@ -137,7 +177,11 @@ def test_lenses(lens, mode, shift):
     """The room as each lens sees it, the shift's part of it included."""
     view = 50.0 / lens
     depth = 1.0 if lens < 500.0 else lens / 50.0
-    rig = Rig(size=SIZE, lens=lens, mode=mode, shift=shift, ipd=0.02 * view * depth, convergence=3.0 * depth)
+    ipd = 0.02 * view * depth
+    if mode == "toe-in":
+        # Turned, the side of so wide a frame moves by more than what is in it.
+        ipd /= 1.0 + ((0.5 + abs(shift[0])) * 36.0 / lens) ** 2
+    rig = Rig(size=SIZE, lens=lens, mode=mode, shift=shift, ipd=ipd, convergence=3.0 * depth)
     world = room(depth, view)
     moved = (_aside(surface, np.multiply(shift, 36.0 / lens)) for surface in world.surfaces)
     result = keeps_it(replace(world, surfaces=tuple(moved)), rig)
@@ -161,8 +205,10 @@ def test_pixels_that_are_not_square(aspect, mode, scale):
 @pytest.mark.parametrize("scale", 10.0 ** np.arange(-6, 7, 2))
 @pytest.mark.parametrize("mode", MODES)
 def test_orthographic_scales(scale, mode):
-    """From a micron to a thousand kilometres wide; the depth is what it is."""
-    world = World((Plane((0.0, 0.0, -8.0), (0.1, 0.05, 1.0)), Plane((0.1 * scale, 0.0, -4.0), half=0.2 * scale)))
+    """From a micron to a thousand kilometres wide; the depth is what it is, unless turned eyes would see behind it."""
+    deep = max(scale, 1.0) if mode == "toe-in" else 1.0
+    wall = Plane((0.0, 0.0, -8.0 * deep), (0.1, 0.05, 1.0))
+    world = World((wall, Plane((0.1 * scale, 0.0, -4.0 * deep), half=0.2 * scale)))
     keeps_it(world, Rig(size=SIZE, mode=mode, scale=scale, ipd=0.02 * scale, convergence=max(3.0, scale)))
 
 
@@ -203,9 +249,9 @@ def scaled(rig, factor):
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("orthographic", [False, True])
 @pytest.mark.parametrize("accuracy", ["balanced", "exact"])
-@pytest.mark.parametrize("factor", [0.01, 0.1, 10.0, 1e3, 1.25e6])
+@pytest.mark.parametrize("factor", [0.01, 0.1, 10.0, 1e3, 1e6, 1.25e6])
 def test_a_scene_looks_the_same_at_any_size(mode, orthographic, accuracy, factor):
-    """8 m deep as it stands; of 8 cm, and of 10 000 km."""
+    """8 m deep as it stands; of 8 cm, of 8 000 km and of 10 000 km."""
     rig = Rig(size=SIZE, mode=mode, scale=4.0 if orthographic else None, convergence=2.9)
     results = []
     for size in (1.0, factor):

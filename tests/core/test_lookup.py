@@ -12,6 +12,10 @@ FLOAT32_TOLERANCE = 2e-5
 """For values of up to some ten: sixteen products in float32, whose positions up to 150 are rounded to 8e-6."""
 
 
+OF_THE_LARGEST = 1e-6
+"""Of the largest of four pixels, in float64, what a mean of them may be off: some roundings of a float32."""
+
+
 def picture(function, size=SIZE):
     """(H, W, C) float32 of the values of `function(x, y)`, a list of channels, at the pixel centres."""
     x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
@@ -156,3 +160,43 @@ def test_touches_by_brute_force(share):
 def test_nothing_touches_an_empty_mask():
     x, y = scattered()
     assert not touches(np.zeros(SIZE[::-1], bool), x, y, share=0.0).any()
+
+
+def mean_of_four(image, x, y):
+    """(h, w, C) by bilinear weights in float64, and the largest of each four pixels by amount."""
+    left, top = (np.floor(p - 0.5).astype(int) for p in (x, y))
+    across, down = ((p.astype(np.float64) - 0.5 - floor)[..., None] for p, floor in ((x, left), (y, top)))
+    four = [[image[top + i, left + j].astype(np.float64) for j in (0, 1)] for i in (0, 1)]
+    rows = [(1.0 - across) * row[0] + across * row[1] for row in four]
+    return (1.0 - down) * rows[0] + down * rows[1], np.max(np.abs(four), axis=(0, 1))
+
+
+@pytest.mark.parametrize("value", [1e30, -1e30, 3e38, -3e38, 0.0, -1.0, 1e-30, 1e-45])
+@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+def test_linear_is_bilinear_for_colours_of_any_size(value, share):
+    """Beside colours of 0 to 1, negative ones, and no light at all."""
+    rng = np.random.default_rng(5)
+    image = rng.uniform(-0.5, 1.0, (*SIZE[::-1], 3)).astype(np.float32)
+    image[..., 2] = 0.0
+    image[rng.random(SIZE[::-1]) < share] = value
+    # Positions whose weights float32 holds: what is off is the mixing alone.
+    x, y = (np.round(p * 4096) / np.float32(4096) for p in scattered(margin=1.0))
+    with np.errstate(all="raise", under="ignore"):
+        got = lookup(image, x, y)
+    expected, largest = mean_of_four(image, x, y)
+    tolerance = OF_THE_LARGEST * largest + 4.0 * np.finfo(np.float32).smallest_subnormal
+    assert np.all(np.abs(got - expected) <= tolerance)
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("value", [3e38, np.finfo(np.float32).max])
+def test_no_finite_colour_overflows(interpolation, value):
+    """Of either sign beside each other, too, where the spline's overshoot is the largest."""
+    rng = np.random.default_rng(6)
+    image = rng.choice(np.float32([-value, 0.0, value]), (*SIZE[::-1], 3))
+    image[..., 1] = value
+    x, y = scattered()
+    with np.errstate(all="raise", under="ignore"):
+        got = lookup(image, x, y, interpolation=interpolation)
+    assert np.isfinite(got).all()
+    np.testing.assert_allclose(got[..., 1], np.float32(value), rtol=1e-6)
