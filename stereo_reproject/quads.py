@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bands import PIXELS
+from .bands import PIXELS, bands
 from .camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
 from .masks import dilate
@@ -51,8 +51,8 @@ class _Quads:
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
     (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
     quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
-    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is torn, the first
-    has it.
+    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
+    first has it.
     """
 
     x: NDArray
@@ -105,7 +105,7 @@ def _fine_quads(
     """The quads of the subdivided cells, some cells at a time, without those that are torn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL + 1)
-    beside_tear = dilate(torn, 1)
+    beside_tear = dilate(_left_out(vertices, torn, source, target), 1)
     one = np.array(1, np.int64)
     for start in range(0, all_rows.size, CHUNK):
         i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
@@ -114,6 +114,21 @@ def _fine_quads(
         first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
         margin = np.where(beside_tear[first_i, first_j], EDGE_TOLERANCE, 0.0)
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
+
+
+def _left_out(
+    vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera
+) -> NDArray[np.bool_]:
+    """(h, w): the quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
+    # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
+    depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
+    if not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
+        return torn
+    behind = np.empty(vertices.shape, bool)
+    for rows in bands(vertices.shape):
+        behind[rows] = np.isnan(target_px_from_source_px(source, target, j, i[rows], vertices[rows])[0])
+    return torn | behind[:-1, :-1] | behind[:-1, 1:] | behind[1:, :-1] | behind[1:, 1:]
 
 
 _Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]

@@ -240,8 +240,12 @@ int ordered(float value) {
   int bits = floatBitsToInt(value);
   return bits < 0 ? bits ^ 0x7fffffff : bits;
 }
+// Or beside what is left out for a corner behind the target's camera: quads._left_out.
 bool is_beside_tear(ivec2 quad) {
   ivec2 size = cell_count * CELL;
+  for (int y = max(quad.y - 1, 0); y <= min(quad.y + 2, source_size.y + 1); y++)
+    for (int x = max(quad.x - 1, 0); x <= min(quad.x + 2, source_size.x + 1); x++)
+      if (texelFetch(vertex_map, ivec2(x, y), 0).w < 0.5) return true;
   for (int y = max(quad.y - 1, 0); y <= min(quad.y + 1, size.y - 1); y++)
     for (int x = max(quad.x - 1, 0); x <= min(quad.x + 1, size.x - 1); x++)
       if (x > source_size.x || y > source_size.y || is_torn(ivec2(x, y))) return true;
