@@ -58,7 +58,7 @@ class _Quads:
     (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
     quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
     a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
-    first has it, and where one is of a coarse cell, the other.
+    first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray
@@ -102,7 +102,7 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         one = (top.size, 1, 1)
         x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
-        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.zeros(one))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, EDGE_TOLERANCE))
 
 
 def _fine_quads(

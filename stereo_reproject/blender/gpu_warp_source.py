@@ -266,7 +266,7 @@ void main() {
   Triangle lower = triangle_of(d.xyz, c.xyz, b.xyz, size.x * size.y);
   if (!upper.drawn && !lower.drawn) return;
   if (fine && is_torn(start)) return;
-  float margin = fine && is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
+  float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
   ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
   ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
