@@ -47,9 +47,11 @@ def rendered(blend, folder, interocular, convergence):
         convergence_distance=convergence,
         denoise=False,
     )
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(WarpedError):
+    scene = open_blend(blend)
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "reproject", taken)
-        render_frame(folder, StereoSettings(warp="numpy", scene=overrides), scene=open_blend(blend))
+        with pytest.raises(WarpedError):
+            render_frame(folder, StereoSettings(warp="numpy", scene=overrides), scene=scene)
     return handed[0]
 
 
