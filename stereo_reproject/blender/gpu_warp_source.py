@@ -241,7 +241,7 @@ int ordered(float value) {
   int bits = floatBitsToInt(value);
   return bits < 0 ? bits ^ 0x7fffffff : bits;
 }
-// Or beside what is left out for a corner behind the target's camera, as quads._left_out has it, or beside a coarse cell.
+// Or beside what is left out as in quads._left_out, for a corner behind the target's camera, or beside a coarse cell.
 bool is_beside_tear(ivec2 quad) {
   ivec2 size = cell_count * CELL;
   for (int y = max(quad.y - 1, 0); y <= min(quad.y + 1, size.y - 1); y++)

@@ -1,4 +1,4 @@
-"""How far the GPU of a Blender with a window is from numpy, for drive.py: imported in there, where there is no pytest."""
+"""How far the GPU of a Blender with a window is from numpy. drive.py imports it, inside that Blender."""
 
 import importlib
 
