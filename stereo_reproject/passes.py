@@ -107,7 +107,11 @@ _LIGHT = frozenset(
         COLOUR_PASS,
         # By their names in 4.5 and in 5.2.
         *(kind + way for kind in ("Diff", "Gloss", "Trans", "Volume") for way in ("Dir", "Ind")),
-        *(f"{kind} {way}" for kind in ("Diffuse", "Glossy", "Transmission", "Volume") for way in ("Direct", "Indirect")),
+        *(
+            f"{kind} {way}"
+            for kind in ("Diffuse", "Glossy", "Transmission", "Volume")
+            for way in ("Direct", "Indirect")
+        ),
         "Emit",
         "Emission",
         "Env",

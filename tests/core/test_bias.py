@@ -41,7 +41,9 @@ class Warped:
             spoil(a, b)
         count = self.probes.rows.size
         # Small enough for `tone` to be a line.
-        noise = SourceNoise(np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()), np.zeros(count))
+        noise = SourceNoise(
+            np.zeros((count, 3)), np.full(count, squared_error(self.truth + NOISE, self.truth).mean()), np.zeros(count)
+        )
         colour = self.colour[self.probes.mask]
         return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
 
