@@ -20,6 +20,10 @@ CHUNK = 192
 
 ALL = slice(None)
 
+AS_NEAR = 2.0**-16
+"""Of a nearness: where a coarse quad and a fine one meet, both are of one surface, and which is nearer is rounding's to
+say. What is nearer by less than this is not."""
+
 LARGEST_AREA = 1e12
 """Square pixels: what is larger is so by rounding."""
 
@@ -33,9 +37,11 @@ def draw_quads(
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
     torn = np.pad(torn, beyond, constant_values=True)
     surface = _Surface((target.height, target.width))
-    for quads in _coarse_quads(vertices, source, target, grid):
-        surface.draw(quads)
     for quads in _fine_quads(vertices, torn, source, target, grid):
+        surface.draw(quads)
+    if grid.subdivided.any():
+        surface.prefer_what_is_drawn()
+    for quads in _coarse_quads(vertices, source, target, grid):
         surface.draw(quads)
     return surface.result()
 
@@ -51,8 +57,8 @@ class _Quads:
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
     (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
     quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
-    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is torn, the first
-    has it.
+    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
+    first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray
@@ -96,7 +102,7 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         one = (top.size, 1, 1)
         x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
-        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.zeros(one))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, EDGE_TOLERANCE))
 
 
 def _fine_quads(
@@ -105,15 +111,30 @@ def _fine_quads(
     """The quads of the subdivided cells, some cells at a time, without those that are torn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL + 1)
-    beside_tear = dilate(torn, 1)
+    left_out = _left_out(vertices, torn, source, target)
+    left_out |= (~grid.subdivided).repeat(CELL, axis=0).repeat(CELL, axis=1)
+    beside = dilate(left_out, 1)
     one = np.array(1, np.int64)
     for start in range(0, all_rows.size, CHUNK):
         i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
         j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
-        margin = np.where(beside_tear[first_i, first_j], EDGE_TOLERANCE, 0.0)
+        margin = np.where(beside[first_i, first_j], EDGE_TOLERANCE, 0.0)
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
+
+
+def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera) -> NDArray[np.bool_]:
+    """(h, w): the quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
+    # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
+    depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
+    if not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
+        return torn.copy()
+    behind = np.empty(vertices.shape, bool)
+    for rows in bands.bands(vertices.shape):
+        behind[rows] = np.isnan(target_px_from_source_px(source, target, j, i[rows], vertices[rows])[0])
+    return torn | behind[:-1, :-1] | behind[:-1, 1:] | behind[1:, :-1] | behind[1:, 1:]
 
 
 _Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
@@ -130,6 +151,11 @@ class _Surface:
         self.nearness = np.full(pixels, -np.inf, np.float32)
         self.x = np.full(pixels, np.nan, np.float32)
         self.y = np.full(pixels, np.nan, np.float32)
+        self.preferred: NDArray[np.float32] | None = None
+
+    def prefer_what_is_drawn(self) -> None:
+        """To what will be drawn, and is nearer by less than AS_NEAR."""
+        self.preferred = self.nearness.copy()
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         shape = (self.height, self.width)
@@ -181,7 +207,10 @@ class _Surface:
         a sort.
         """
         nearness = nearness.astype(np.float32, copy=False)
-        waiting = np.flatnonzero(nearness > self.nearness.take(pixel))
+        nearer = nearness > self.nearness.take(pixel)
+        if self.preferred is not None:
+            nearer &= nearness - np.float32(AS_NEAR) * np.abs(nearness) > self.preferred.take(pixel)
+        waiting = np.flatnonzero(nearer)
         while waiting.size:
             pixel, nearness, x, y = (values.take(waiting) for values in (pixel, nearness, x, y))
             self.nearness[pixel] = nearness

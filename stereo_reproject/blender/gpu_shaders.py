@@ -127,9 +127,7 @@ PROGRAMS = {
         ("owner_image", "drawn_image", "broad_image"),
         ("source_size", "target_size", "cell_count", "quad_span", "to_settle"),
     ),
-    "settled": Program(
-        QUAD + SETTLED, ("owner_map", "drawn_map", "vertex_map"), PLACED, ("source_size", "target_size")
-    ),
+    "settled": Program(QUAD + SETTLED, ("drawn_map", "vertex_map"), PLACED, ("source_size", "target_size")),
     "neighbours": Program(NEIGHBOURS, ("near_map",), ("before_image", "after_image"), ("target_size",), group=(64, 1)),
     "flags": Program(
         RAY + MOVE + FLAGS,

@@ -11,7 +11,7 @@ from ..bands import PIXELS
 from ..camera import OrthographicCamera
 from ..grid import CELL
 from ..holes import TEAR, Reason
-from ..quads import LARGEST_AREA
+from ..quads import AS_NEAR, LARGEST_AREA
 from ..rectified import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
 
 COMMON = f"""
@@ -20,6 +20,7 @@ COMMON = f"""
 #define MAX_STRETCH {float(MAX_STRETCH)}
 #define FARTHEST {float(FARTHEST)}
 #define LARGEST {float(LARGEST)}
+#define AS_NEAR {float(AS_NEAR)}
 #define LARGEST_AREA {float(LARGEST_AREA)}
 #define SKY_DEPTH {float(OrthographicCamera.SKY_DEPTH)}
 #define SKY_BEGIN {float(OrthographicCamera.SKY_DEPTH * (1.0 - OrthographicCamera.SKY_ROUNDING))}
@@ -224,27 +225,31 @@ vec2 within(Triangle by, vec2 centre) {
   return vec2(d.x * by.along_v.y - d.y * by.along_v.x, by.along_u.x * d.y - by.along_u.y * d.x) / by.determinant;
 }
 bool is_in_upper(Triangle upper, vec2 uv) { return upper.drawn && uv.x + uv.y <= 1.0; }
-// Coarse quads before fine ones, each row by row; of two that are as near, the one with the lower number has the pixel.
+float nearness_in(Triangle by, vec2 uv) { return by.origin.z + uv.x * by.along_u.z + uv.y * by.along_v.z; }
+// Fine quads before coarse ones, each row by row; of two that are as near, the one with the lower number has the pixel.
 // numpy draws the fine ones cell by cell: where two of them meet, either place is within the tolerance of the other.
 int number_of(ivec2 start, bool fine) {
   ivec2 size = source_size + 1;
-  return start.y * size.x + start.x + (fine ? size.x * size.y : 0);
+  return start.y * size.x + start.x + (fine ? 0 : size.x * size.y);
 }
 """
 
 # quads._Surface._fill; drawn twice, the second time to settle which of the nearest it is. By one and the same shader:
 # two might round the same nearness differently.
 DRAW = """
-float nearness_in(Triangle by, vec2 uv) { return by.origin.z + uv.x * by.along_u.z + uv.y * by.along_v.z; }
 int ordered(float value) {
   int bits = floatBitsToInt(value);
   return bits < 0 ? bits ^ 0x7fffffff : bits;
 }
+// Or beside what is left out as in quads._left_out, for a corner behind the target's camera, or beside a coarse cell.
 bool is_beside_tear(ivec2 quad) {
   ivec2 size = cell_count * CELL;
   for (int y = max(quad.y - 1, 0); y <= min(quad.y + 1, size.y - 1); y++)
     for (int x = max(quad.x - 1, 0); x <= min(quad.x + 1, size.x - 1); x++)
-      if (x > source_size.x || y > source_size.y || is_torn(ivec2(x, y))) return true;
+      if (x > source_size.x || y > source_size.y || !is_split(ivec2(x, y)) || is_torn(ivec2(x, y))) return true;
+  for (int y = max(quad.y - 1, 0); y <= min(quad.y + 2, source_size.y + 1); y++)
+    for (int x = max(quad.x - 1, 0); x <= min(quad.x + 2, source_size.x + 1); x++)
+      if (texelFetch(vertex_map, ivec2(x, y), 0).w < 0.5) return true;
   return false;
 }
 void main() {
@@ -261,7 +266,7 @@ void main() {
   Triangle lower = triangle_of(d.xyz, c.xyz, b.xyz, size.x * size.y);
   if (!upper.drawn && !lower.drawn) return;
   if (fine && is_torn(start)) return;
-  float margin = fine && is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
+  float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
   vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
   ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
   ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
@@ -279,7 +284,7 @@ void main() {
       float near_by = in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned);
       float least = in_upper ? min(uv.x, uv.y) : min(min(turned.x, turned.y), 1.0 - turned.x - turned.y);
       if (!(least >= -EDGE_TOLERANCE) || !is_finite(near_by)) continue;
-      int key = ordered(near_by);
+      int key = ordered(fine ? near_by : near_by - AS_NEAR * abs(near_by));
       int stands = imageAtomicMax(owner_image, ivec2(x, y), key);
       if (to_settle != 0 && stands == key) imageAtomicMax(drawn_image, ivec2(x, y), -number_of(start, fine));
     }
@@ -289,7 +294,8 @@ void main() {
 
 # quads._Surface.result
 SETTLED = """
-vec2 place_in(ivec2 start, bool fine, vec2 centre) {
+// Place and nearness.
+vec3 point_in(ivec2 start, bool fine, vec2 centre) {
   ivec2 end = fine ? start + 1 : min(start + CELL, source_size + 1);
   vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
   vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
@@ -298,24 +304,25 @@ vec2 place_in(ivec2 start, bool fine, vec2 centre) {
   vec2 uv = within(upper, centre);
   // It was drawn: by one of the two, whatever rounding says of the diagonal here.
   bool in_upper = is_in_upper(upper, uv) || !lower.drawn;
-  if (in_upper ? upper.hides : lower.hides) return vec2(NO_NUMBER);
-  return vec2(start) - 0.5 + (in_upper ? uv : 1.0 - within(lower, centre)) * size;
+  if (in_upper ? upper.hides : lower.hides) return vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
+  vec2 turned = within(lower, centre);
+  vec2 place = vec2(start) - 0.5 + (in_upper ? uv : 1.0 - turned) * size;
+  return vec3(place, in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned));
 }
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
   if (pixel.x >= target_size.x || pixel.y >= target_size.y) return;
-  int key = texelFetch(owner_map, pixel, 0).x, number = texelFetch(drawn_map, pixel, 0).x;
-  vec2 place = vec2(NO_NUMBER);
+  int number = texelFetch(drawn_map, pixel, 0).x;
+  vec3 point = vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
   if (number != LOWEST) {
-    int first_fine = number_of(ivec2(0), true), of_its_kind = -number;
-    bool fine = of_its_kind >= first_fine;
-    if (fine) of_its_kind -= first_fine;
+    int first_coarse = number_of(ivec2(0), false), of_its_kind = -number;
+    bool fine = of_its_kind < first_coarse;
+    if (!fine) of_its_kind -= first_coarse;
     int width = source_size.x + 1;
-    place = place_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
+    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
   }
-  bool covered = !is_nan(place.x);
-  imageStore(x_image, pixel, vec4(place.x));
-  imageStore(y_image, pixel, vec4(place.y));
-  imageStore(near_image, pixel, vec4(covered ? intBitsToFloat(key < 0 ? key ^ 0x7fffffff : key) : NOWHERE));
+  imageStore(x_image, pixel, vec4(point.x));
+  imageStore(y_image, pixel, vec4(point.y));
+  imageStore(near_image, pixel, vec4(point.z));
 }
 """

@@ -275,6 +275,13 @@ def animate():
     facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("shot_[0-9]*"))
 
 
+def warp_on_the_gpu():
+    """What a script in the window's own process has."""
+    sys.path.insert(0, str(Path(__file__).parent))
+    facts["warp"] = importlib.import_module("warp_in_the_window").agreement(f"{MODULE}.stereo_reproject")
+    yield 0.5
+
+
 def switch_off_under_way():
     bpy.ops.render.stereo_reproject_image("INVOKE_DEFAULT")
     yield 1.0
@@ -298,6 +305,7 @@ STEPS = (
     preview,
     look_at_the_pictures,
     animate,
+    warp_on_the_gpu,
     switch_off_under_way,
 )
 

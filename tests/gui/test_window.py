@@ -28,6 +28,9 @@ SECONDS = 540.0
 
 PLATFORMS = {"linux": "linux_x64", "win32": "windows_x64", "darwin": "macos_arm64"}
 
+SAME_MASK, SAME_COLOUR = 5e-4, 1e-3
+"""What is promised of the GPU and numpy: the share of pixels that differ in the mask, and how far colours may."""
+
 PICTURES = ["panel", "output", "checked", "running", "cancelled", "preview", "result", "holes"]
 
 pytestmark = pytest.mark.skipif(not COMMAND, reason="no BLENDER_WINDOW, which names a Blender with a window")
@@ -118,3 +121,15 @@ def test_the_pictures_are_of_different_things(facts):
     seen = {(SEEN / f"{name}.png").read_bytes() for name in PICTURES}
     assert len(seen) == len(PICTURES)
     assert min(map(len, seen)) > 20_000, "a black window"
+
+
+def test_the_window_s_gpu_warps_as_numpy_does(facts):
+    """OpenGL or Vulkan; the size is the picture's that bench-warp makes up."""
+    found = facts["warp"]
+    assert found.pop("device")
+    assert len(found) > 1
+    for mode, result in found.items():
+        assert result["by"] == "gpu", mode
+        assert result["told"] > 0.5, mode
+        assert result["mask"] <= SAME_MASK, mode
+        assert 0.0 < result["colour"] <= SAME_COLOUR, mode

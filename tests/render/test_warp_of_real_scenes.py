@@ -1,0 +1,71 @@
+"""Scenes that other people made, rendered once: the GPU and numpy make the same of them."""
+
+import bpy  # noqa: F401 - there is no gpu before it
+import numpy as np
+import pytest
+
+from stereo_reproject import carrying, pipeline
+from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.blender import gpu_warp
+from stereo_reproject.blender.api import StereoSettings, render_frame
+from stereo_reproject.blender.scene import open_blend
+from stereo_reproject.reprojection import reproject
+from stereo_reproject.settings import SceneOverrides
+from tests.blender.gpu_cases import HAS_GPU, assert_keeps_its_promise
+from tests.core.analytic import pose
+
+# Interocular and convergence.
+SCENES = {
+    "living-room": (0.065, 2.9),
+    "classroom": (0.065, 6.5),
+    "bathroom": (0.065, 2.5),
+    "veach-mis": (0.55, 33.0),
+    "cornell-box": (0.2, 6.9),
+    "meadow": (0.065, 5.9),
+    "glass-vase": (0.013, 0.54),
+    "broken-window": (0.03, 1.14),
+    "fur-ball": (0.08, 3.4),
+}
+
+
+class WarpedError(Exception):
+    """The source is rendered, and nothing else is wanted."""
+
+
+def rendered(blend, folder, interocular, convergence):
+    """What is handed to the warp: the source's passes, both cameras, and the options."""
+    handed = []
+
+    def taken(*arguments, **options):
+        handed.append((*arguments, options))
+        raise WarpedError
+
+    overrides = SceneOverrides(
+        size=(160, 90),
+        samples=2,
+        interocular_distance=interocular,
+        convergence_distance=convergence,
+        denoise=False,
+    )
+    scene = open_blend(blend)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "reproject", taken)
+        with pytest.raises(WarpedError):
+            render_frame(folder, StereoSettings(warp="numpy", scene=overrides), scene=scene)
+    return handed[0]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
+    passes, source, target, options = rendered(shared_scenes / name / f"{name}.blend", tmp_path / "pair", *SCENES[name])
+    assert np.isfinite(passes["Depth"]).mean() > 0.2, "there is something in it"
+    turned = target.world_from_camera @ pose((0.0, 0.0, 0.0), yaw=0.02, pitch=0.01, roll=0.01)
+    others = type(target)(target.width, target.height, turned, target.plane)
+    for other in (target, others):
+        for accuracy in ("balanced", "exact"):
+            ours, numpys = (
+                reproject(passes, source, other, **options | {"carry": carry, "accuracy": SETTINGS[accuracy]})
+                for carry in (gpu_warp.carry, carrying.carry)
+            )
+            assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+            assert_keeps_its_promise(ours, numpys)
