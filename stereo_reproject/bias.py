@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import PIXELS
 from .metrics import tone
 from .probes import Probes
 
@@ -26,10 +27,14 @@ DOUBT = 5.0
 
 BY_CONTRAST = 0.5
 """Share of the picture's contrast around a probe that it may be off by without that being slow: an edge that is half a
-pixel aside. Probes lie in one place in each tile, and along an edge they are all off to one side."""
+pixel aside. Probes of a denoised picture lie in one place in each tile, and along an edge they are all off to one side;
+those of a noisy one are drawn to contrast."""
 
 FACTOR = 2.0
 """How many times brighter or darker a colour may become: bright ones are a hair from white after tone mapping."""
+
+
+LARGEST = float(np.finfo(np.float32).max) / FACTOR
 
 
 @dataclass(frozen=True)
@@ -37,26 +42,27 @@ class SourceNoise:
     """What noise does to a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
 
     shift (N, 3): how much brighter than without it is, on average. It is darker: most samples of a dim corner are black
-    and a few are bright, of which `tone` makes little. variance (N,): of one pixel. in_warp (N,): what of it the
-    warped pixels have.
+    and a few are bright, of which `tone` makes little. variance (N,): of one pixel. in_warp: the share of it
+    that the warped pixels have.
     """
 
     shift: NDArray[np.float64]
     variance: NDArray[np.float64]
-    in_warp: NDArray[np.float64]
+    in_warp: float = 0.0
 
     @classmethod
     def of_noisy(cls, variance: NDArray[np.float64]) -> SourceNoise:
-        """Of a picture that is not denoised: the warped pixels have its noise (N,), and are as dark by it as probes."""
-        return cls(np.zeros((variance.size, 3)), variance, variance)
+        """Of a picture that is not denoised: its pixels have the noise (N,) of a trace, and are as dark by it."""
+        return cls(np.zeros((variance.size, 3)), variance, in_warp=1.0)
 
 
 @dataclass(frozen=True)
 class Bias:
     """Of each tile (N, 3), after `tone`: what is to be added to its warped colours.
 
-    without_own is the same as the other probes alone tell it. shown (N,) is the number of what each tile's probe
-    shows.
+    without_own is the same as the other probes tell it, but for the little that they have heard of a tile's own within
+    wider reaches: an excess is told too large by that, and never too small. shown (N,) is the number of what each
+    tile's probe shows.
     """
 
     probes: Probes
@@ -82,9 +88,12 @@ class Bias:
         Between the tiles' middles the bias is interpolated, among those that show the same as the pixel.
         """
         rows, columns = np.nonzero(pixels)
-        if not self.added.any():
-            return np.ones((rows.size, 3), np.float32)
-        return _factor(colour[rows, columns, :3], self._at(rows, columns, shown[rows, columns]))
+        result = np.ones((rows.size, 3), np.float32)
+        if self.added.any():
+            for start in range(0, rows.size, PIXELS):
+                here = rows[start : start + PIXELS], columns[start : start + PIXELS]
+                result[start : start + PIXELS] = _factor(colour[here][:, :3], self._at(*here, shown[here]))
+        return result
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
         """(P, 3) at pixels."""
@@ -115,7 +124,8 @@ def bias_of(
     noise: SourceNoise,
 ) -> Bias:
     """w, a, b (N, >= 3) as for `probes.measure`; risk (H, W) is the contrast around each pixel, as `risk.Contrast` has
-    it, and shown (H, W) a number for what each shows. noise is what the source's own pixels have around each.
+    it, and shown (H, W) a number for what each shows. noise is what the source's own pixels have around each. w that
+    is noisy must be of single samples: a mean of two is brighter after `tone`, because it is less noisy.
 
     A probe with a value that is no number says nothing.
     """
@@ -126,7 +136,7 @@ def bias_of(
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
     # A few probes may all have been spared what makes others bright, and seem to be sure that it is dark.
-    nearby = np.maximum(nearby, 0.5 * noise.variance) + noise.in_warp
+    nearby = np.maximum(nearby, 0.5 * noise.variance) * (1.0 + 2.0 * noise.in_warp)
     weight = known / (nearby + BY_CONTRAST * risk[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
     for reach in REACHES:
@@ -180,7 +190,7 @@ def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[
 
     With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
     """
-    light = (colour > 0.0) & np.isfinite(colour)
+    light = (colour > 0.0) & (colour < LARGEST)
     bright = np.where(light, colour, 1.0).astype(np.float64)
     step = added * (1.0 + bright)
     factor = np.where(step < 1.0, (1.0 + step / bright) / np.where(step < 1.0, 1.0 - step, 1.0), FACTOR)

@@ -173,7 +173,7 @@ def _file_to_write(name: str) -> Path:
         raise BadInputError("the file has no name; give it one")
     try:
         path = _absolute(name).resolve()
-        what = path.stat().st_mode if path.exists() else None
+        what = _mode_of(path)
         beside = path.parent.is_dir()
     except (OSError, RuntimeError) as error:
         # Links in a circle are a RuntimeError up to Python 3.12.
@@ -189,6 +189,14 @@ def _file_to_write(name: str) -> Path:
     if not os.access(path.parent, os.W_OK):
         raise BadInputError(f"the folder {path.parent} cannot be written; name a file in another")
     return path
+
+
+def _mode_of(path: Path) -> int | None:
+    """None where nothing is there. Raises OSError."""
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
 
 
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:

@@ -91,7 +91,7 @@ def _source_noise(
     pixels = np.maximum(box_sum(known, reach)[near], 1.0)
     shift = np.stack([box_sum(change[..., channel], reach)[near] / pixels for channel in range(3)], axis=-1)
     squares = box_sum(np.mean(change**2, axis=-1), reach)[near] / pixels
-    return SourceNoise(shift, np.maximum(squares - np.mean(shift**2, axis=-1), 0.0), np.zeros(squares.size))
+    return SourceNoise(shift, np.maximum(squares - np.mean(shift**2, axis=-1), 0.0))
 
 
 def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -88,7 +88,6 @@ class MatchedEye(TargetEye):
         self.correction: Correction | None = None
         self._matcher = matcher
         self._unmatchable: str | None = None
-        self._reprojection = reprojection
 
     def fill(self) -> FillChoice:
         ring = ring_of(self._holes, self._reprojection.warp.covered)

@@ -78,6 +78,16 @@ class Reprojection:
         reasons = self.marking.reasons(self.passes, self.warp, accuracy)
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
+    def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
+        """(N, C): the colours of the source's own pixels, of each the nearest to what is seen at rows and columns (N,),
+        with the noise of a single one."""
+        colour = self.marking.source[COLOUR_PASS]
+        rows, columns = (
+            np.clip(np.nan_to_num(at[place]), 0, size - 1).astype(np.intp)
+            for at, size in zip((self.warp.y, self.warp.x), colour.shape, strict=False)
+        )
+        return colour[rows, columns]
+
 
 def reproject(
     source: Passes,

@@ -114,7 +114,7 @@ class TargetEye:
         self.probed = np.zeros_like(holes)
         self.pilot_share: float | None = None
         self._tracer, self._view, self._means = tracer, view, means
-        self._holes = holes
+        self._holes, self._reprojection = holes, reprojection
         self._accuracy = accuracy
         self._promise = accuracy.promise if watched and not holes.all() else None
         self._contrast = None if self._promise is None else contrast_of(warped[COLOUR_PASS], ~holes)
@@ -242,7 +242,7 @@ class TargetEye:
     def _measure(
         self, probes: Probes, warped: NDArray[np.bool_], before: NDArray, once: NDArray, again: NDArray
     ) -> Measured:
-        """What the probes say of the pixels that stay warped (H, W); in a denoised picture those are corrected by it.
+        """What the probes say of the pixels that stay warped (H, W), which are corrected by it.
 
         before (N, C) is what the warp has at the probes, once and again (N, C) are their traces.
         """
@@ -284,11 +284,18 @@ class TargetEye:
         assert self._contrast is not None
         shown = materials_of(self.passes)
         kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
-        noise = SourceNoise.of_noisy(self._contrast.noise[probes.rows, probes.columns].astype(np.float64))
-        bias = bias_of(probes, before, once, again, self._contrast.signal, kinds, noise=noise)
-        factor = bias.factor(self.passes[COLOUR_PASS], warped, kinds)
-        light = {name: multiplied(image, warped, factor) for name, image in self.passes.items() if is_light(name)}
-        self.passes = {**self.passes, **light}
+        seen = probes.in_tiles(np.where(warped, self._contrast.noise, 0.0)) / np.maximum(probes.in_tiles(warped), 1.0)
+        noise = SourceNoise.of_noisy(probes.around_and_own(seen))
+        place = probes.rows, probes.columns
+        # What a pilot has told is in the warped colours already.
+        was = self._noisy[place]
+        once_more = np.divide(before, was, out=np.ones_like(before), where=was > 0.0)
+        sampled = self._reprojection.sampled(place) * once_more
+        bias = bias_of(probes, sampled, once, again, self._contrast.signal, kinds, noise=noise)
+        if bias.added.any():
+            factor = bias.factor(self.passes[COLOUR_PASS], warped, kinds)
+            light = {name: multiplied(image, warped, factor) for name, image in self.passes.items() if is_light(name)}
+            self.passes = {**self.passes, **light}
         return bias.at_probes(before, without_own=True)
 
 

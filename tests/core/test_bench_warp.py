@@ -337,6 +337,16 @@ def test_the_file_that_a_link_names_is_written_and_the_link_stays(tmp_path):
     assert json.loads(file.read_text())["size"]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links as POSIX has them")
+def test_links_in_a_circle_stay(tmp_path):
+    link = tmp_path / "link.json"
+    link.symlink_to(link.name)
+    status, out, err = bench_warp("--size", SMALL, "--json", link)
+    assert (status, out) == (2, "")
+    assert "cannot be written" in err
+    assert link.is_symlink()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="a FIFO")
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
     pipe = tmp_path / "pipe"

@@ -6,7 +6,7 @@ import pytest
 from stereo_reproject.bias import FACTOR, SourceNoise, _factor, bias_of
 from stereo_reproject.denoised_probes import _source_noise
 from stereo_reproject.metrics import squared_error, tone
-from stereo_reproject.probes import place_regular_probes
+from stereo_reproject.probes import place_probes, place_regular_probes
 from stereo_reproject.risk import contrast_of
 
 SIZE = (240, 320)
@@ -42,7 +42,7 @@ class Warped:
         count = self.probes.rows.size
         # Small enough for `tone` to be a line.
         variance = np.full(count, squared_error(self.truth + NOISE, self.truth).mean())
-        noise = SourceNoise(np.zeros((count, 3)), variance, np.zeros(count))
+        noise = SourceNoise(np.zeros((count, 3)), variance)
         colour = self.colour[self.probes.mask]
         return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
 
@@ -141,7 +141,7 @@ def test_a_dim_corner_with_a_few_bright_samples_is_not_taken_for_dark():
         bias = bias_of(probes, denoised[probes.mask], a, b, contrast(denoised), shown, noise=noise)
         return bias.corrected(denoised, np.ones(size, bool), shown)[..., :3].mean() / mean
 
-    nothing = SourceNoise(*(np.zeros(size) for size in ((probes.rows.size, 3), probes.rows.size, probes.rows.size)))
+    nothing = SourceNoise(np.zeros((probes.rows.size, 3)), np.zeros(probes.rows.size))
     assert brightness(nothing) < 0.7
     assert abs(brightness(_source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02
 
@@ -176,3 +176,30 @@ def test_pictures_of_few_tiles_are_corrected_too(size):
     noise = SourceNoise.of_noisy(np.zeros(probes.rows.size))
     bias = bias_of(probes, colour[probes.mask], truth, truth, contrast(colour), shown, noise=noise)
     np.testing.assert_allclose(bias.corrected(colour, np.ones(size, bool), shown)[..., :3], 0.6, rtol=0.02)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1, 1.0 / 40.0])
+def test_a_dim_corner_of_a_noisy_picture_stays_as_bright(share):
+    """Between two pixels the warp has their mean, which is less noisy, and so is brighter after `tone`: against that
+    all probes agree that it is too bright."""
+    size, mean = (180, 240), 0.3
+    rng = np.random.default_rng(4)
+
+    def traced(*shape):
+        return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
+
+    source = traced(size[0], size[1] + 1)
+    warped = 0.5 * (source[:, 1:] + source[:, :-1])
+    found = contrast_of(warped, np.ones(size, bool))
+    probes = place_probes(np.ones(size, bool), found, spacing=8, seed=1)
+    a, b = (traced(probes.rows.size) for _ in range(2))
+    shown = np.zeros(size, int)
+    noise = SourceNoise.of_noisy(probes.around_and_own(found.noise[probes.rows, probes.columns]))
+
+    def brightness(at_probes):
+        bias = bias_of(probes, at_probes, a, b, found.signal, shown, noise=noise)
+        return bias.corrected(warped, np.ones(size, bool), shown)[..., :3].mean() / warped[..., :3].mean()
+
+    off, off_by_means = (abs(brightness(w) - 1.0) for w in (source[probes.rows, probes.columns], warped[probes.mask]))
+    assert off < 0.01
+    assert off < 0.5 * off_by_means

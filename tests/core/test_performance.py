@@ -708,11 +708,35 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, arguments, told):
 
 def test_two_analyses_do_not_share_a_folder(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(signal, "signal", lambda *_: None)
-    with work_folder(tmp_path):
+    with work_folder(tmp_path) as other:
         assert main(["--quick", "--fresh", "--output", str(tmp_path)]) == 2
         assert len(list(tmp_path.iterdir())) == 1
     printed = capsys.readouterr()
-    assert printed.err == f"error: another analysis is writing to {tmp_path}; wait for it, or choose another folder\n"
+    assert printed.err.startswith(f"error: another analysis is writing to {tmp_path}; wait for it")
+    assert f"remove {other.name}" in printed.err
+    assert printed.err.count("\n") == 1
+
+
+def test_nothing_to_measure_is_bad_input(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "scenes" / "mine.blend").touch()
+    options = ["--scenes", tmp_path / "scenes", "--study", "mine", "--parts", "holes", "--output", tmp_path / "out"]
+    assert main([str(option) for option in options]) == 2
+    assert capsys.readouterr().err == "error: nothing of holes can be measured of these scenes; name others\n"
+
+
+def test_to_measure_anew_removes_nothing_else(tmp_path, monkeypatch):
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    for folder in ("runs", "variants"):
+        (tmp_path / folder).mkdir()
+    ours = [tmp_path / "runs" / f"a-run-{'0' * 16}.json", tmp_path / "variants" / "note.json"]
+    theirs = [tmp_path / folder / "mine.json" for folder in ("runs", "variants")]
+    for file in (*ours, *theirs):
+        file.write_text('{"of": []}' if file == ours[1] else "{}")
+    monkeypatch.setattr(bench, "cases", lambda *_: [])
+    assert main(["--quick", "--fresh", "--parts", "scenes", "--output", str(tmp_path)]) == 2
+    assert [file.exists() for file in (*ours, *theirs)] == [False, False, True, True]
 
 
 @pytest.mark.parametrize(("signum", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -36,7 +36,11 @@ class Frame:
         warped[:, :wrong] = np.roll(self.traced(), self.shift, axis=1)[:, :wrong]
         reasons = np.zeros(SIZE, np.uint16)
         reasons[:, SIZE[1] - int(self.holes * SIZE[1]) :] = Reason.DISOCCLUDED.bit
-        self.reprojection = SimpleNamespace(passes={"Combined": warped}, reasons=reasons)
+        self.reprojection = SimpleNamespace(
+            passes={"Combined": warped},
+            reasons=reasons,
+            sampled=lambda place: self.reprojection.passes["Combined"][place],
+        )
         self.asked = []
 
     def traced(self):

@@ -28,6 +28,10 @@ SCENES = {
 }
 
 
+TOLD = 0.3
+"""Of a target, the least share that is warped and so compared."""
+
+
 class WarpedError(Exception):
     """The source is rendered, and nothing else is wanted."""
 
@@ -68,4 +72,4 @@ def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
                 for carry in (gpu_warp.carry, carrying.carry)
             )
             assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
-            assert_keeps_its_promise(ours, numpys)
+            assert assert_keeps_its_promise(ours, numpys) > TOLD

@@ -75,8 +75,12 @@ def _analyse(options: argparse.Namespace, tell: Callable[[str], None]) -> int:
 
 def _check_alone(output: Path, work: Path) -> None:
     """Raises BadInputError where another analysis is at work: side by side, neither's times would say anything."""
-    if any(folder != work for folder in output.glob(f"{WORK_PREFIX}*")):
-        raise BadInputError(f"another analysis is writing to {output}; wait for it, or choose another folder")
+    for other in output.glob(f"{WORK_PREFIX}*"):
+        if other != work:
+            raise BadInputError(
+                f"another analysis is writing to {output}; wait for it, choose another folder, "
+                f"or remove {other.name} if none is"
+            )
 
 
 def _have_analysed(
@@ -88,16 +92,19 @@ def _have_analysed(
     work: Path,
     tell: Callable[[str], None],
 ) -> int:
+    kept_in = output / "runs"
     if options.fresh:
-        for file in (*output.glob("runs/*.json"), *output.glob("variants/*.json")):
+        for file in (*Kept.files(kept_in), *(note for note in output.glob("variants/*.json") if "of" in _noted(note))):
             file.unlink()
     facts = {"machine": machine_facts(), "versions": {"stereo_reproject": version(), **versions(*PACKAGES)}}
     path = _path(plan, options, study, output, work)
     subdivided = _subdivided(plan, study, output, work)
     planned = cases(plan, scenes, study, path, subdivided)
+    if not planned:
+        raise BadInputError(f"nothing of {', '.join(plan.parts)} can be measured of these scenes; name others")
     records = have_run(
         planned,
-        Kept(output / "runs", {**facts, "code": code_digest()}),
+        Kept(kept_in, {**facts, "code": code_digest()}),
         Runner(work / "tmp"),
         tell=tell,
         seconds=options.seconds,

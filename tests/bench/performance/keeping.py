@@ -30,6 +30,11 @@ class Kept:
         self._folder = folder
         self._surroundings = json.dumps(surroundings, sort_keys=True)
 
+    @staticmethod
+    def files(folder: Path) -> list[Path]:
+        """Those of any state of things."""
+        return [path for path in folder.glob("*.json") if re.fullmatch(r".+-[0-9a-f]{16}", path.stem)]
+
     def path(self, run: Run) -> Path:
         digest = hashlib.sha256((self._surroundings + described(run)).encode()).hexdigest()[:16]
         words = re.sub(r"[^a-z0-9]+", "-", run.title.lower()).strip("-")

@@ -225,7 +225,8 @@ def path_totals(path: Sequence[Row]) -> list[Row]:
         own = [row for row in path if (tuple(row["size"]), row["method"]) == (size, method)]
         done = [row for row in own if row["message"] is None]
         compared = [row for row in done if row["speedup"] is not None]
-        seconds = [row["seconds"]["total"] for row in done]
+        # Beside multiview's, of the same frames.
+        seconds = [row["seconds"]["total"] for row in compared or done]
         ours, peers = (
             sum(row["seconds"]["total"] for row in compared),
             sum(row["multiview_seconds"] for row in compared),
