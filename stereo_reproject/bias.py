@@ -9,7 +9,7 @@ warped pixels are corrected by it, and need not be traced.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,15 @@ class Bias:
     without_own: NDArray[np.float64]
     shown: NDArray[np.integer]
 
+    def agreed(self, other: Bias) -> Bias:
+        """What two that were told by the same probes agree on: the smaller of the two, and nothing where one is for
+        darker and one for brighter."""
+        return replace(
+            self,
+            added=_smaller(self.added, other.added),
+            without_own=_smaller(self.without_own, other.without_own),
+        )
+
     def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
         """The scene-linear colours (N, >= 3) of the probes' pixels, corrected: (N, 3)."""
         return colour[..., :3] * _factor(colour[..., :3], self.without_own if without_own else self.added)
@@ -125,7 +134,7 @@ def bias_of(
 ) -> Bias:
     """w, a, b (N, >= 3) as for `probes.measure`; risk (H, W) is the contrast around each pixel, as `risk.Contrast` has
     it, and shown (H, W) a number for what each shows. noise is what the source's own pixels have around each. w that
-    is noisy must be of single samples: a mean of two is brighter after `tone`, because it is less noisy.
+    is noisy should be of single samples: a mean of two is brighter after `tone`, because it is less noisy.
 
     A probe with a value that is no number says nothing.
     """
@@ -176,6 +185,11 @@ class _Neighbours:
                 same = shown[here] == shown[there]
                 total[here] += grid[there] * same.reshape(*same.shape, *(1,) * (grid.ndim - 2))
         return total[self._probes.tiles]
+
+
+def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    size = np.minimum(np.abs(one), np.abs(other))
+    return np.where(one * other > 0.0, np.copysign(size, one), 0.0)
 
 
 def multiplied(image: NDArray[np.float32], pixels: NDArray[np.bool_], factor: NDArray[np.float32]) -> NDArray:

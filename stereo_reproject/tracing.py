@@ -291,7 +291,11 @@ class TargetEye:
         was = self._noisy[place]
         once_more = np.divide(before, was, out=np.ones_like(before), where=was > 0.0)
         sampled = self._reprojection.sampled(place) * once_more
-        bias = bias_of(probes, sampled, once, again, self._contrast.signal, kinds, noise=noise)
+        # The one is half a pixel aside, the other brighter because it is less noisy.
+        by_sample, by_mean = (
+            bias_of(probes, seen, once, again, self._contrast.signal, kinds, noise=noise) for seen in (sampled, before)
+        )
+        bias = by_sample.agreed(by_mean)
         if bias.added.any():
             factor = bias.factor(self.passes[COLOUR_PASS], warped, kinds)
             light = {name: multiplied(image, warped, factor) for name, image in self.passes.items() if is_light(name)}

@@ -1,5 +1,7 @@
 """What probes tell together of a slow error is taken away, and nothing else is touched."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -203,3 +205,10 @@ def test_a_dim_corner_of_a_noisy_picture_stays_as_bright(share):
     off, off_by_means = (abs(brightness(w) - 1.0) for w in (source[probes.rows, probes.columns], warped[probes.mask]))
     assert off < 0.01
     assert off < 0.5 * off_by_means
+
+
+def test_what_two_agree_on_is_the_smaller_of_both():
+    bias = Warped(0.05).bias()
+    one, other = np.array([[0.2, -0.2, 0.1]]), np.array([[0.1, -0.3, -0.1]])
+    agreed = replace(bias, added=one, without_own=other).agreed(replace(bias, added=other, without_own=one))
+    assert agreed.added.tolist() == agreed.without_own.tolist() == [[0.1, -0.2, 0.0]]
