@@ -70,6 +70,10 @@ class Probes:
         """(N,): the sum of an image (H, W) over each probe's tile."""
         return _tile_sums(image, self.spacing)[self.tiles]
 
+    def mean_in_tiles(self, image: NDArray, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(N,): the mean of an image (H, W) over the pixels (H, W) in each probe's tile, 0 where there is none."""
+        return self.in_tiles(np.where(pixels, image, 0.0)) / np.maximum(self.in_tiles(pixels), 1.0)
+
     def on_grid(self, values: NDArray, elsewhere: float) -> NDArray:
         """The values (N, ...) as rows and columns of tiles, and `elsewhere` in tiles without a probe."""
         grid = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
@@ -229,7 +233,7 @@ def measure(
         excess=excess,
         left=excess,
         noise=share * noise,
-        seen_noise=probes.in_tiles(np.where(warped, contrast.noise, 0.0)) / np.maximum(probes.in_tiles(warped), 1.0),
+        seen_noise=probes.mean_in_tiles(contrast.noise, warped),
         pixels=probes.in_tiles(warped),
         risk=probes.in_tiles(risk),
         refined=np.zeros(w.shape[0], bool),

@@ -284,8 +284,7 @@ class TargetEye:
         assert self._contrast is not None
         shown = materials_of(self.passes)
         kinds = np.zeros(warped.shape, np.intp) if shown is None else shown
-        seen = probes.in_tiles(np.where(warped, self._contrast.noise, 0.0)) / np.maximum(probes.in_tiles(warped), 1.0)
-        noise = SourceNoise.of_noisy(probes.around_and_own(seen))
+        noise = SourceNoise.of_noisy(probes.around_and_own(probes.mean_in_tiles(self._contrast.noise, warped)))
         place = probes.rows, probes.columns
         # What a pilot has told is in the warped colours already.
         was = self._noisy[place]
@@ -293,7 +292,7 @@ class TargetEye:
         sampled = self._reprojection.sampled(place) * once_more
         # The one is half a pixel aside, the other brighter because it is less noisy.
         by_sample, by_mean = (
-            bias_of(probes, seen, once, again, self._contrast.signal, kinds, noise=noise) for seen in (sampled, before)
+            bias_of(probes, w, once, again, self._contrast.signal, kinds, noise=noise) for w in (sampled, before)
         )
         bias = by_sample.agreed(by_mean)
         if bias.added.any():

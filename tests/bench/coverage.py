@@ -31,15 +31,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.settings import FILL_METHODS, SceneOverrides, StereoSettings
+from tests.bench.performance.plan import EYES
 from tests.bench.truth import GROUPS, References, Truth, binomial_interval
 
-SCENES = {
-    "bathroom": (0.065, 2.5),
-    "veach-mis": (0.55, 33.0),
-    "living-room": (0.065, 2.9),
-    "broken-window": (0.03, 1.14),
-    "glass-vase": (0.013, 0.54),
-}
+SCENES = {name: EYES[name] for name in ("bathroom", "veach-mis", "living-room", "broken-window", "glass-vase")}
 """Interocular and convergence distance."""
 
 ACCURACIES = ("preview", "balanced", "high", "exact")
