@@ -45,6 +45,7 @@ from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
 from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
+from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
 from .settings import StereoSettings
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
@@ -164,11 +165,11 @@ def run_worker(
     then nothing of the run is left behind.
     """
     interrupts = interrupts or Interrupts()
-    with _work_folder(job) as work:
+    with _work_folder(job) as work, _plain_blend(job) as blend:
         interrupts.check()
         with start_worker(command, work) as worker:
-            worker.send(_message(job, work))
-            done = _listen(worker, on_event, on_tick, interrupts, program=job.program, kept=_kept_by(job))
+            worker.send(_message(job, work, blend))
+            done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
@@ -243,11 +244,30 @@ def _work_folder(job: Job) -> Iterator[Path]:
         yield work
 
 
-def _message(job: Job, work: Path) -> bytes:
-    """The job as the worker is told it."""
+@contextlib.contextmanager
+def _plain_blend(job: Job) -> Iterator[Path | None]:
+    if job.blend is None:
+        yield None
+        return
+    with plain_blend(job.blend) as blend:
+        yield blend
+
+
+def _known_names(work: Path, blend: Path | None) -> dict[bytes, bytes]:
+    """Paths that stand in for others, and those in their place, as JSON has them."""
+    plain = {str(folder): str(folder.resolve()) for folder in (work, blend and blend.parent) if folder}
+    return {_json_text(name): _json_text(known) for name, known in plain.items() if name.startswith(STAND_INS)}
+
+
+def _json_text(text: str) -> bytes:
+    return json.dumps(text)[1:-1].encode()
+
+
+def _message(job: Job, work: Path, blend: Path | None) -> bytes:
+    """The job as the worker is told it; blend is how Blender finds the job's."""
     fields = {
         "command": job.command,
-        "blend": None if job.blend is None else str(job.blend),
+        "blend": None if blend is None else str(blend),
         "output": None if job.output is None else str(job.output),
         "work": str(work),
         "settings": asdict(job.settings),
@@ -273,10 +293,13 @@ def _listen(
     on_tick: Callable[[], None],
     interrupts: Interrupts,
     *,
-    program: str,
-    kept: str,
+    job: Job,
+    names: Mapping[bytes, bytes],
 ) -> Event:
-    """Pass the worker's events on until it is done and has ended; return its "done" event."""
+    """Pass the worker's events on until it is done and has ended; return its "done" event.
+
+    names are as `_known_names` has them.
+    """
     stage: Event = {"event": "stage", "stage": "start", "fraction": None}
     while True:
         interrupts.check()
@@ -289,8 +312,10 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), program=program, kept=kept))
-        event = _parse(line)
+            raise WorkerCrashedError(
+                crash_message(worker, str(stage["stage"]), program=job.program, kept=_kept_by(job))
+            )
+        event = _parse(line, names)
         match event.get("event"):
             case "stage":
                 stage = {"stage": "", "fraction": None, **event}
@@ -307,7 +332,9 @@ def _listen(
                 return event
 
 
-def _parse(line: bytes) -> Event:
+def _parse(line: bytes, names: Mapping[bytes, bytes]) -> Event:
+    for name, known in names.items():
+        line = line.replace(name, known)
     try:
         event = json.loads(line)
     except ValueError:

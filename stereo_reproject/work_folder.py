@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
+from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
 FILES = (
@@ -69,8 +70,8 @@ _own: set[str] = set()
 def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
     """A private folder inside `output`, which is made if need be and is to take these files.
 
-    Afterwards the folder is gone, and `output` too if it was made here and is empty. Raises BadInputError if `output`
-    cannot be used.
+    Its path is one that Blender reads as it stands. Afterwards the folder is gone, and `output` too if it was made here
+    and is empty. Raises BadInputError if `output` cannot be used.
     """
     created: list[Path] = []
     work: Path | None = None
@@ -86,7 +87,8 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
                 (work / name).mkdir()
         except OSError as error:
             raise _failed_write(output, error) from error
-        yield work
+        with plain_path(work) as plain:
+            yield plain
     finally:
         if work is not None:
             _remove_tree(work)

@@ -6,6 +6,7 @@ Which frames, and that each is rendered once, is `animation`'s; `frame_maker` re
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -154,7 +155,7 @@ def _told_of_output(folder: Path) -> Iterator[None]:
 @contextmanager
 def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
     """A private folder on the same drive as the frames: within the run's own where that lies there."""
-    if work.parent == frames:
+    if frames.is_dir() and (work / os.pardir).samefile(frames):
         private = work / "frames"
         private.mkdir(exist_ok=True)
         yield private

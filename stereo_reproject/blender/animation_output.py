@@ -55,7 +55,11 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
     if scene.render.is_movie_format:
         options = _with_movie(scene, options, asked, frames)
     with as_ordered(scene, options.output, options.layout, options.file_format):
-        files = {frame: output_files(scene, frame) for frame in frames}
+        files = output_files(scene, frames)
+        if options.output is not None:
+            # Whatever the scene's own path says: there, and nowhere else.
+            own = Path(options.output)
+            files = {frame: [own / path.name for path in paths] for frame, paths in files.items()}
         settings = scene.render.image_settings
         layout = options.layout or layout_of(scene)
         values = {"layout": layout, **format_values(scene)}
@@ -83,7 +87,8 @@ def _with_movie(
     """The same, with a movie where the scene's own output settings say, and pictures of 16 bits until then."""
     span = range(frames[0], frames[-1] + 1)
     with as_ordered(scene, options.output, None, None):
-        movie = output_files(scene, frames[0], span=span)[0]
+        movie = output_files(scene, frames[:1], span=span)[frames[0]][0]
+        movie = movie if options.output is None else Path(options.output) / movie.name
         if scene.render.image_settings.views_format == "INDIVIDUAL":
             suffix = next(view.file_suffix for view in scene.render.views if view.name == VIEWS[0])
             movie = movie.with_stem(movie.stem.removesuffix(suffix))
