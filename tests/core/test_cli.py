@@ -602,6 +602,16 @@ def test_nohup_outlives_its_terminal(place, start):
 
 
 @posix
+def test_in_the_background_of_a_script_an_interrupt_that_is_meant_for_it_ends_a_run(place, start):
+    process = start("waits", by_way_of="trap '' INT; exec \"$@\"")
+    wait_until((notes(place) / "ready").exists)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=SECONDS)
+    assert process.returncode == 130
+    assert_one_line(err.decode(), "no result was written")
+
+
+@posix
 def test_interrupt_while_modules_load(place, tmp_path):
     shim = tmp_path / "shim"
     shim.mkdir()

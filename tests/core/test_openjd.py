@@ -143,12 +143,19 @@ def test_a_command_that_cannot_be_started_is_told(job, command, said):
     assert "Traceback" not in done.out
 
 
+CAN_BE_INTERRUPTED = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
+"""Starts a program that listens to Ctrl-C, also where these tests run in the background of a script and ignore it."""
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 def test_cancelling_ends_the_program_in_order(tmp_path):
     parameters = given(tmp_path, WAITS_UNTIL_IT_IS_TERMINATED)
-    process = subprocess.Popen(
-        openjd("run", **parameters), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    command = [sys.executable, "-c", CAN_BE_INTERRUPTED, *openjd("run", **parameters)]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     shown = ""
     while not shown.endswith("begun\n"):
         line = process.stdout.readline()
