@@ -163,6 +163,10 @@ match behaviour:
     case "killed":
         print("Saved: '/tmp/something.png'", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
+    case "killed for memory":
+        counter = Path((notes / "counter").read_text())
+        counter.write_text("oom_kill 8\n")
+        os.kill(os.getpid(), signal.SIGKILL)
     case "exit 3":
         print("ModuleNotFoundError: No module named 'bpy'", file=sys.stderr)
         sys.exit(3)

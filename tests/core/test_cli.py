@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject import cli, supervisor, work_folder
-from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject import cli, memory, supervisor, work_folder
+from stereo_reproject.errors import StereoReprojectError, as_told
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parent.parent
@@ -279,7 +279,7 @@ def test_how_the_worker_ends_after_done_changes_nothing(place, monkeypatch, beha
         pytest.param(
             "killed",
             1,
-            ["signal 9 (SIGKILL) during fill; memory may have run out", "; nothing was written, and existing files"],
+            ["signal 9 (SIGKILL) during fill; something outside", "; nothing was written, and existing files"],
             marks=posix,
         ),
         pytest.param("descendant keeps the pipe", 1, ["exit status 4"], marks=posix),
@@ -307,8 +307,48 @@ def test_of_a_killed_blender_its_files_are_told_and_not_its_log(place, command, 
     job = supervisor.Job(place / "room.blend", output and place / output, StereoSettings(), command, files=())
     with pytest.raises(StereoReprojectError) as raised:
         supervisor.run_worker(job, lambda _: None, command=stub(place, "killed"))
-    told = "Blender was killed by signal 9 (SIGKILL) during fill; memory may have run out: render smaller, or free some"
+    told = (
+        "Blender was killed by signal 9 (SIGKILL) during fill; something outside of it has done that;"
+        " if memory ran out, render smaller, or free some"
+    )
     assert str(raised.value) == told + words
+
+
+GROUPS = {
+    "version 2": ("0::/user.slice/a:b\n", "sys/fs/cgroup/user.slice/a:b/memory.events"),
+    "version 1": ("5:cpu:/\n4:memory:/job\n0::/\n", "sys/fs/cgroup/memory/job/memory.oom_control"),
+    "none": ("", "proc/vmstat"),
+}
+
+
+@posix
+@pytest.mark.parametrize("groups", GROUPS)
+@pytest.mark.parametrize(("behaviour", "words"), [("killed for memory", "memory has run out"), ("killed", "outside")])
+def test_memory_has_run_out_where_the_kernel_says_so(place, capsys, monkeypatch, groups, behaviour, words):
+    told, counter = GROUPS[groups]
+    system = notes(place) / "system"
+    for name, text in (("proc/self/cgroup", told), ("proc/vmstat", "oom_kill 7\n"), (counter, "oom 3\noom_kill 3\n")):
+        (system / name).parent.mkdir(parents=True, exist_ok=True)
+        (system / name).write_text(text)
+    (notes(place) / "counter").write_text(str(system / counter))
+    monkeypatch.setattr(memory, "SYSTEM", system)
+    assert render(place, behaviour) == 1
+    assert_one_line(capsys.readouterr().err, "(SIGKILL) during fill", words)
+
+
+@posix
+def test_a_limit_of_memory_is_named_when_blender_falls_over(place, start):
+    process = start("segmentation fault", by_way_of='ulimit -v 4000000; exec "$@"')
+    _, err = process.communicate(timeout=SECONDS)
+    assert process.returncode == 1
+    assert_one_line(err.decode(), "(SIGSEGV) during fill; if its memory is limited (ulimit -v), allow it more")
+
+
+def test_a_library_that_finds_no_room_is_no_defect():
+    told = as_told(ImportError("libembree4.so.4: failed to map segment from shared object"))
+    assert "libembree4" in str(told)
+    assert "ulimit -v" in str(told)
+    assert "defect" not in str(told)
 
 
 @posix
