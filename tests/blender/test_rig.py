@@ -1,7 +1,6 @@
 """The rig is Blender's own: a surface point that a multiview render shows at a pixel's centre is projected there."""
 
 import itertools
-import re
 
 import bpy
 import numpy as np
@@ -253,7 +252,7 @@ def test_eyes_stand_apart_by_the_interocular_distance(scene, mode, pivot):
         ({"type": "ORTHO", "ortho_scale": 0.0}, "orthographic scale is 0: raise it"),
         ({"lens": 1e30}, "check focal length, sensor and shift"),
         ({"shift_y": 1e20}, "check focal length, sensor and shift"),
-        ({"stereo.interocular_distance": 1e20}, "1e+20 and 1.95.* take a smaller interocular one"),
+        ({"stereo.interocular_distance": 1e20}, "take a smaller interocular one"),
         ({"sensor_width": 0.0, "sensor_height": 0.0}, None),
         ({"lens": 0.0}, None),
         ({"type": "ORTHO", "ortho_scale": 1e-30}, None),
@@ -270,5 +269,5 @@ def test_a_camera_without_a_view_is_said(scene, settings, words):
         for eye in stereo_cameras(evaluated_camera(scene), scene.render).values():
             assert np.isfinite([eye.plane.left, eye.plane.right, eye.plane.bottom, eye.plane.top]).all()
     else:
-        with pytest.raises(BadInputError, match=re.escape(words).replace(r"\.\*", ".*")):
+        with pytest.raises(BadInputError, match=words):
             stereo_cameras(evaluated_camera(scene), scene.render)
