@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from .errors import BadInputError, OutputError, StereoReprojectError
+from .files import flush, flush_folder, leads_elsewhere
 from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
-from .work_folder import flush, flush_folder, tells_full_disk
+from .work_folder import tells_full_disk
 
 POLL_SECONDS = 1.0
 """Between two looks at frames that another run has."""
@@ -78,6 +79,7 @@ def plan_frames(
 
     Raises BadInputError when frames are there that are not to be touched, and OSError.
     """
+    _check_folders(journal, files)
     # Read first: a frame that another run finishes while its state is looked at replaces what was there before.
     replaced = {record.frame: record for record in journal.records(files)}
     if existing == "overwrite":
@@ -92,6 +94,13 @@ def plan_frames(
         _check_scene(journal, states, wanted)
     todo = {frame: state for frame, state in states.items() if frame not in kept}
     return FramePlan(todo, kept, replaced)
+
+
+def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
+    """Raises BadInputError where a frame's file would be written, through a link, somewhere else than asked for."""
+    for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
+        if folder != journal.frames_folder and leads_elsewhere(folder):
+            raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
 
 
 def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:

@@ -366,7 +366,7 @@ def test_what_dead_runs_have_left_is_cleared_away(folder):
     (journal / "run-0123456789abcdef").write_text('{"machine": "?"')
     for name in ("0002.claim.1", "0002.claim.7", "0009.claim.1"):
         (journal / f"{NAME}{name}").write_text("fedcba9876543210")
-    (journal / f".{NAME}0003.json.77.tmp").write_text('{"frame"')
+    (journal / f".{NAME}0003.json.0123456789abcdef.tmp").write_text('{"frame"')
     (folder / names(2)[0]).unlink()
     # Nobody can tell by its file whether that run lives, so that it is watched for a while.
     assert resume(folder, 3, "--stale", 0.0).rendered == [2]
@@ -376,7 +376,7 @@ def test_what_dead_runs_have_left_is_cleared_away(folder):
 def test_what_a_living_run_has_is_not_cleared_away(folder):
     slow = Process(folder, 2, "--seconds", SECONDS)
     slow.until("renders", 1)
-    (folder / JOURNAL / ".unfinished.json.77.tmp").write_text("{")
+    (folder / JOURNAL / ".unfinished.json.0123456789abcdef.tmp").write_text("{")
     before = {path.name for path in (folder / JOURNAL).iterdir()}
     assert len(before) == 3
     run(folder, 0, "--existing", "resume")

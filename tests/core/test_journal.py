@@ -18,9 +18,15 @@ from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record, 
 from stereo_reproject.runs import BEAT_DIGITS, Runs, machine, run_at_work
 
 from .clock import Clock
+from .tokens import token_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 30.0
+
+FIRST, SECOND, LATE, GONE, NEXT, FAR, NEW, NOBODY = map(
+    token_of, ("first", "second", "late", "gone", "next", "far", "new", "nobody")
+)
+"""Runs."""
 
 WANTED = Fingerprints("settings", {"Object": "1", "Mesh": "2"})
 
@@ -245,7 +251,7 @@ def test_a_digest_depends_on_values_and_not_on_their_order():
 
 
 def test_of_many_that_take_a_frame_one_has_it(journal):
-    tokens = [f"run{number}" for number in range(12)]
+    tokens = [token_of(f"run{number}") for number in range(12)]
     for token in tokens:
         elsewhere(journal, token)
     barrier, taken = threading.Barrier(len(tokens)), {}
@@ -263,20 +269,20 @@ def test_of_many_that_take_a_frame_one_has_it(journal):
     winners = [token for token, claim in taken.items() if claim is not None]
     assert len(winners) == 1
     assert journal.holder(5) == winners[0]
-    assert journal.take(5, "late") is None
-    assert journal.take(6, "late") == 1
+    assert journal.take(5, LATE) is None
+    assert journal.take(6, LATE) == 1
 
 
 def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
-    assert journal.take(5, "gone") == 1
+    assert journal.take(5, GONE) == 1
     barrier, taken = threading.Barrier(8), []
     for number in range(8):
-        elsewhere(journal, f"run{number}")
+        elsewhere(journal, token_of(f"run{number}"))
 
     def take(number):
         own = Journal(journal.frames_folder, "shot_")
         barrier.wait()
-        taken.append(own.take(5, f"run{number}"))
+        taken.append(own.take(5, token_of(f"run{number}")))
 
     threads = [threading.Thread(target=take, args=(number,)) for number in range(8)]
     for thread in threads:
@@ -287,83 +293,83 @@ def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
 
 
 def test_a_frame_that_is_given_free_can_be_taken_again(journal):
-    elsewhere(journal, "first")
-    claim = journal.take(1, "first")
-    assert journal.take(1, "second") is None
-    journal.release(1, claim, "first")
+    elsewhere(journal, FIRST)
+    claim = journal.take(1, FIRST)
+    assert journal.take(1, SECOND) is None
+    journal.release(1, claim, FIRST)
     assert journal.holder(1) is None
-    assert journal.take(1, "second") == 1
+    assert journal.take(1, SECOND) == 1
 
 
 def test_giving_a_frame_free_leaves_who_has_taken_over(journal):
-    dead_here(journal, "first")
-    elsewhere(journal, "second")
-    first = journal.take(1, "first")
-    second = journal.take(1, "second")
+    dead_here(journal, FIRST)
+    elsewhere(journal, SECOND)
+    first = journal.take(1, FIRST)
+    second = journal.take(1, SECOND)
     assert (first, second) == (1, 2)
-    journal.release(1, first, "first")
-    assert journal.holder(1) == "second"
-    journal.release(1, second, "second")
+    journal.release(1, first, FIRST)
+    assert journal.holder(1) == SECOND
+    journal.release(1, second, SECOND)
     assert journal.holder(1) is None
 
 
 def test_what_a_dead_run_of_this_machine_has_is_taken_over_at_once(journal):
-    dead_here(journal, "gone")
-    assert not journal.runs.lives("gone")
-    assert journal.take(1, "gone") == 1
-    assert journal.take(1, "next") == 2
-    assert journal.holder(1) == "next"
+    dead_here(journal, GONE)
+    assert not journal.runs.lives(GONE)
+    assert journal.take(1, GONE) == 1
+    assert journal.take(1, NEXT) == 2
+    assert journal.holder(1) == NEXT
 
 
 def test_a_run_without_a_file_is_dead(journal):
-    assert not journal.runs.lives("nobody")
+    assert not journal.runs.lives(NOBODY)
     assert not journal.runs.lives("")
 
 
 def test_a_run_of_another_machine_lives_as_long_as_its_number_changes(journal, clock):
-    elsewhere(journal, "far", beat=1)
-    assert journal.take(1, "far") == 1
-    assert journal.runs.lives("far")
+    elsewhere(journal, FAR, beat=1)
+    assert journal.take(1, FAR) == 1
+    assert journal.runs.lives(FAR)
     clock.now += runs_module.STALE_SECONDS - 1
-    assert journal.runs.lives("far")
-    elsewhere(journal, "far", beat=2)
-    assert journal.runs.lives("far")
+    assert journal.runs.lives(FAR)
+    elsewhere(journal, FAR, beat=2)
+    assert journal.runs.lives(FAR)
     clock.now += runs_module.STALE_SECONDS - 1
-    assert journal.take(1, "next") is None
+    assert journal.take(1, NEXT) is None
     clock.now += 1
-    assert not journal.runs.lives("far")
-    assert journal.take(1, "next") == 2
+    assert not journal.runs.lives(FAR)
+    assert journal.take(1, NEXT) == 2
 
 
 def test_a_run_that_comes_back_lives_again(journal, clock):
-    elsewhere(journal, "far", beat=1)
-    assert journal.runs.lives("far")
+    elsewhere(journal, FAR, beat=1)
+    assert journal.runs.lives(FAR)
     clock.now += runs_module.STALE_SECONDS
-    assert not journal.runs.lives("far")
-    elsewhere(journal, "far", beat=2)
-    assert journal.runs.lives("far")
+    assert not journal.runs.lives(FAR)
+    elsewhere(journal, FAR, beat=2)
+    assert journal.runs.lives(FAR)
 
 
 def test_a_run_is_seen_for_the_first_time_when_one_looks_first(journal, clock):
     """However long ago it was written: clocks of machines need not agree."""
-    elsewhere(journal, "far")
-    os.utime(journal.runs.path("far"), (0, 0))
-    assert journal.runs.lives("far")
+    elsewhere(journal, FAR)
+    os.utime(journal.runs.path(FAR), (0, 0))
+    assert journal.runs.lives(FAR)
 
 
 @pytest.mark.parametrize("content", [b"", b"\n", b"{", b"null\n0", b"\xff" * 40])
 def test_a_run_file_without_sense_is_given_time_and_then_dead(journal, clock, content):
-    journal.runs.path("new").write_bytes(content)
-    assert journal.runs.lives("new")
+    journal.runs.path(NEW).write_bytes(content)
+    assert journal.runs.lives(NEW)
     clock.now += runs_module.STALE_SECONDS
-    assert not journal.runs.lives("new")
+    assert not journal.runs.lives(NEW)
 
 
 def test_a_claim_that_names_no_run_yet_is_given_time_and_then_taken_over(journal, clock):
     (journal.folder / "shot_0001.claim.1").touch()
-    assert journal.take(1, "next") is None
+    assert journal.take(1, NEXT) is None
     clock.now += runs_module.STALE_SECONDS
-    assert journal.take(1, "next") == 2
+    assert journal.take(1, NEXT) == 2
 
 
 # A run's own process
@@ -374,10 +380,10 @@ def test_a_run_lives_for_others_and_is_dead_when_it_is_killed(journal, start):
     token = process.stdout.readline().decode().strip()
     assert journal.runs.lives(token)
     assert journal.take(1, token) == 1
-    assert journal.take(1, "next") is None
+    assert journal.take(1, NEXT) is None
     process.kill()
     process.wait()
-    assert journal.take(1, "next") == 2
+    assert journal.take(1, NEXT) == 2
     # What counts its number up finds that out too, and clears away.
     wait_until(lambda: not journal.runs.path(token).exists())
 
