@@ -28,6 +28,9 @@ FAILURES_IN_A_ROW = 3
 KEPT = "finished frames are kept, and --resume renders the rest"
 """What becomes of an animation that ends early, in words."""
 
+GOING_SECONDS = 0.5
+"""How long a folder of frames may take to go."""
+
 FULL_BELOW = 1 << 20
 """Bytes free on a drive that is called full."""
 
@@ -269,6 +272,10 @@ def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReproje
 def _is_gone(folder: Path, error: Exception) -> bool:
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
     there = folder.is_dir() and (folder / JOURNAL).is_dir()
+    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        # Whoever removes it may be at it just now, and its files go first.
+        time.sleep(GOING_SECONDS)
+        there = folder.is_dir() and (folder / JOURNAL).is_dir()
     return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
 
 

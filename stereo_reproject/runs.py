@@ -149,6 +149,12 @@ def _appear(path: Path, text: str) -> None:
         except FileNotFoundError:
             if not left:
                 raise
+        except OSError:
+            # The disk is full, and is not to hold what comes to nothing.
+            for half in (beside, path):
+                with contextlib.suppress(OSError):
+                    half.unlink(missing_ok=True)
+            raise
         else:
             return
 

@@ -465,5 +465,5 @@ def test_a_frame_that_is_replaced_half_has_no_record(journal):
         else:
             with pytest.raises(OutputError):
                 publish_frame(journal, made, fields, claim)
-    assert (journal.frames_folder / "0001_L.png").read_text() == "second"
+    assert (journal.frames_folder / "0001_L.png").read_text() == ANOTHER
     assert journal.record(1) is None
