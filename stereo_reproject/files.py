@@ -35,7 +35,12 @@ def open_regular(path: Path, *, follow: bool = False) -> BufferedReader:
 
     Whatever else is there is not even opened: that may wait forever (a named pipe), or do something (a device).
     """
-    _check_regular(path.stat() if follow else path.lstat(), path)
+    try:
+        _check_regular(path.stat() if follow else path.lstat(), path)
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        raise UnusableFileError(errno.ELOOP, "it is a link in a circle", str(path)) from error
     not_through_links = 0 if follow else getattr(os, "O_NOFOLLOW", 0)
     # It may have become something else since.
     more = not_through_links | getattr(os, "O_NONBLOCK", 0)

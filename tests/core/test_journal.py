@@ -13,12 +13,18 @@ from pathlib import Path
 
 import pytest
 
+from stereo_reproject import journal as journal_module
 from stereo_reproject import runs as runs_module
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.frame_record import is_confined
 from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
 from stereo_reproject.runs import BEAT_DIGITS, Runs, machine, run_at_work
 
 from .clock import Clock
+from .strange import STRANGE, make_folder, make_huge_file
 from .tokens import token_of
+
+posix = pytest.mark.skipif(os.name != "posix", reason="named pipes and links as POSIX has them")
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 30.0
@@ -180,6 +186,146 @@ def test_rubbish_is_no_record_and_its_frame_is_unknown(journal, kind):
     for file in paths_of(journal, 1):
         file.unlink()
     assert state(journal) is FrameState.UNKNOWN
+
+
+FIELDS = {
+    "frame": [True, -1, 1.0, "1", None],
+    "files": [
+        {"a.png": {"bytes": "1", "sha256": ""}},
+        {"a.png": {"bytes": 1, "sha256": None}},
+        {"a.png": {"bytes": 1}},
+    ],
+    "settings": [1, None, ["settings"]],
+    "scene": [{"Object": 1}, [], "Object"],
+    "run": [7, None, ["run"]],
+    "figures": [[], None, "none"],
+    "schema": [True, 1.0, "1"],
+}
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_each_field_of_a_record_is_of_its_kind_or_nothing_is_believed(journal, field):
+    record = finish(journal, 1)
+    path = journal.folder / "shot_0001.json"
+    for value in FIELDS[field]:
+        path.write_text(json.dumps({**asdict(record), field: value}))
+        assert journal.record(1) is None, value
+        assert state(journal) is FrameState.UNKNOWN
+    assert str(path) in journal.doubts()[0]
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_lies_in_a_records_place_is_named_and_its_frame_unknown(journal, make):
+    finish(journal, 1)
+    path = journal.folder / "shot_0001.json"
+    path.unlink()
+    make(path)
+    assert journal.record(1) is None
+    assert state(journal) is FrameState.UNKNOWN
+    (doubt,) = journal.doubts()
+    assert doubt.startswith(f"{path} is no record that can be read (it is ")
+    assert doubt.endswith("): frame 1 counts as not rendered")
+    assert journal.doubts() == [], "once is enough"
+    if make is make_folder:
+        with pytest.raises(OSError, match=re.escape("shot_0001.json in journal is a folder: move it")):
+            finish(journal, 1)
+    else:
+        finish(journal, 1)
+        assert state(journal) is FrameState.WHOLE
+
+
+OUTSIDE = [
+    "../a.png",
+    "/etc/passwd",
+    "a/../../b.png",
+    "..\\a.png",
+    "a\\..\\..\\b.png",
+    "",
+    ".",
+    "a//b.png",
+    "a\0b",
+    "a/",
+]
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_a_record_that_names_files_elsewhere_is_none(journal, name):
+    record = finish(journal, 1)
+    known = next(iter(record.files.values()))
+    journal.write(replace(record, files={**record.files, name: known}))
+    assert journal.record(1) is None
+    (doubt,) = journal.doubts()
+    assert repr(name) in doubt
+
+
+@pytest.mark.parametrize(
+    ("name", "windows", "posix"),
+    [
+        ("holes/0001.png", True, True),
+        ("a\\b.png", True, True),
+        ("C:a.png", False, True),
+        ("a.png:stream", False, True),
+        ("\\\\host\\share\\a.png", False, False),
+        ("C:\\a.png", False, True),
+    ],
+)
+def test_a_name_leads_to_something_in_the_folder_or_not(name, windows, posix):
+    assert (is_confined(name, windows=True), is_confined(name, windows=False)) == (windows, posix)
+
+
+@posix
+@pytest.mark.parametrize("make", [make for make in STRANGE if make is not make_huge_file])
+def test_whatever_else_lies_in_a_files_place_is_not_read(journal, make):
+    record = finish(journal, 1)
+    (path, _) = paths_of(journal, 1)
+    path.unlink()
+    make(path)
+    size = path.lstat().st_size
+    journal.write(replace(record, files={name: {**known, "bytes": size} for name, known in record.files.items()}))
+    assert state(journal) is FrameState.DAMAGED
+
+
+@posix
+@pytest.mark.parametrize("of_folder", [False, True])
+def test_a_link_that_leaves_the_folder_is_no_file_of_it(journal, tmp_path_factory, of_folder):
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "a.png").write_bytes(b"pixels")
+    place = journal.frames_folder / "holes"
+    if of_folder:
+        place.symlink_to(outside, target_is_directory=True)
+    else:
+        place.mkdir()
+        (place / "a.png").symlink_to(outside / "a.png")
+    record = finish(journal, 1)
+    journal.write(replace(record, files={**record.files, "holes/a.png": checksum(outside / "a.png")}))
+    assert state(journal) is FrameState.DAMAGED
+
+
+def test_of_two_records_of_a_frame_its_own_counts_and_the_other_is_named(journal):
+    finish(journal, 3)
+    twin = journal.folder / "shot_00003.json"
+    twin.write_bytes((journal.folder / "shot_0003.json").read_bytes())
+    assert [record.frame for record in journal.records()] == [3]
+    assert journal.doubts() == [f"{twin} is passed over: the record of frame 3 is shot_0003.json"]
+
+
+def test_records_of_frames_whose_name_goes_on_with_digits_are_nobodys_doubt(journal):
+    for name in ("shot_0", "shot_1"):
+        sums = {f"{name}0003.png": {"bytes": 1, "sha256": "0"}}
+        Journal(journal.frames_folder, name).write(Record(3, sums, WANTED.settings, WANTED.scene, "run", {}))
+    assert (journal.records(), journal.doubts()) == ([], [])
+
+
+@posix
+def test_a_link_is_no_journal(tmp_path):
+    outside, frames = tmp_path / "outside", tmp_path / "frames"
+    outside.mkdir()
+    frames.mkdir()
+    journal = Journal(frames)
+    journal.folder.symlink_to(outside, target_is_directory=True)
+    with pytest.raises(BadInputError, match="is a link to another folder"):
+        journal.make()
 
 
 # What there is of a frame
@@ -372,6 +518,95 @@ def test_a_claim_that_names_no_run_yet_is_given_time_and_then_taken_over(journal
     assert journal.take(1, NEXT) == 2
 
 
+DAMAGED_CLAIMS = [bytes(16), b"\xff" * 16, b"../../somewhere", b"0123456789ABCDEF", b"\n", b"x"]
+
+
+@pytest.mark.parametrize("content", DAMAGED_CLAIMS)
+def test_a_damaged_claim_is_given_time_and_then_taken_over(journal, clock, content):
+    """After a power cut it may hold anything; but it may also be one that was made a moment ago."""
+    (journal.folder / "shot_0001.claim.1").write_bytes(content)
+    assert journal.take(1, NEXT) is None
+    clock.now += runs_module.STALE_SECONDS
+    assert journal.take(1, NEXT) == 2
+
+
+@pytest.mark.parametrize("content", [b"x" * 5000, b"\0" * 5000])
+def test_a_claim_that_no_run_can_have_made_is_taken_over(journal, content):
+    (journal.folder / "shot_0001.claim.1").write_bytes(content)
+    assert journal.take(1, NEXT) == 2
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_is_called_as_a_claim_holds_nobody_up_and_stays(journal, make):
+    strange = journal.folder / "shot_0001.claim.7"
+    make(strange)
+    number = journal.take(1, NEXT)
+    assert (number, journal.holder(1)) == (8, NEXT)
+    journal.release(1, number, NEXT)
+    journal.runs.clear(NEXT)
+    assert [path.name for path in journal.folder.iterdir()] == ([] if make is make_huge_file else [strange.name])
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_is_called_as_a_run_is_none(journal, make):
+    make(journal.runs.path(NEW))
+    assert not journal.runs.lives(NEW)
+    assert not journal.runs.any_lives(but=NEXT)
+    with run_at_work(journal.runs):
+        pass
+    left = [path for path in journal.folder.iterdir() if not path.is_file() or path.is_symlink()]
+    assert left == list(journal.folder.iterdir())
+
+
+@pytest.mark.parametrize("token", ["../outside", "first", "", "0123456789abcdef0", "shot_0001.claim.1/../x", "\0"])
+def test_what_is_no_token_leads_to_no_file(journal, token):
+    (journal.frames_folder / "outside").write_text("{}\n0")
+    (journal.folder / "run-first").write_text("{}\n0")
+    assert not journal.runs.lives(token)
+
+
+OTHERS = [
+    "notes.claim.1", "0001.claim.x", "shot_0001.claim.01", "shot 0001.claim.1", ".0001.json.tmp", ".x.json.77.tmp",
+    ".swp.tmp", "run-1", "run-0123456789ABCDEF", ".run-1.tmp", ".a.psd.0123456789abcdef.tmp", "0001.claim.1.bak",
+]  # fmt: skip
+OURS = [
+    "0001.claim.1", "shot_10001.claim.12", ".0001.json.0123456789abcdef.tmp", ".animation.svg.0123456789abcdef.tmp",
+    ".shot_animation.png.0123456789abcdef.tmp", ".run-0123456789abcdef.tmp", "run-0123456789abcdef",
+]  # fmt: skip
+
+
+def test_only_what_is_exactly_ours_is_cleared_away(journal):
+    for name in (*OTHERS, *OURS):
+        (journal.folder / name).write_text("")
+    dead_here(journal, "0123456789abcdef")
+    journal.runs.clear(NEXT)
+    assert {path.name for path in journal.folder.iterdir()} == set(OTHERS)
+
+
+@posix
+def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkeypatch):
+    flushed, flush = [], os.fsync
+
+    def watched(descriptor):
+        flushed.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        flush(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    journal.take(1, NEXT)
+    assert flushed == ["shot_0001.claim.1", "journal"]
+    flushed.clear()
+    with run_at_work(journal.runs) as token:
+        assert flushed == [f".run-{token}.tmp", "journal"]
+    flushed.clear()
+    finish(journal, 1)
+    assert [name.split(".")[1] if name.startswith(".") else name for name in flushed] == ["shot_0001", "journal"]
+    flushed.clear()
+    journal.agree_on("key", {"seconds": 1.0})
+    assert flushed == ["found-key.json", "journal"]
+
+
 # A run's own process
 
 
@@ -428,10 +663,24 @@ def test_values_are_agreed_on_by_whoever_comes_first(journal):
         b"[" * 100_000,
         b'{"seconds": 1%s}' % (b"0" * 400),
         b"\xff",
+        b'{"seconds": true}',
+        b'{"seconds": "2"}',
+        b'{"seconds": -1}',
+        b'{"seconds": [2]}',
     ],
 )
-def test_values_that_cannot_be_read_are_agreed_on_anew(journal, rubbish):
+def test_values_that_cannot_be_read_are_agreed_on_anew(journal, monkeypatch, rubbish):
+    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
     (journal.folder / "found-key.json").write_bytes(rubbish)
+    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.found("key") == {"seconds": 3.0}
+
+
+@posix
+@pytest.mark.parametrize("make", [make for make in STRANGE if make is not make_folder])
+def test_whatever_else_is_called_as_what_was_found_is_replaced(journal, monkeypatch, make):
+    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
+    make(journal.folder / "found-key.json")
     assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
     assert journal.found("key") == {"seconds": 3.0}
 
@@ -453,6 +702,22 @@ def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(jou
     (note,) = journal.folder.glob("movie-*.json")
     note.write_bytes(b"[1]")
     assert not journal.knows_movie(tmp_path / "renamed.mp4")
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_lies_in_a_movies_place_or_its_notes_is_unknown(journal, tmp_path, make):
+    movie = tmp_path / "film.mp4"
+    movie.write_bytes(b"moving")
+    journal.note_movie(movie)
+    (note,) = journal.folder.glob("movie-*.json")
+    note.unlink()
+    make(note)
+    assert not journal.knows_movie(movie)
+    if make is not make_huge_file:
+        movie.unlink()
+        make(movie)
+        assert not journal.knows_movie(movie)
 
 
 def test_a_movie_that_was_not_put_in_its_place_takes_nothing_from_the_one_that_is_there(journal, tmp_path):
