@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from .errors import BadInputError, OutputError, StereoReprojectError
+from .files import flush, flush_folder, leads_elsewhere
 from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
-from .work_folder import flush, flush_folder, tells_full_disk
+from .work_folder import tells_full_disk
 
 POLL_SECONDS = 1.0
 """Between two looks at frames that another run has."""
@@ -26,6 +27,9 @@ FAILURES_IN_A_ROW = 3
 
 KEPT = "finished frames are kept, and --resume renders the rest"
 """What becomes of an animation that ends early, in words."""
+
+GOING_SECONDS = 0.5
+"""How long a folder of frames may take to go."""
 
 FULL_BELOW = 1 << 20
 """Bytes free on a drive that is called full."""
@@ -78,6 +82,7 @@ def plan_frames(
 
     Raises BadInputError when frames are there that are not to be touched, and OSError.
     """
+    _check_folders(journal, files)
     # Read first: a frame that another run finishes while its state is looked at replaces what was there before.
     replaced = {record.frame: record for record in journal.records(files)}
     if existing == "overwrite":
@@ -92,6 +97,13 @@ def plan_frames(
         _check_scene(journal, states, wanted)
     todo = {frame: state for frame, state in states.items() if frame not in kept}
     return FramePlan(todo, kept, replaced)
+
+
+def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
+    """Raises BadInputError where a frame's file would be written, through a link, somewhere else than asked for."""
+    for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
+        if folder != journal.frames_folder and leads_elsewhere(folder):
+            raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
 
 
 def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
@@ -260,6 +272,10 @@ def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReproje
 def _is_gone(folder: Path, error: Exception) -> bool:
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
     there = folder.is_dir() and (folder / JOURNAL).is_dir()
+    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        # Whoever removes it may be at it just now, and its files go first.
+        time.sleep(GOING_SECONDS)
+        there = folder.is_dir() and (folder / JOURNAL).is_dir()
     return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .animation import FramePlan, FramesTold, spelled
+from .animation_figures import figures_of
 from .journal import Record
 
 
@@ -34,7 +35,8 @@ class AnimationProgress:
 
     def _on_done(self, frame: int, record: Record) -> None:
         self._step()
-        figures = record.figures
+        # Another run's record is as trustworthy as the drive that it lies on.
+        figures, _ = figures_of(record)
         self._out.on_frame(
             {
                 "frame": frame,

@@ -31,9 +31,10 @@ from .bench import BenchSettings, format_bench
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
 from .inspection import format_inspection
+from .interrupts import Interrupts, RunInterruptedError
 from .report import format_report_table, to_json, write_json
 from .settings import StereoSettings
-from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_animation, run_worker
+from .supervisor import Event, Job, run_animation, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
 from .work_folder import pair_files
 
@@ -67,6 +68,8 @@ def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
         # That is how argparse ends after --help and --version.
         status = finished.code if isinstance(finished.code, int) else 0
     except StereoReprojectError as error:
+        if isinstance(error, RunInterruptedError):
+            console.let_go()
         console.complain(str(error), kind=None if isinstance(error, RunInterruptedError) else "error")
         status = error.exit_status
     except KeyboardInterrupt:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
+from .files import flush, flush_folder
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
-from .work_folder import flush
 
 REPORT_SCHEMA = 1
 
@@ -231,7 +231,8 @@ def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path |
 def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
     """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
 
-    until_whole is the folder, on the same drive, that it is in before; without one it is the file's own.
+    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; without
+    one it is the file's own.
     """
     # A process of another machine, on a shared drive, may have the same number.
     beside = (until_whole or path.parent) / f".{path.name}.{secrets.token_hex(8)}.tmp"
@@ -239,6 +240,7 @@ def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]
         yield beside
         flush(beside)
         beside.replace(path)
+        flush_folder(path.parent)
     except BaseException:
         with contextlib.suppress(OSError):
             beside.unlink()

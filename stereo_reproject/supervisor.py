@@ -31,28 +31,23 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
 from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
+from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
 from .settings import StereoSettings
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
-
-_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
-_SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
 Event = dict[str, Any]
 
@@ -105,49 +100,8 @@ class Job:
         return "Blender" if self.bench is None else "the measurement"
 
 
-class RunInterruptedError(StereoReprojectError):
-    """A signal ended the run."""
-
-    def __init__(self, signum: int, kept: str = "no result was written") -> None:
-        super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; {kept}")
-        self.signum = signum
-        self.exit_status = 128 + signum
-
-
 class WorkerCrashedError(StereoReprojectError):
     """Blender ended without a word."""
-
-
-class Interrupts:
-    """Holds back the signals that end a run until `check` is called, at a moment when nothing is half done."""
-
-    def __init__(self) -> None:
-        self._received: int | None = None
-        self._previous: dict[int, Any] = {}
-
-    def __enter__(self) -> Interrupts:
-        if threading.current_thread() is not threading.main_thread():
-            return self
-        for signum in _SIGNALS:
-            previous = signal.getsignal(signum)
-            # Under nohup a run is meant to outlive its terminal.
-            if previous == signal.SIG_IGN and signum != signal.SIGINT:
-                continue
-            self._previous[signum] = signal.SIG_DFL if previous is None else previous
-            signal.signal(signum, self._receive)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for signum, previous in self._previous.items():
-            signal.signal(signum, previous)
-
-    def _receive(self, signum: int, _frame: FrameType | None) -> None:
-        self._received = self._received or signum
-
-    def check(self) -> None:
-        """Raise RunInterruptedError if a signal has come."""
-        if self._received is not None:
-            raise RunInterruptedError(self._received)
 
 
 def run_worker(
@@ -165,7 +119,7 @@ def run_worker(
     then nothing of the run is left behind.
     """
     interrupts = interrupts or Interrupts()
-    with _work_folder(job) as work, _plain_blend(job) as blend:
+    with _work_folder(job) as work, _plain_blend(job) as blend, interrupts.until_cleaning():
         interrupts.check()
         with start_worker(command, work) as worker:
             worker.send(_message(job, work, blend))

@@ -22,11 +22,12 @@ from ..animation_report import report_path, write_animation_report
 from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
+from ..files import flush, flush_folder
 from ..journal import Fingerprints, FrameState, Journal, digest
 from ..runs import run_at_work
 from ..settings import SceneOverrides, StereoSettings
 from ..supervisor import Session
-from ..work_folder import flush, work_folder
+from ..work_folder import work_folder
 from ..writer_process import WriterOrder
 from .animation_output import Output, output_of
 from .fingerprint import scene_fingerprints
@@ -76,6 +77,8 @@ def render_animation_files(
         token = stack.enter_context(run_at_work(journal.runs))
         there = all(path.exists() for path in _movies_of(scene, options, output))
         plan = _plan(journal, output, wanted, options, movies_are_there=there)
+        for doubt in journal.doubts():
+            told.warn(doubt)
         _say_plan(plan, options, told)
         if options.movie is not None and plan.todo:
             _try_movie(scene, settings, Path(options.movie), output, private / "tried")
@@ -286,7 +289,9 @@ def _put_in_place(made: Path, destination: Path) -> Path:
     """Move a finished file on the same drive to where it belongs, where it appears whole."""
     flush(made)
     try:
-        return made.replace(destination)
+        placed = made.replace(destination)
+        flush_folder(destination.parent)
+        return placed
     except OSError as error:
         spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
         with contextlib.suppress(OSError):

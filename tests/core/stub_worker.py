@@ -174,6 +174,11 @@ match behaviour:
         note("ready")
         sys.stdin.read()
         note("end of input")
+    case "says more than anybody reads":
+        for _ in range(300):
+            say("note", message="more " * 200)
+        note("ready")
+        sys.stdin.read()
     case "stubborn":
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
