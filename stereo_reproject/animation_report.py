@@ -73,7 +73,8 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     They are predicted for each frame from what its source eye has cost, and where frames were compared, all predictions
     are put right by what was measured of those: a ratio estimate, for which it does not matter whether the compared
-    frames happen to be cheap ones.
+    frames happen to be cheap ones. multiview_synced is "anew" where multiview began with a sync of the whole scene in
+    each compared frame.
     """
     seconds = [row["wall_seconds"] for row in rows]
     compared = [row for row in rows if row.get("compare")]
@@ -91,6 +92,7 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "speedup": multiview / sum(seconds) if rows else None,
         "speedup_from": "measured" if compared else "predicted",
         "compared": len(compared),
+        "multiview_synced": "anew" if any(row["compare"].get("synced_anew") for row in compared) else None,
     }
 
 
@@ -113,11 +115,14 @@ def format_animation(report: Mapping[str, Any]) -> str:
     ratios = [row["compare"]["noise_ratio"] for row in report["frames"] if row.get("compare")]
     known = [ratio for ratio in ratios if ratio is not None]
     each, beside = whole["seconds_per_frame"], whole["beside_seconds_per_frame"]
+    how = whole["speedup_from"]
+    if whole.get("multiview_synced") == "anew":
+        how += "; it synced the scene anew for each compared frame"
     lines = [
         f"frames        {whole['frames']}",
         f"per frame     {each:.2f} s, {beside:.2f} s not for rendering",
         f"traced        {100 * whole['traced']:.1f} % of the target eye, on average",
-        f"speed-up      {whole['speedup']:.2f} x over Blender's multiview, {whole['speedup_from']}",
+        f"speed-up      {whole['speedup']:.2f} x over Blender's multiview, {how}",
     ]
     if known:
         lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")

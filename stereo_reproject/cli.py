@@ -142,7 +142,7 @@ def _have_done(
 
 def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     command = "plan" if arguments.no_sketch else "inspect"
-    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=())
+    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=(), strict=arguments.strict)
 
     def on_event(event: Event) -> None:
         # As JSON, nothing else may be on standard output.
@@ -207,7 +207,7 @@ def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: 
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
     blend = _blend_file(arguments.scene)
-    return Job(blend, _beside(arguments.output, blend), settings, **what)
+    return Job(blend, _beside(arguments.output, blend), settings, strict=arguments.strict, **what)
 
 
 def _beside(name: str, blend: Path) -> Path:

@@ -9,7 +9,8 @@ The worker (`python -m stereo_reproject.worker`)
 stdin    one line of JSON: {"command": what to do, "blend" (null where no scene is opened), "output" (null without
          files), "work": absolute paths, "settings": StereoSettings as nested dicts, "files": those to be made, "only":
          names of runs, "session": a Session as a dict, "animation": AnimationSettings as a dict, or null, "bench":
-         BenchSettings as a dict, or null}.
+         BenchSettings as a dict, or null, "strict": whether a warning that is known before the first render is an
+         error}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
@@ -82,6 +83,8 @@ class Job:
     blend is None where no scene is opened. files are those that the command (one of `worker.COMMANDS`) is to make, the
     one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
     have; without any it has all. animation is how the frames of one are rendered, bench what is measured of the warp.
+    strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
+    is no setting of those that tell whether a frame is to be rendered again.
     """
 
     blend: Path | None
@@ -93,6 +96,7 @@ class Job:
     session: Session = field(default_factory=Session)
     animation: AnimationSettings | None = None
     bench: BenchSettings | None = None
+    strict: bool = False
 
     @property
     def program(self) -> str:
@@ -147,11 +151,13 @@ def run_animation(
 ) -> dict[str, Any]:
     """`run_worker` for an animation, which goes on with the other frames when Blender ends on one of them.
 
-    It does so until several have ended one after the other without a frame that was finished in between.
+    It does so until several have ended one after the other without a frame that was finished in between. on_event gets
+    a warning once, however often Blender is started and finds it again.
     """
     animation = job.animation
     assert animation is not None
     done: list[int] = []
+    said: set[str] = set()
     stage: Event = {}
     crashes = 0
 
@@ -162,6 +168,11 @@ def run_animation(
             crashes = 0
         elif event["event"] == "stage":
             stage = event
+        elif event["event"] == "warning":
+            message = str(event.get("message"))
+            if message in said:
+                return
+            said.add(message)
         on_event(event)
 
     while True:
@@ -230,6 +241,7 @@ def _message(job: Job, work: Path, blend: Path | None) -> bytes:
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
         "bench": None if job.bench is None else asdict(job.bench),
+        "strict": job.strict,
     }
     return json.dumps(fields).encode() + b"\n"
 

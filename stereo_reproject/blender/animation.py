@@ -60,7 +60,8 @@ def render_animation_files(
     Returns the animation's report, and raises BadInputError and StereoReprojectError; frames that are
     finished stay.
     """
-    said: list[str] = []
+    # `warnings_ahead` has said these, before the first frame.
+    said = scene_warnings(scene, settings.scene)
     told = _also_kept(told or Told(), said)
     for_movie_alone = scene.render.is_movie_format and options.output is None
     options, output = output_of(scene, options)
@@ -102,7 +103,7 @@ def render_animation_files(
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
-        report = write_animation_report(journal, wanted, options, failed, [*scene_warnings(scene), *said])
+        report = write_animation_report(journal, wanted, options, failed, said)
         _check_all_rendered(failed, len(output.files))
         movies = _movie(scene, options, output, journal, told)
         if for_movie_alone:
@@ -117,11 +118,12 @@ def render_animation_files(
 
 
 def _also_kept(told: Told, said: list[str]) -> Told:
-    """The same, with its warnings kept for the report as well."""
+    """The same, with its warnings kept for the report as well; each is said once, of however many frames it is."""
 
     def warn(text: str) -> None:
-        said.append(text)
-        told.warn(text)
+        if text not in said:
+            said.append(text)
+            told.warn(text)
 
     return replace(told, warn=warn)
 

@@ -9,6 +9,7 @@ import bpy
 
 from ..effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
 from .denoise import denoises
+from .instancing import brought_along
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, layers_to_render, rendered_layer
@@ -168,9 +169,12 @@ def _denoising(scene: bpy.types.Scene) -> list[str]:
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:
-    """What may move while the shutter is open, in words: too much rather than too little."""
+    """What may move while the shutter is open, in words: too much rather than too little.
+
+    What instances of a collection show is in none of the scene's own, and what geometry nodes instance counts by them.
+    """
     moving = []
-    for item in scene.objects:
+    for item in brought_along(scene.objects, parents=True):
         if item == scene.camera:
             moving += ["the camera"] if _moves(item) else []
         elif item.type != "CAMERA" and _moves(item):

@@ -70,7 +70,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
-    report["warnings"] += scene_warnings(scene) + value_warnings(pair)
+    report["warnings"] += scene_warnings(scene, settings.scene) + value_warnings(pair)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)

@@ -76,7 +76,7 @@ def inspect_scene(
             rows = effects_rows(renderer.plan)
             passes = _passes(working, renderer)
             alone = first_layer_alone(scene, "what is found and predicted is that")
-            warnings = [*scene_warnings(scene), *renderer.warnings, *alone]
+            warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
             predicted = parallax = None
             if sketch and isinstance(renderer, EeveeRenderer):
                 predicted = _predicted_of_eevee(renderer, settings)

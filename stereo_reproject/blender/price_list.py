@@ -69,7 +69,7 @@ def render_prices(
     measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
     left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
-    prices["warnings"] = scene_warnings(scene) + first_layer_alone(scene, "all runs are") + left_out
+    prices["warnings"] = scene_warnings(scene, settings.scene) + first_layer_alone(scene, "all runs are") + left_out
     on_stage("write", "")
     write_csv(out / "tradeoff.csv", prices)
     write_json(out / "tradeoff.json", prices)

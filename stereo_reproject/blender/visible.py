@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..effects import Effect
 from ..frustum import Frustum, Lens
+from .instancing import brought_along
 from .materials import Shadings
 from .scene import evaluated, focus_distance, rendered_layer
 
@@ -178,7 +179,7 @@ def _differs_in_render(item: bpy.types.Object) -> bool:
 
 def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:
     """What an object that the viewport does not show as the render does may bring into the picture."""
-    for member in _brought_along(item, set()):
+    for member in brought_along([item]):
         if member.type in SHOWN and member.visible_camera and not member.hide_render:
             yield _seen(member, None, layer, shadings)
         if any(modifier.type == "NODES" and modifier.show_render for modifier in member.modifiers):
@@ -186,23 +187,6 @@ def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shad
                 material for material in bpy.data.materials if material.users and not material.is_grease_pencil
             )
             yield Seen(member.name, "MESH", tuple(materials))
-
-
-def _brought_along(item: bpy.types.Object, met: set[str]) -> Iterator[bpy.types.Object]:
-    """The object and what its instancing and its particles show."""
-    if item.name in met:
-        return
-    met.add(item.name)
-    yield item
-    collections = [item.instance_collection] if item.instance_type == "COLLECTION" else []
-    for system in item.particle_systems:
-        if system.settings is not None:
-            collections.append(system.settings.instance_collection)
-            if system.settings.instance_object is not None:
-                yield from _brought_along(system.settings.instance_object, met)
-    for collection in filter(None, collections):
-        for member in collection.all_objects:
-            yield from _brought_along(member, met)
 
 
 def lens_of(scene: bpy.types.Scene) -> Lens:

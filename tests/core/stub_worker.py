@@ -204,6 +204,9 @@ match behaviour:
         animate()
     case "animation that crashes":
         animate(crash_at=int(notes.joinpath("crash at").read_text()))
+    case "animation that warns and crashes":
+        say("warning", message="a library is missing")
+        animate(crash_at=int(notes.joinpath("crash at").read_text()))
     case "animation that crashes between frames":
         animate(crash_after=3)
     case "animation that crashes in its movie":

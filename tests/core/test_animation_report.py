@@ -70,6 +70,20 @@ def test_the_table_tells_how_the_speed_up_is_known_and_the_worst_noise():
     assert "noise" not in format_animation({"totals": totals([row()]), "frames": [row()]})
 
 
+def test_it_says_that_the_multiview_of_compared_frames_was_synced_anew():
+    multiview = {"multiview_seconds": 6.0, "noise_ratio": 1.0}
+    for compared, synced, said in (
+        ([{**multiview, "synced_anew": True}, None], "anew", True),
+        ([{**multiview, "synced_anew": False}, None], None, False),
+        ([None, None], None, False),
+    ):
+        rows = [row(frame, compare=compare) for frame, compare in enumerate(compared)]
+        whole = totals(rows)
+        assert whole["multiview_synced"] == synced
+        text = format_animation({"totals": whole, "frames": rows})
+        assert ("measured; it synced the scene anew for each compared frame" in text) is said
+
+
 @pytest.mark.parametrize(
     ("name", "file"), [("", "animation.json"), ("shot_", "shot_animation.json"), ("shot", "shot_animation.json")]
 )

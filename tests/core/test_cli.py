@@ -1026,6 +1026,36 @@ def test_a_blender_that_ends_on_a_frame_is_followed_by_another(place, capsys, cr
     )
 
 
+def test_a_warning_is_said_once_however_often_blender_is_started(place, capsys):
+    (notes(place) / "crash at").write_text("2")
+    assert animate(place, "--frames", "1-4", behaviour="animation that warns and crashes") == 1
+    assert len(jobs_told(place)) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "stereo_reproject: warning: a library is missing"
+    assert sum("a library is missing" in line for line in lines) == 1
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("render", "room.blend", "--output", "out"),
+        ("animate", "room.blend", "--output", "out", "--frames", "1-2"),
+        ("inspect", "room.blend"),
+        ("tradeoff", "room.blend", "--output", "out"),
+    ],
+)
+def test_strict_is_told_to_the_worker_and_is_no_setting_of_the_pair(place, monkeypatch, argv):
+    monkeypatch.chdir(place)
+    told = []
+    for options in ((), ("--strict",)):
+        cli.main([*argv, *options], host=cli.Host(worker_command=stub(place, "error 2")))
+        told.append(json.loads((notes(place) / "job").read_text()))
+    assert [job.pop("strict") for job in told] == [False, True]
+    for job in told:
+        del job["work"]
+    assert told[0] == told[1]
+
+
 @pytest.mark.parametrize(("option", "existing"), [("--overwrite", "overwrite"), ("--resume", "resume")])
 def test_the_next_blender_treats_existing_frames_as_the_first_one_was_told(place, option, existing):
     (notes(place) / "crash at").write_text("3")

@@ -80,7 +80,7 @@ def test_the_command_of_each_task(job, tmp_path):
     assert done.status == 0, done.out
     assert done.steps == ["Render", "Finish"]
     animate = ["animate", str(tmp_path / "room.blend"), "--output", str(tmp_path / "out")]
-    options = ["--resume", "--accuracy=balanced", "--samples=4", "--layout=over-under"]
+    options = ["--resume", "--accuracy=balanced", "--samples=4", "--layout=over-under", "--strict"]
     chunks = ["--frames=1-2", "--frames=3-4", "--frames=5-5"]
     movie = f"--movie={tmp_path / 'room.mp4'}"
     expected = [[*animate, chunk, *options] for chunk in chunks]
@@ -90,8 +90,15 @@ def test_the_command_of_each_task(job, tmp_path):
 def test_what_is_left_empty_is_left_out(job):
     done = job(SAYS_WHAT_IT_WAS_GIVEN, Frames="0", Samples=0)
     assert [args[4:] for args in arguments(done)] == [
-        ["--frames=0-0", "--resume", "--accuracy=balanced"],
-        ["--frames=0", "--resume", "--accuracy=balanced"],
+        ["--frames=0-0", "--resume", "--accuracy=balanced", "--strict"],
+        ["--frames=0", "--resume", "--accuracy=balanced", "--strict"],
+    ]
+
+
+def test_strict_can_be_switched_off(job):
+    done = job(SAYS_WHAT_IT_WAS_GIVEN, Frames="0", Strict="false")
+    assert [args[4:] for args in arguments(done)] == [
+        [f"--frames={frames}", "--resume", "--accuracy=balanced"] for frames in ("0-0", "0")
     ]
 
 
