@@ -197,12 +197,12 @@ def _check_parts(report: Mapping[str, Any]) -> None:
             _check(f"layers.{name}", row.get(name), rule)
 
 
-def _strict(value: Any) -> Any:
+def strict(value: Any) -> Any:
     """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
     if isinstance(value, Mapping):
-        return {str(name): _strict(item) for name, item in value.items()}
+        return {str(name): strict(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_strict(item) for item in value]
+        return [strict(item) for item in value]
     if isinstance(value, (str, bool)) or value is None:
         return value
     if isinstance(value, Integral):
@@ -210,13 +210,13 @@ def _strict(value: Any) -> Any:
     if isinstance(value, Real):
         return float(value) if math.isfinite(value) else None
     if hasattr(value, "item"):
-        return _strict(value.item())
+        return strict(value.item())
     raise TypeError(f"{type(value).__name__} has no place in JSON")
 
 
 def to_json(data: Mapping[str, Any]) -> str:
     """`data` as strict JSON, in lines."""
-    return json.dumps(_strict(data), indent=2, allow_nan=False)
+    return json.dumps(strict(data), indent=2, allow_nan=False)
 
 
 def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:

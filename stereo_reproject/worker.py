@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from .animation_settings import AnimationSettings
 from .errors import as_told
+from .report import strict
 from .settings import SceneOverrides, StereoSettings
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ def _open_events() -> Emit:
     os.dup2(2, 1)
 
     def emit(event: str, **fields: Any) -> None:
-        stream.write(json.dumps({"event": event, **fields}) + "\n")
+        # As in report.json: what is no number is null, for a window too.
+        stream.write(json.dumps(strict({"event": event, **fields}), allow_nan=False) + "\n")
         stream.flush()
 
     return emit

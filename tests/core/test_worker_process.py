@@ -1,6 +1,9 @@
-"""What the worker's process is started with."""
+"""What the worker's process is started with, and what its answers are made of."""
 
+import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 from stereo_reproject import worker_process
@@ -40,3 +43,18 @@ def test_a_folder_in_use_is_not_abandoned_by_another_of_its_names(tmp_path):
         assert first.is_dir()
         assert second.is_dir()
     assert list(real.iterdir()) == []
+
+
+TELLING = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from stereo_reproject import worker
+worker._open_events()("done", report={"low": float("nan"), "ends": (1.5, float("inf"))})
+"""
+
+
+def test_what_is_no_number_is_null_in_an_event():
+    """A window shows the report of the event, and not the one of report.json."""
+    home = Path(worker_process.__file__).resolve().parents[1]
+    answer = subprocess.run([sys.executable, "-c", TELLING, home], capture_output=True, check=True, timeout=60)
+    assert json.loads(answer.stdout) == {"event": "done", "report": {"low": None, "ends": [1.5, None]}}
