@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import zip_longest
 
 import bpy
@@ -91,7 +92,7 @@ class _Claims:
 
     def add(self, effects: Effect, *by: str, kind: str = "") -> None:
         """`by` calls for the effects; of those of one kind, one comes before all others' second."""
-        for effect in effects:
+        for effect in _each(effects):
             for text in by:
                 self._by[effect].setdefault(kind or text, []).append(text)
 
@@ -111,7 +112,7 @@ class _Claims:
             shading = self.shadings.of(material)
             text = f"material {name!r} on {seen.name!r}"
             self.add(shading.effects, text, kind=name)
-            for effect in shading.sharp:
+            for effect in _each(shading.sharp):
                 self.sharp[effect].append(text)
             own |= shading.effects
         self._materials[name] = self._materials.get(name, Effect(0)) | own
@@ -125,6 +126,11 @@ class _Claims:
             return Finding(effect, by, NOT_CALLED_FOR)
         probed = self._cycles or not effect & SEEN_DIFFERENTLY
         return Finding(effect, by, HANDLING[effect] if probed else AS_SEEN)
+
+
+@cache
+def _each(effects: Effect) -> tuple[Effect, ...]:
+    return tuple(effects)
 
 
 def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:

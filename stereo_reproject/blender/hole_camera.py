@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from .effects import has_grease_pencil, is_animated, uses_output
 from .motion import vector_pass_asked_for
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
-from .scene import evaluated, rendered_layer
+from .scene import changed, evaluated, rendered_layer
 from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
@@ -141,41 +141,40 @@ def _table(places: NDArray[np.intp], packing: Packing) -> NDArray[np.float32]:
 def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, folder: Path) -> Iterator[Path]:
     """The scene as the packed render needs it; yields the path on which it expects its table."""
     assert isinstance(target, PerspectiveCamera)
-    render, eye = scene.render, scene.camera
-    plain = eye.data
     # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
     table = folder / "table.exr"
     bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
-    kept = {
-        name: getattr(render, name)
-        for name in (
-            "resolution_x",
-            "resolution_y",
-            "resolution_percentage",
-            "use_border",
-            "pixel_aspect_x",
-            "pixel_aspect_y",
-        )
-    }
-    pixel_filter = scene.cycles.pixel_filter_type
+    size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    whole = {"use_border": False, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+    with ExitStack() as restored:
+        # Else whoever asks for the evaluated camera next is given the packed one.
+        restored.callback(rendered_layer(scene).update)
+        packed = restored.enter_context(_lens_to_set(scene))
+        restored.enter_context(changed(scene.render, **size, **whole))
+        restored.enter_context(changed(scene.cycles, pixel_filter_type="BOX"))
+        restored.enter_context(_set_camera(packed, target, (width, height), table, bytecode))
+        yield table
+
+
+@contextmanager
+def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
+    """The working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
+
+    Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
+    """
+    eye = scene.camera
+    plain = eye.data
+    if not is_animated(plain):
+        yield plain
+        return
     packed = plain.copy()
     try:
         _set_lens(packed, evaluated(eye, scene).data)
-        _set_camera(packed, target, (width, height), table, bytecode)
         eye.data = packed
-        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-        render.use_border = False
-        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-        scene.cycles.pixel_filter_type = "BOX"
-        yield table
+        yield packed
     finally:
         eye.data = plain
         bpy.data.cameras.remove(packed)
-        scene.cycles.pixel_filter_type = pixel_filter
-        for name, value in kept.items():
-            setattr(render, name, value)
-        # Else whoever asks for the evaluated camera next is given the packed one.
-        rendered_layer(scene).update()
 
 
 def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
@@ -190,21 +189,18 @@ def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
     packed.dof.use_dof = plain.dof.use_dof
 
 
+@contextmanager
 def _set_camera(
     packed: bpy.types.Camera,
     target: PerspectiveCamera,
     size: tuple[int, int],
     table: Path,
     bytecode: str,
-) -> None:
-    packed.type = "CUSTOM"
+) -> Iterator[None]:
+    """The camera as the hole camera, for a while."""
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
-    # Blender would shift a custom camera's raster positions; the view plane below holds the shifts already.
-    packed.shift_x = packed.shift_y = 0.0
-    if packed.stereo.convergence_mode == "OFFAXIS":
-        packed.stereo.convergence_mode = "PARALLEL"
     plane = target.plane
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
@@ -218,6 +214,13 @@ def _set_camera(
     parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
     parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = aperture_radius(packed)
+    mode = packed.stereo.convergence_mode
+    # Blender would shift a custom camera's raster positions; the view plane holds the shifts already.
+    with (
+        changed(packed.stereo, convergence_mode="PARALLEL" if mode == "OFFAXIS" else mode),
+        changed(packed, type="CUSTOM", shift_x=0.0, shift_y=0.0),
+    ):
+        yield
 
 
 @cache

@@ -28,6 +28,12 @@ STRANDS = {"CURVES", "POINTCLOUD"}
 EVERYWHERE = np.full((8, 3), np.inf)
 """The corners of a box that may be anywhere."""
 
+LOWER, UPPER = 0, 6
+"""The places of a box's lowest and uppermost corner among the eight that Blender gives."""
+
+AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
+"""(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -99,7 +105,10 @@ def _rendered_instances(
 
 def _corners(instance: bpy.types.DepsgraphObjectInstance) -> NDArray[np.float64]:
     matrix = np.array(instance.matrix_world, np.float64)
-    return np.array(instance.object.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    box = instance.object.bound_box
+    # All eight at once take Blender ten times as long.
+    corners = np.where(AT_UPPER, tuple(box[UPPER]), tuple(box[LOWER]))
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
@@ -162,6 +171,8 @@ def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
     """The materials of the object's particle hair, as far as it is rendered as strands."""
     systems = (system.settings for system in item.particle_systems if system.settings is not None)
     strands = [settings for settings in systems if settings.type == "HAIR" and settings.render_type == "PATH"]
+    if not strands:
+        return []
     slots = [slot.material for slot in item.material_slots] or [None]
     return [slots[min(settings.material, len(slots)) - 1] for settings in strands]
 
