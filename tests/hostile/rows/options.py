@@ -19,7 +19,6 @@ from ..program import (
     DEMO,
     PAIR,
     SMALLEST,
-    Outcome,
     assert_bad_input,
     assert_done,
     assert_interrupted,
