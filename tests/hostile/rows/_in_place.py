@@ -309,70 +309,77 @@ def _unfollowed_scene(kind: str, folder: Path) -> None:
     assert_bad_input(outcome)
 
 
-def cases() -> Iterator[Case]:
+NO_DRIVES = (
+    "/proc",
+    "/proc/self/out",
+    "/sys/out",
+    "/dev/null",
+    "/dev/null/out",
+    "/dev/full",
+    "/dev/fd/0",
+    "/proc/self/mem",
+)
+
+DRIVES = (
+    ("size=4k", False),
+    ("size=16k", False),
+    ("size=64k", None),
+    ("size=256k", None),
+    ("size=1m", None),
+    ("nr_inodes=2", False),
+    ("nr_inodes=5", False),
+    ("nr_inodes=8", False),
+    ("nr_inodes=12", None),
+    ("nr_inodes=20", None),
+    ("noexec,nosuid,nodev", True),
+    ("sync,noatime", True),
+    ("mode=0300", True),
+)
+"""Options of a drive in memory, and whether a result has room on it; None where that is a question of bytes."""
+
+
+def _in_place() -> Iterator[Case]:
     for number, name in enumerate(PAIR):
         for kind in list(KINDS)[number % 3 :: 3]:
             yield Case(f"{kind} in place of {name}", functools.partial(_pair_over, name, kind))
-    for kind in KINDS:
-        for how in ("--overwrite", ""):
-            yield Case(
-                f"{kind} in a frame's place, {how or 'and nothing is said'}",
-                functools.partial(_frame_over, "0001_L.png", kind, how),
-            )
     for number, kind in enumerate(KINDS):
+        for how in ("--overwrite", ""):
+            check = functools.partial(_frame_over, "0001_L.png", kind, how)
+            yield Case(f"{kind} in a frame's place, {how or 'and nothing is said'}", check)
         name = ("animation.json", "animation.png", "animation.svg")[number % 3]
         yield Case(f"{kind} in place of {name}", functools.partial(_frame_over, name, kind, "--resume"))
         yield Case(f"{kind} in place of the journal", functools.partial(_frame_over, "journal", kind, "--resume"))
         for command in COMMANDS if number % 2 else ("render",):
             yield Case(f"{command} into {kind}", functools.partial(_output_is, command, kind))
-    for kind in KINDS:
-        if kind not in ("a file without rights",):
+        if kind != "a file without rights":
             yield Case(f"{kind} as the scene", functools.partial(_unfollowed_scene, kind))
-    for output in (
-        "/proc",
-        "/proc/self/out",
-        "/sys/out",
-        "/dev/null",
-        "/dev/null/out",
-        "/dev/full",
-        "/dev/fd/0",
-        "/proc/self/mem",
-        "/proc/1/root/proc/out",
-    ):
+
+
+def _places() -> Iterator[Case]:
+    for output in NO_DRIVES:
         for command in COMMANDS if "null" in output else ("render",):
             yield Case(f"{command} into {output}", functools.partial(_special, command, output))
-    for mode in (0o000, 0o100, 0o200, 0o300, 0o400, 0o500, 0o1500, 0o700, 0o1777, 0o3775):
-        for command in COMMANDS:
-            yield Case(f"{command} into a folder of mode {mode:o}", functools.partial(_rights, command, mode))
-    for mode in (0o000, 0o400, 0o500, 0o600):
-        for command in COMMANDS:
-            yield Case(f"{command} below a folder of mode {mode:o}", functools.partial(_parent_rights, command, mode))
-    for command, name in (
-        ("render", "left.exr"),
-        ("render", "report.json"),
-        ("animate", "0001_L.png"),
-        ("animate", "animation.json"),
-    ):
-        yield Case(f"{name} may not be written", functools.partial(_protected_file, command, name))
-    for options, works in (
-        ("size=4k", False),
-        ("size=16k", False),
-        ("size=64k", None),
-        ("size=256k", None),
-        ("size=1m", None),
-        ("nr_inodes=2", False),
-        ("nr_inodes=5", False),
-        ("nr_inodes=8", False),
-        ("nr_inodes=12", None),
-        ("nr_inodes=20", None),
-        ("noexec,nosuid,nodev", True),
-        ("sync,noatime", True),
-        ("mode=0300", True),
-    ):
-        for command in COMMANDS:
-            yield Case(f"{command} to a drive with {options}", functools.partial(_drive, command, options, works))
     for command in COMMANDS:
+        for mode in (0o000, 0o100, 0o200, 0o300, 0o400, 0o500, 0o1500, 0o700, 0o1777, 0o3775):
+            yield Case(f"{command} into a folder of mode {mode:o}", functools.partial(_rights, command, mode))
+        for mode in (0o000, 0o400, 0o500, 0o600):
+            yield Case(f"{command} below a folder of mode {mode:o}", functools.partial(_parent_rights, command, mode))
+    for name in ("left.exr", "report.json", "0001_L.png", "animation.json"):
+        command = "render" if name in PAIR else "animate"
+        yield Case(f"{name} may not be written", functools.partial(_protected_file, command, name))
+
+
+def _drives() -> Iterator[Case]:
+    for command in COMMANDS:
+        for options, works in DRIVES:
+            yield Case(f"{command} to a drive with {options}", functools.partial(_drive, command, options, works))
         for there in (False, True):
             yield Case(f"{command} to a read-only drive, {there}", functools.partial(_read_only, command, there))
         for left in (0, 4096, 65536):
             yield Case(f"{command} to a drive with {left} bytes left", functools.partial(_filled, command, left))
+
+
+def cases() -> Iterator[Case]:
+    yield from _in_place()
+    yield from _places()
+    yield from _drives()

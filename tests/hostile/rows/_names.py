@@ -209,54 +209,56 @@ def _movie(name: str, folder: Path) -> None:
         assert_nothing_left(folder, "work", "work/scene.blend")
 
 
-def cases() -> Iterator[Case]:
+SCENES: tuple[str | bytes, ...] = (
+    *NAMES[0:24:4],
+    "a\\b.blend",
+    "a\nb.blend",
+    "scene",
+    "{blend_name}.blend",
+    "x.blend1",
+    "#.blend",
+    "é.blend",
+    b"\xff.blend",
+    b"\xed\xa0\x80.blend",
+    unicodedata.normalize("NFD", "ünï"),
+    "s" * 249 + ".blend",
+)
+MOVIES = (
+    "m.mp4",
+    "a b.mp4",
+    "m\\n.mp4",
+    "é.mkv",
+    "{frame}.mp4",
+    "m####.mp4",
+    "-m.mp4",
+    "a/m.mp4",
+    "m.mp4.mp4",
+    "%d.mp4",
+    "m\nn.mp4",
+    "m" * 251 + ".mp4",
+)
+
+
+def _outputs() -> Iterator[Case]:
     for number, name in enumerate(NAMES):
-        # Both where the way of a name to Blender differs, and by turns where it is one word more.
+        # Animations alone name files of their own below it.
         for command in COMMANDS if number % 2 else ("animate",):
-            shown = repr(name)[:50]
             check = functools.partial(_named, command, name, os.fsdecode(name))
-            yield Case(f"{command} into a folder called {shown}", check)
+            yield Case(f"{command} into a folder called {repr(name)[:50]}", check)
     for way, output in WAYS:
         for command in COMMANDS:
             yield Case(f"{command} --output={way[:40]!r}", functools.partial(_named, command, way, output))
     for number, name in enumerate(TOO_LONG):
         for command in COMMANDS:
-            check = functools.partial(_too_long, command, name)
-            yield Case(f"{command} into a name too long, {number}", check)
+            yield Case(f"{command} into a name too long, {number}", functools.partial(_too_long, command, name))
     for length in (3900, 3990, 4040, 4070, 4090):
         for command in COMMANDS:
-            check = functools.partial(_long_place, command, length)
-            yield Case(f"{command} into a path of {length} bytes", check)
-    for name in (
-        *NAMES[0:24:4],
-        "a\\b.blend",
-        "a\nb.blend",
-        "scene",
-        "{blend_name}.blend",
-        "x.blend1",
-        "#.blend",
-        "é.blend",
-    ):
-        yield Case(f"a scene called {name!r}", functools.partial(_of_scene, name))
-    for raw in (
-        b"\xff.blend",
-        b"\xed\xa0\x80.blend",
-        unicodedata.normalize("NFD", "ünï").encode(),
-        b"s" * 249 + b".blend",
-    ):
-        yield Case(f"a scene called {raw[:20]!r}", functools.partial(_of_scene, raw))
-    for name in (
-        "m.mp4",
-        "a b.mp4",
-        "m\\n.mp4",
-        "é.mkv",
-        "{frame}.mp4",
-        "m####.mp4",
-        "-m.mp4",
-        "a/m.mp4",
-        "m.mp4.mp4",
-        "%d.mp4",
-        "m\nn.mp4",
-        "m" * 251 + ".mp4",
-    ):
-        yield Case(f"a movie called {name[:30]!r}", functools.partial(_movie, name))
+            yield Case(f"{command} into a path of {length} bytes", functools.partial(_long_place, command, length))
+
+
+def cases() -> Iterator[Case]:
+    yield from _outputs()
+    for name in SCENES:
+        yield Case(f"a scene called {repr(name)[:30]}", functools.partial(_of_scene, name))
+    for movie in MOVIES:
+        yield Case(f"a movie called {movie[:30]!r}", functools.partial(_movie, movie))

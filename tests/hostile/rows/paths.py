@@ -1,5 +1,5 @@
-"""Output paths and environments: a folder is the folder of that very name, whatever the name holds; what is in its place
-stays or is replaced, never followed; and what is set around the program changes no picture and no word."""
+"""Output paths and environments: a folder is the folder of that very name, whatever the name holds; what is in its
+place stays or is replaced, never followed; and what is set around the program changes no picture and no word."""
 
 from __future__ import annotations
 
