@@ -7,6 +7,8 @@
 #                 on where it was interrupted. BENCH_OPTIONS=--quick: the demo scene alone, in five minutes
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
+# make hostile    try to break it, in some 1000 ways (docs/reliability.md); HOSTILE_OPTIONS="options --match size" for
+#                 some of them; an hour
 # make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
 # make clean      remove everything that the others made, environments included
 #
@@ -25,6 +27,7 @@ SCENES ?= ../shared/scenes
 BENCH_OPTIONS ?=
 COVERAGE_OPTIONS ?=
 SPENDING_OPTIONS ?=
+HOSTILE_OPTIONS ?=
 
 INSTALLED := $(VENV)/.installed
 TEST_INSTALLED := $(VENV)/.test-installed
@@ -33,7 +36,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test gui-test lint lint-tools extension bench coverage spending preview clean
+.PHONY: demo test gui-test lint lint-tools extension bench coverage spending hostile preview clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -64,6 +67,9 @@ coverage: $(TEST_INSTALLED)
 
 spending: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/spending.py --scenes "$(SCENES)" $(SPENDING_OPTIONS)
+
+hostile: $(TEST_INSTALLED)
+	@$(VENV)/bin/python -m tests.hostile $(HOSTILE_OPTIONS)
 
 preview: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/preview.py --scenes "$(SCENES)"
