@@ -9,6 +9,7 @@ Where nothing is said a pair must come of it: Blender renders such a scene too.
 from __future__ import annotations
 
 import math
+import struct
 
 import bpy
 
@@ -127,7 +128,9 @@ def _(scene):
 
 @odd("the camera is in no collection of the scene")
 def _(scene):
-    scene.collection.objects.unlink(scene.objects["Camera"])
+    camera = scene.camera
+    scene.collection.objects.unlink(camera)
+    scene.camera = camera
 
 
 @several("the scene's camera is no camera", ["Cube", "Sun"], EITHER)
@@ -298,8 +301,7 @@ def _(scene):
     scene.render.use_crop_to_border = False
 
 
-@several("resolution", [(1, 1), (4, 1), (3, 100)], REFUSED, "resolution")
-@several("resolution", [(4, 4), (5, 7), (4, 500), (700, 4)])
+@several("resolution", [(1, 1), (4, 4), (5, 7), (4, 500), (700, 4)])
 def _(scene, size):
     scene.render.resolution_x, scene.render.resolution_y = size
 
@@ -330,13 +332,11 @@ def _(scene, place):
     scene.frame_set(place[0], subframe=place[1])
 
 
-@several("empty frame range", [(10, 1), (1048574, 0)], REFUSED, "frame range", command="animate")
+@several("empty frame range", [(10, 1), (1048574, 0), (0, -1)], REFUSED, "frame range", command="animate")
 def _(scene, ends):
-    # Setting one end moves the other.
-    scene.frame_start = ends[0]
-    scene.frame_end = ends[1]
-    if scene.frame_start <= scene.frame_end:
-        raise NotInThisBlenderError
+    # Setting one end moves the other, so the file is changed: the two lie side by side in it.
+    scene.frame_start, scene.frame_end = 77701, 77702
+    return {struct.pack("<ii", 77701, 77702): struct.pack("<ii", *ends)}
 
 
 @odd("frames in steps longer than the range", command="animate")
@@ -622,12 +622,12 @@ def _(scene):
     add(scene, bpy.data.objects.new("Smoke", volume))
 
 
-@odd("modifiers that point at nothing, and at their own object")
+@odd("modifiers that point at nothing, and at one that is hidden")
 def _(scene):
     cube = scene.objects["Cube"]
     for kind in ("BOOLEAN", "ARRAY", "SHRINKWRAP", "HOOK", "LATTICE", "NODES", "MESH_DEFORM", "DATA_TRANSFER"):
         cube.modifiers.new(kind, kind)
-    cube.modifiers.new("Screw", "SCREW").object = cube
+    cube.modifiers.new("Screw", "SCREW").object = scene.objects["Plane"]
 
 
 @odd("geometry nodes in an endless group of nothing", EITHER)
@@ -918,7 +918,7 @@ def _(scene):
 # What comes after rendering
 
 
-@odd("a compositor without an output", DONE, "compositor")
+@odd("a compositor without an output")
 def _(scene):
     tree, _, end = add_compositor(scene)
     tree.nodes.remove(end.node)
@@ -990,7 +990,7 @@ def _(scene):
 def _(scene):
     scene.render.use_freestyle = True
     scene.view_layers[0].use_freestyle = True
-    scene.view_layers[0].freestyle_settings.linesets.new("Lines").linestyle = None
+    scene.view_layers[0].freestyle_settings.linesets.new("Lines")
 
 
 @odd("a drawing of grease pencil", EITHER)
@@ -1177,7 +1177,7 @@ def _(scene):
     scene.camera.data.stereo.convergence_mode = "TOE"
 
 
-@odd("spherical stereo and poles that merge, of a plain camera")
+@odd("spherical stereo and poles that merge, of a plain camera", REFUSED, "spherical")
 def _(scene):
     stereo = scene.camera.data.stereo
     stereo.use_spherical_stereo = stereo.use_pole_merge = True
