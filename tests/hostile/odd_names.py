@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import bpy
 
@@ -96,7 +97,8 @@ def each(
         for what, name in names.items():
             odd(f"{kind}: {what}", statuses, *says, **more)(lambda scene, name=name: maker(scene, name))
         for what in broken:
-            odd(f"{kind}: {what}", statuses, *says, **more)(
+            # Either is right: to render it, or to say that the name is none.
+            odd(f"{kind}: {what}", EITHER, **more)(
                 lambda scene, what=what: in_bytes(maker, scene, BROKEN[what])
             )
         return maker
@@ -386,12 +388,13 @@ def show_image(scene, name, path):
     "library that is missing", chosen("slash", "a way out", "line end", "umlauts"), broken=["no UTF-8"], statuses=EITHER
 )
 def _(scene, name):
-    # Linked from a file that goes before the case begins.
+    # Linked from a file that is gone by then.
     block = bpy.data.meshes.new("Linked")
     path = f"/tmp/hostile-lib-{ENCODING.decode()}.blend"  # noqa: S108
     bpy.data.libraries.write(path, {block}, fake_user=True)
     with bpy.data.libraries.load(path, link=True) as (_, to):
         to.meshes = ["Linked"]
+    Path(path).unlink()
     scene.objects["Cube"].data = bpy.data.meshes["Linked", path]
     bpy.data.libraries[0].filepath = f"//{name}.blend"
 

@@ -1231,7 +1231,7 @@ def _(scene, mode):
 # Several of it
 
 
-@odd("markers that bind a lamp, a hidden camera and one that is gone")
+@odd("markers that bind a lamp, a hidden camera and one that is gone", REFUSED, "no camera")
 def _(scene):
     hidden = scene.camera.copy()
     scene.collection.objects.link(hidden)
