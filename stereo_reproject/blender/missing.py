@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -120,7 +121,7 @@ def _lacks_picture(image: bpy.types.Image) -> bool:
         return _lacks_file(image)
     path = _absolute(image.filepath, image.library)
     tiles = (path.with_name(TILE.sub(str(tile.number), path.name)) for tile in image.tiles)
-    return bool(image.filepath) and not all(tile.is_file() for tile in tiles)
+    return bool(image.filepath) and not all(map(_is_file, tiles))
 
 
 def _lacks_file(block: Block) -> bool:
@@ -128,7 +129,7 @@ def _lacks_file(block: Block) -> bool:
     if not block.filepath or block.filepath == BUILTIN or getattr(block, "packed_file", None):
         return False
     path = _absolute(block.filepath, block.library)
-    if path.is_file():
+    if _is_file(path):
         return False
     in_sequence = getattr(block, "is_sequence", False) or getattr(block, "source", "") == "SEQUENCE"
     return not (in_sequence and numbered_like(path))
@@ -138,7 +139,7 @@ def _without_mesh_cache(scene: bpy.types.Scene) -> Iterator[str]:
     for item in brought_along(scene.objects):
         for modifier in item.modifiers:
             if modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath:
-                if not _absolute(modifier.filepath, item.library).is_file():
+                if not _is_file(_absolute(modifier.filepath, item.library)):
                     yield item.name
 
 
@@ -148,8 +149,15 @@ def _nodes_without_file() -> Iterator[str]:
     for tree in [*trees, *(group for group in bpy.data.node_groups if group.users)]:
         for node in tree.nodes:
             if node.bl_idname in NODES_WITH_FILES and node.mode == "EXTERNAL" and node.filepath:
-                if not _absolute(node.filepath, tree.library).is_file():
+                if not _is_file(_absolute(node.filepath, tree.library)):
                     yield node.name
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a file is there; under a name that no drive can have there is none."""
+    with contextlib.suppress(OSError):
+        return path.is_file()
+    return False
 
 
 def _absolute(path: str, library: bpy.types.Library | None) -> Path:

@@ -117,6 +117,8 @@ def output_files(scene: bpy.types.Scene, frames: Iterable[int], *, span: range |
         raise BadInputError("Output is switched off in Output properties: no file of an animation would be written")
     if _needs_a_saved_file(render.filepath):
         raise BadInputError("the output path is relative to a file that was never saved: save it, or change the path")
+    if render.image_settings.views_format == "INDIVIDUAL":
+        _check_suffixes(render)
     ends = {} if span is None else {"frame_start": span.start, "frame_end": span.stop - 1}
     try:
         with changed(render, use_multiview=True), changed(scene, **ends):
@@ -126,3 +128,13 @@ def output_files(scene: bpy.types.Scene, frames: Iterable[int], *, span: range |
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(f"the output path cannot be used: {reason}") from error
+
+
+def _check_suffixes(render: bpy.types.RenderSettings) -> None:
+    """Raises BadInputError where the end of an eye's file name is not part of a name but leads to another folder."""
+    for view in render.views:
+        if view.name in VIEWS and SEPARATOR.search(view.file_suffix):
+            raise BadInputError(
+                f"the file suffix {view.file_suffix!r} of the view {view.name!r} leads to another folder:"
+                " change it in Output > Stereoscopy"
+            )

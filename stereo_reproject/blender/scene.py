@@ -106,6 +106,8 @@ def working_scene(
     try:
         # A marker would switch the camera back at the next render.
         copy.timeline_markers.clear()
+        # A property of the user's own may have the name of ours.
+        copy.pop(DRIVEN_SEED, None)
         copy.collection.objects.link(eye)
         copy.camera = eye
         copy.render.engine = engine

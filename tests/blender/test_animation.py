@@ -297,6 +297,14 @@ def test_of_the_scenes_output_path_only_the_beginning_of_a_name_goes_to_another_
     assert {path.parent for path in output.all_files} == {output.folder} == {tmp_path / folder}
 
 
+def test_a_file_suffix_leads_to_no_other_folder(scene, tmp_path):
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.render.views["left"].file_suffix = "/../../L"
+    with pytest.raises(BadInputError, match="suffix .* of the view 'left' leads to another folder"):
+        render_animation(StereoSettings(), scene=scene, output=tmp_path / "out" / "frames", frames=[1])
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(os.sep == "\\", reason="there it is a separator")
 def test_a_folder_with_a_backslash(scene, tmp_path):
     scene.render.filepath = "/elsewhere/.."

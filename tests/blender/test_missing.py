@@ -41,7 +41,10 @@ def shot(tmp_path_factory):
     scene = empty_scene(*SIZE)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
     row = add(scene, bpy.data.objects.new("Row", None))
-    row.instance_type, row.instance_collection = "COLLECTION", link(folder / "lib" / "set.blend", "collections", "Chairs")
+    row.instance_type, row.instance_collection = (
+        "COLLECTION",
+        link(folder / "lib" / "set.blend", "collections", "Chairs"),
+    )
     add(scene, link(folder / "lib" / "set.blend", "objects", "Chair"))
     floor = add_plane(scene, diffuse("floor"), location=(0, 0, -5))
     floor.data.materials[0] = link(folder / "paint.blend", "materials", "red")
@@ -174,6 +177,13 @@ def test_pictures_of_every_kind(scene, tmp_path, source, name, there):
     assert missing_files(scene) == []
 
 
+@pytest.mark.parametrize("source", ["FILE", "SEQUENCE", "TILED"])
+def test_a_name_that_no_drive_can_have_is_a_missing_file(scene, tmp_path, source):
+    add_plane(scene, diffuse("shown", image=image(tmp_path, f"{'n' * 300}<UDIM>0001.png", source)))
+    (line,) = missing_files(scene)
+    assert line.startswith("image file missing for ")
+
+
 def test_pictures_that_no_render_shows_are_not_missed(scene, tmp_path):
     backdrop = image(tmp_path, "backdrop.png")
     scene.camera.data.background_images.new().image = backdrop
@@ -220,4 +230,6 @@ def test_simulations_within_instances_are_known(scene):
         empty.instance_type, empty.instance_collection = "COLLECTION", collection
         owner.objects.link(empty)
     assert {item.name for item in brought_along(scene.objects)} == {"Camera", "A", "B", "Cloth"}
-    assert scene_warnings(scene) == ["a simulation is not baked, 'Cloth' on 'Cloth': bake it, or it may look different here"]
+    assert scene_warnings(scene) == [
+        "a simulation is not baked, 'Cloth' on 'Cloth': bake it, or it may look different here"
+    ]

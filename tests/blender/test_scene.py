@@ -126,6 +126,15 @@ def test_overrides_replace_what_the_scene_says(scene):
         assert (stereo.convergence_distance, stereo.convergence_mode) == (3.0, "TOE")
 
 
+@pytest.mark.parametrize("own", ["none", 7.5])
+def test_a_property_of_the_users_own_with_the_name_of_ours_is_none_of_ours(scene, own):
+    scene["stereo_reproject_seed"] = own
+    scene.cycles.seed = 11
+    with working_scene(scene, SceneOverrides()) as working:
+        assert working.cycles.seed == 11
+    assert scene["stereo_reproject_seed"] == own
+
+
 @pytest.mark.parametrize(("asked", "subframe"), [(None, 0.5), (3, 0.0), (4, 0.0)])
 def test_a_frame_that_is_asked_for_has_no_subframe(scene, asked, subframe):
     scene.frame_set(3, subframe=0.5)

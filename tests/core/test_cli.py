@@ -351,6 +351,14 @@ def test_a_library_that_finds_no_room_is_no_defect():
     assert "defect" not in str(told)
 
 
+def test_a_name_that_is_no_utf8_is_no_defect():
+    with pytest.raises(UnicodeDecodeError) as caught:
+        b"Stra\xdfe".decode()
+    told = as_told(caught.value)
+    assert told.exit_status == 2
+    assert "Stra\\xdfe" in str(told)
+
+
 @posix
 def test_descendants_of_a_dead_worker_are_ended(place):
     assert render(place, "descendant keeps the pipe") == 1

@@ -98,9 +98,7 @@ def each(
             odd(f"{kind}: {what}", statuses, *says, **more)(lambda scene, name=name: maker(scene, name))
         for what in broken:
             # Either is right: to render it, or to say that the name is none.
-            odd(f"{kind}: {what}", EITHER, **more)(
-                lambda scene, what=what: in_bytes(maker, scene, BROKEN[what])
-            )
+            odd(f"{kind}: {what}", EITHER, **more)(lambda scene, what=what: in_bytes(maker, scene, BROKEN[what]))
         return maker
 
     return register
