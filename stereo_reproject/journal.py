@@ -138,6 +138,15 @@ class Journal:
         found = (self.record(frame) for frame in (self._recorded() if frames is None else frames))
         return [record for record in found if record is not None]
 
+    def known_frames(self) -> set[int]:
+        """Frames of which there is a record, or a claim, by one look at the folder. Raises OSError."""
+        pattern = re.compile(re.escape(self.name) + r"(\d{4,})(?:\.json|\.claim\..*)", re.IGNORECASE)
+        try:
+            found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
+            return {int(match[1]) for match in found if match}
+        except (FileNotFoundError, NotADirectoryError):
+            return set()
+
     def forget(self, frame: int) -> None:
         """Remove a frame's record: its files are about to be replaced. Raises OSError."""
         self._record_path(frame).unlink(missing_ok=True)
