@@ -156,6 +156,15 @@ class Journal:
         found = (self.record(frame) for frame in (self._recorded() if frames is None else frames))
         return [record for record in found if record is not None]
 
+    def known_frames(self) -> set[int]:
+        """Frames of which there is a record, or a claim, by one look at the folder. Raises OSError."""
+        pattern = re.compile(re.escape(self.name) + r"(\d{4,})(?:\.json|\.claim\..*)", re.IGNORECASE)
+        try:
+            found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
+            return {int(match[1]) for match in found if match}
+        except (FileNotFoundError, NotADirectoryError):
+            return set()
+
     def doubts(self) -> list[str]:
         """What was found of records that were passed over, in a line each, and not yet told."""
         new = [line for line in self._doubts if line not in self._told]

@@ -8,7 +8,7 @@ any of these: it leads there whatever the folder is called, and is gone with the
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,6 +16,12 @@ from .errors import BadInputError
 
 MOST_BYTES = 600
 """Of a folder's path: Blender keeps 1023 of a file's, and ours add work folders and a name of up to 255 to it."""
+
+MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
+"""Where the system does not say: bytes of a name, of a path, and of one on Windows."""
+
+SHOWN = 40
+"""Characters of a long name."""
 
 STAND_INS = "/proc/"
 """How the paths begin that stand in for others."""
@@ -63,3 +69,31 @@ def plain_blend(blend: Path) -> Iterator[Path]:
         return
     with plain_path(folder) as plain:
         yield plain / blend.relative_to(folder)
+
+
+def check_names(folder: Path, names: Iterable[str]) -> None:
+    """Raise BadInputError unless a folder, which may be still to be made, takes files with these names."""
+    most_of_name, most_of_path = _limits(folder)
+    for name in names:
+        length, whole = len(os.fsencode(name)), len(os.fsencode(folder / name))
+        if length > most_of_name:
+            raise BadInputError(
+                f"{folder}: a name of {length} bytes is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
+                " shorten the name at the end of the output path"
+            )
+        if whole > most_of_path:
+            raise BadInputError(
+                f"{folder}: a path of {whole} bytes is longer than the {most_of_path} that fit: shorten it"
+            )
+
+
+def _limits(folder: Path) -> tuple[int, int]:
+    """The most bytes of a name, and of a path, that the drive of a folder takes."""
+    there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
+    if there is None or not hasattr(os, "pathconf"):
+        return MOST_OF_NAME, WINDOWS_MOST
+    try:
+        # One byte of a path is for its end.
+        return os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
+    except (OSError, ValueError):
+        return MOST_OF_NAME, MOST_OF_PATH

@@ -227,6 +227,11 @@ def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path |
         beside.write_text(text, encoding="utf-8", newline="\n")
 
 
+def beside_name(name: str) -> str:
+    """What a file is called until it is whole: unlike any other."""
+    return f".{name}.{secrets.token_hex(8)}.tmp"
+
+
 @contextlib.contextmanager
 def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
     """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
@@ -235,7 +240,7 @@ def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]
     one it is the file's own.
     """
     # A process of another machine, on a shared drive, may have the same number.
-    beside = (until_whole or path.parent) / f".{path.name}.{secrets.token_hex(8)}.tmp"
+    beside = (until_whole or path.parent) / beside_name(path.name)
     try:
         yield beside
         flush(beside)

@@ -125,7 +125,7 @@ def run_worker(
     interrupts = interrupts or Interrupts()
     with _work_folder(job) as work, _plain_blend(job) as blend, interrupts.until_cleaning():
         interrupts.check()
-        with start_worker(command, work) as worker:
+        with start_worker(command, work) as worker, _told_when_gone(job, worker):
             worker.send(_message(job, work, blend))
             done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
         report = done.get("report")
@@ -207,6 +207,21 @@ def _work_folder(job: Job) -> Iterator[Path]:
     # What leaves no files behind works where temporary files belong.
     with work_folder(Path(tempfile.gettempdir()), ()) as work:
         yield work
+
+
+@contextlib.contextmanager
+def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
+    """Whatever a run fails with whose folder was removed under way, that is why. An animation says it itself."""
+    try:
+        yield
+    except RunInterruptedError:
+        raise
+    except StereoReprojectError as error:
+        # Blender makes folders that are missing, but no log.
+        if job.command == "animate" or worker.log.exists():
+            raise
+        folder = tempfile.gettempdir() if job.output is None else job.output
+        raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error
 
 
 @contextlib.contextmanager

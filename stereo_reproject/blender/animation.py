@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +36,14 @@ from .frame_maker import Belonging, BlenderFrameMaker
 from .frame_writer import holes_name
 from .movie import movie_files, movie_warnings, try_movie, write_movie
 from .rig import frame_region
-from .scene import changed
+from .scene import changed, scene_frames
 from .scene_warnings import scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr")
 """What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
+
+MANY_FRAMES = 20_000
+"""Frames of which it is said that they are planned: from then on it takes seconds."""
 
 
 def render_animation_files(
@@ -64,8 +68,8 @@ def render_animation_files(
     said = scene_warnings(scene, settings.scene)
     told = _also_kept(told or Told(), said)
     for_movie_alone = scene.render.is_movie_format and options.output is None
+    _say_many(scene, options, told)
     options, output = output_of(scene, options)
-    told.on_stage("plan", "")
     journal = Journal(output.folder, output.name)
     if not (for_movie_alone and options.existing == "resume"):
         # What was known of such a movie went with the frames that it was made of.
@@ -73,11 +77,11 @@ def render_animation_files(
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
-        journal.make()
+        _make_journal(journal)
         stack.callback(journal.remove_empty)
         token = stack.enter_context(run_at_work(journal.runs))
         there = all(path.exists() for path in _movies_of(scene, options, output))
-        plan = _plan(journal, output, wanted, options, movies_are_there=there)
+        plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
         for doubt in journal.doubts():
             told.warn(doubt)
         _say_plan(plan, options, told)
@@ -128,14 +132,44 @@ def _also_kept(told: Told, said: list[str]) -> Told:
     return replace(told, warn=warn)
 
 
+def _make_journal(journal: Journal) -> None:
+    try:
+        journal.make()
+    except FileExistsError as error:
+        raise BadInputError(
+            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames: move it,"
+            " or choose another folder"
+        ) from error
+
+
+def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Told) -> None:
+    told.on_stage("plan", "")
+    frames = scene_frames(scene) if options.frames is None else options.frames
+    if len(frames) >= MANY_FRAMES and not options.goes_on:
+        told.note(f"plans {len(frames)} frames, which takes a moment")
+
+
 def _plan(
-    journal: Journal, output: Output, wanted: Fingerprints, options: AnimationSettings, *, movies_are_there: bool
+    journal: Journal,
+    output: Output,
+    wanted: Fingerprints,
+    options: AnimationSettings,
+    told: Told,
+    *,
+    movies_are_there: bool,
 ) -> FramePlan:
     untouched = {*options.skip, *options.finished}
     files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
     for frame, paths in files.items() if options.holes else ():
         paths.append(output.folder / holes_name(journal, frame))
-    plan = plan_frames(journal, files, wanted, options.existing)
+    looked = count(1)
+    plan = plan_frames(
+        journal,
+        files,
+        wanted,
+        options.existing,
+        on_look=lambda _: told.on_stage("plan", f"{next(looked)} of {len(files)} frames looked at"),
+    )
     if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
         raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")

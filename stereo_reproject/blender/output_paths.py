@@ -106,9 +106,11 @@ def output_stem(scene: bpy.types.Scene) -> str:
         return Path(scene.render.frame_path(frame=0)).name.removesuffix("0000")
 
 
-def output_files(scene: bpy.types.Scene, frames: Iterable[int], *, span: range | None = None) -> dict[int, list[Path]]:
+def output_files(
+    scene: bpy.types.Scene, frames: Iterable[int], *, folder: str | None = None, span: range | None = None
+) -> dict[int, list[Path]]:
     """The files that the pair of each frame is written to by the scene's own settings. A movie's are the same for all
-    frames of its span, and named by that.
+    frames of its span, and named by that. They lie in `folder`, wherever the scene would write them, unless it is None.
 
     Raises BadInputError when the output path cannot be used.
     """
@@ -120,11 +122,14 @@ def output_files(scene: bpy.types.Scene, frames: Iterable[int], *, span: range |
     if render.image_settings.views_format == "INDIVIDUAL":
         _check_suffixes(render)
     ends = {} if span is None else {"frame_start": span.start, "frame_end": span.stop - 1}
+    views = [{}] if render.image_settings.views_format != "INDIVIDUAL" else [{"view": view} for view in VIEWS]
+
+    def place(path: str) -> Path:
+        return Path(path if folder is None else f"{folder}/{SEPARATOR.split(path)[-1]}")
+
     try:
         with changed(render, use_multiview=True), changed(scene, **ends):
-            if render.image_settings.views_format != "INDIVIDUAL":
-                return {frame: [Path(render.frame_path(frame=frame))] for frame in frames}
-            return {frame: [Path(render.frame_path(frame=frame, view=view)) for view in VIEWS] for frame in frames}
+            return {frame: [place(render.frame_path(frame=frame, **view)) for view in views] for frame in frames}
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(f"the output path cannot be used: {reason}") from error

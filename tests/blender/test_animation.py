@@ -219,6 +219,27 @@ def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene,
         render(scene)
 
 
+def test_names_that_are_too_long_for_what_stands_beside_a_frame_are_said_before_anything_is_rendered(scene, tmp_path):
+    scene.render.filepath = str(tmp_path / "out" / ("n" * 240))
+    with pytest.raises(BadInputError, match="shorten the name at the end of the output path"):
+        render(scene)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX has them")
+def test_what_is_in_the_way_of_frames_is_named(scene, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    os.mkfifo(out / "shot_0001_L.png")
+    with pytest.raises(BadInputError, match=r"shot_0001_L.png is no regular file.* move it"):
+        render(scene)
+    (out / "shot_0001_L.png").unlink()
+    (out / JOURNAL).write_text("")
+    with pytest.raises(BadInputError, match=r"journal is no folder.* move it"):
+        render(scene)
+    assert [path.name for path in out.iterdir()] == [JOURNAL]
+
+
 # Before 5.2, output cannot be switched off.
 if "save_output" in bpy.types.RenderSettings.bl_rna.properties:
 

@@ -5,16 +5,28 @@ import json
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from stereo_reproject import animation
-from stereo_reproject.animation import FramesTold, failed_output, plan_frames, publish_frame, render_frames, spelled
+from stereo_reproject.animation import (
+    FramePlan,
+    FramesTold,
+    failed_output,
+    plan_frames,
+    publish_frame,
+    render_frames,
+    spelled,
+)
+from stereo_reproject.animation_progress import AnimationProgress
+from stereo_reproject.animation_progress import Told as Listener
 from stereo_reproject.animation_settings import EXISTING
 from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectError
-from stereo_reproject.journal import Fingerprints, FrameState, Journal
+from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record
+from stereo_reproject.listing import Listing
 from stereo_reproject.runs import BEAT_DIGITS, STALE_SECONDS, Runs
 
 from .clock import Clock
@@ -29,6 +41,9 @@ FRAMES = (1, 2, 3, 4)
 
 OWN, FAR, GONE, EARLIER, ANOTHER = map(token_of, ("own", "far", "long gone", "earlier", "another"))
 """Runs: this one, one on another machine, and others."""
+
+SPELLED_SECONDS = 3.0
+"""Of this process; an algorithm that copies what is left takes ten."""
 
 PUBLISHING = """
 import sys
@@ -467,3 +482,43 @@ def test_a_frame_that_is_replaced_half_has_no_record(journal):
                 publish_frame(journal, made, fields, claim)
     assert (journal.frames_folder / "0001_L.png").read_text() == ANOTHER
     assert journal.record(1) is None
+
+
+def test_of_many_frames_those_alone_are_looked_at_that_are_there(journal):
+    publish(journal, 3, journal.take(3, OWN))
+    journal.frames_folder.joinpath("0005.png").write_bytes(b"of somebody else")
+    journal.take(7, OWN)
+    looked = []
+    frames = range(1, 20_001)
+    planned = plan_frames(journal, files_of(journal, frames), WANTED, "resume", on_look=looked.append)
+    assert looked == [3, 5, 7]
+    assert list(planned.kept) == [3]
+    assert [frame for frame, state in planned.todo.items() if state is not FrameState.MISSING] == [5]
+    assert len(planned.todo) == len(frames) - 1
+
+
+def test_what_is_called_alike_but_for_capitals_and_accents_is_looked_at(tmp_path):
+    (tmp_path / "Shot_e\u0301_0001.png").write_bytes(b"")
+    there = Listing()
+    assert there.may_hold(tmp_path / "shot_\u00e9_0001.png")
+    assert not there.may_hold(tmp_path / "shot_\u00e9_0002.png")
+    assert not there.may_hold(tmp_path / "none" / "shot_\u00e9_0001.png")
+
+
+def test_many_frames_that_are_not_one_after_the_other_are_spelled_quickly():
+    squares = [number * number for number in range(100_000)]
+    start = time.process_time()
+    assert spelled(squares).endswith("9999600004, 9999800001")
+    assert time.process_time() - start < SPELLED_SECONDS
+
+
+def test_the_time_that_is_left_counts_no_load(journal):
+    times = iter([100.0, 103.0, 105.0])
+    told = []
+    plan = FramePlan(dict.fromkeys(FRAMES, FrameState.MISSING), {}, {})
+    progress = AnimationProgress(plan, len(FRAMES), Listener(on_frame=told.append), {}, clock=lambda: next(times))
+    for frame in FRAMES[:3]:
+        figures = {"wall_seconds": 2.0}
+        progress.told.done(frame, Record(frame, {}, "", {}, OWN, figures))
+    assert [event["each"] for event in told] == [2.0, 3.0, 2.5]
+    assert [event["remaining"] for event in told] == [2.0 * 3, 3.0 * 2, 2.5]

@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from stereo_reproject import cli, memory, supervisor, work_folder
-from stereo_reproject.errors import StereoReprojectError, as_told
+from stereo_reproject.errors import BadInputError, StereoReprojectError, as_told
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parent.parent
@@ -357,6 +358,22 @@ def test_a_name_that_is_no_utf8_is_no_defect():
     told = as_told(caught.value)
     assert told.exit_status == 2
     assert "Stra\\xdfe" in str(told)
+
+
+@posix
+@pytest.mark.parametrize("behaviour", ["error 2", "killed"])
+def test_a_folder_that_is_removed_under_way_is_said(place, behaviour):
+    output = place / "out"
+
+    def on_event(event):
+        if event.get("stage") == "load":
+            shutil.rmtree(output)
+
+    job = supervisor.Job(place / "room.blend", output, StereoSettings())
+    with pytest.raises(BadInputError) as raised:
+        supervisor.run_worker(job, on_event, command=stub(place, behaviour))
+    assert str(raised.value) == f"what the run had in {output} was removed under way; run it again"
+    assert not output.exists()
 
 
 @posix

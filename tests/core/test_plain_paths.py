@@ -9,7 +9,7 @@ import pytest
 
 from stereo_reproject import plain_paths
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.plain_paths import MOST_BYTES, misread, plain_blend, plain_path
+from stereo_reproject.plain_paths import MOST_BYTES, check_names, misread, plain_blend, plain_path
 from stereo_reproject.work_folder import work_folder
 
 BACKSLASH = "back\\slash"
@@ -72,3 +72,14 @@ def test_without_another_path_it_is_one_line(tmp_path, monkeypatch):
         plain_path(tmp_path / BACKSLASH),
     ):
         pass
+
+
+def test_names_that_do_not_fit_are_said_before_anything_is_made(tmp_path):
+    folder = tmp_path / "to be made"
+    check_names(folder, ["n" * 255])
+    with pytest.raises(BadInputError, match=r"a name of 256 bytes is longer than the 255 that fit .*shorten the name"):
+        check_names(folder, ["short", "\u00e9" * 128])
+    deep = tmp_path.joinpath(*["d" * 200] * 20)
+    with pytest.raises(BadInputError, match=r"a path of \d+ bytes is longer than the 4095 that fit: shorten it"):
+        check_names(deep, ["n" * 200])
+    assert list(tmp_path.iterdir()) == []
