@@ -24,7 +24,7 @@ from .effects import has_grease_pencil, is_animated, uses_output
 from .motion import vector_pass_asked_for
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
-from .scene import evaluated, rendered_layer
+from .scene import changed, evaluated, rendered_layer
 from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
@@ -32,6 +32,10 @@ UPWARDS_FROM = (5, 0, 0)
 
 BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
 """What stands in the shader for the pixel filter's offsets."""
+
+PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
+"""How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
+share their random numbers: both traces of a probe would have one noise, and seem to have none."""
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
@@ -157,7 +161,6 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
             "pixel_aspect_y",
         )
     }
-    pixel_filter = scene.cycles.pixel_filter_type
     packed = plain.copy()
     try:
         _set_lens(packed, evaluated(eye, scene).data)
@@ -166,12 +169,11 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.use_border = False
         render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-        scene.cycles.pixel_filter_type = "BOX"
-        yield table
+        with changed(scene.cycles, **PACKED_SAMPLING):
+            yield table
     finally:
         eye.data = plain
         bpy.data.cameras.remove(packed)
-        scene.cycles.pixel_filter_type = pixel_filter
         for name, value in kept.items():
             setattr(render, name, value)
         # Else whoever asks for the evaluated camera next is given the packed one.

@@ -296,8 +296,6 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
         view_layer.use = view_layer.name == layer
     scene.view_layers[layer].use_pass_combined = True
     scene.view_layers[layer].use_pass_z = True
-    if scene.render.engine == CYCLES:
-        scene.cycles.time_limit = 0.0
 
 
 def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
