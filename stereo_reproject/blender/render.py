@@ -90,7 +90,7 @@ def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
 
 
 def cycles_seconds(attributes: Mapping[str, str], layer: str, part: str) -> float:
-    """Seconds that Cycles spent on a part of rendering a view layer, "render" or "synchronization", by a file's texts."""
+    """Seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
     return _seconds(attributes.get(f"cycles.{layer}.{part}_time", ""))
 
 

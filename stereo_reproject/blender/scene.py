@@ -178,6 +178,11 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
         # EEVEE's name is not the same in every Blender.
         eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
         engine = CYCLES if overrides.source_engine == "cycles" else eevee
+    if engine == CYCLES and scene.cycles.use_sample_subset and scene.cycles.sample_offset > 0:
+        raise BadInputError(
+            f"scene {scene.name!r} renders its samples from number {scene.cycles.sample_offset} on, and Cycles gives"
+            " depth with the first alone: set Sample Subset's Offset to 0"
+        )
     if overrides.denoise and engine != CYCLES:
         raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
     return engine

@@ -11,8 +11,17 @@ from stereo_reproject.blender.time_limit import COUNTS, TILED, without_time_limi
 from stereo_reproject.metrics import tone
 from stereo_reproject.passes import COLOUR_PASS, cryptomatte_of
 from stereo_reproject.settings import SceneOverrides, StereoSettings
-from tests.blender.toolbox import add_camera, add_plane, add_sphere, add_sun, diffuse, empty_scene, noise_image, rms
-from tests.blender.toolbox import set_background
+from tests.blender.toolbox import (
+    add_camera,
+    add_plane,
+    add_sphere,
+    add_sun,
+    diffuse,
+    empty_scene,
+    noise_image,
+    rms,
+    set_background,
+)
 
 SIZE = (32, 18)
 LIMIT = 0.4
