@@ -82,6 +82,7 @@ def _is_size(value: Any) -> bool:
 _Rule = tuple[Callable[[Any], bool], str]
 _TEXT: _Rule = (_is_text, "a text")
 _COUNT: _Rule = (_is_count, "a whole number from 0")
+_COUNT_OR_NULL: _Rule = (lambda value: value is None or _is_count(value), "a whole number from 0, or null")
 _AMOUNT: _Rule = (_is_amount, "a finite number from 0")
 _FRACTION: _Rule = (_is_fraction, "a fraction from 0 to 1")
 # Without noise a ratio to it has no value: such a figure is kept as null, not left out.
@@ -177,6 +178,9 @@ def check_report(report: Mapping[str, Any]) -> None:
         _check("compare.no_noise", report["compare"].get("no_noise", ""), _TEXT)
     _check_parts(report)
     _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
+    if "time_limit" in report:
+        _check("time_limit", report["time_limit"], _AMOUNT)
+        _check("samples_rendered", report.get("samples_rendered"), _COUNT_OR_NULL)
     warnings = report.get("warnings", [])
     _check("warnings", warnings, (lambda value: isinstance(value, (list, tuple)), "a list of texts"))
     for warning in warnings:
@@ -364,12 +368,22 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     return []
 
 
+def samples_text(report: Mapping[str, Any]) -> str:
+    """The samples of a pixel, as a person reads it: with a time limit, how many of them the source came to."""
+    samples = report["samples"]
+    if report.get("time_limit") is None:
+        return f"{samples} samples"
+    rendered = report["samples_rendered"]
+    count = "an unknown number" if rendered is None else rendered
+    return f"{count} of {samples} samples in {report['time_limit']:g} s"
+
+
 def format_report_table(report: Mapping[str, Any]) -> str:
     """The short summary of a checked report, in lines of plain ASCII save for what the report itself quotes."""
     size = "x".join(map(str, report["size"]))
-    samples, peak = report["samples"], report["memory"]["peak_mb"]
+    peak = report["memory"]["peak_mb"]
     lines = [
-        f"{report['scene']}, frame {report['frame']}, {size}, {samples} samples, {report['accuracy']}",
+        f"{report['scene']}, frame {report['frame']}, {size}, {samples_text(report)}, {report['accuracy']}",
         *_seconds_lines(report),
         *_layers_lines(report),
         *_traced_lines(report),

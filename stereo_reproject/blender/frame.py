@@ -36,6 +36,7 @@ from .renderer import BlenderRenderer
 from .rig import frame_region
 from .scene import CYCLES, WorkingScenes, check_layers, evaluated
 from .scene_warnings import scene_warnings
+from .time_limit import has_time_limit
 
 STEREO_PICTURE = "stereo.png"
 
@@ -174,7 +175,15 @@ def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: Stere
         "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),
         "price": asdict(frame.price),
         "correction": None if frame.correction is None else asdict(frame.correction),
+        **_limited(renderer),
     }
+
+
+def _limited(renderer: BlenderRenderer) -> dict[str, Any]:
+    """What a time limit has left of the samples, where the scene has one."""
+    if not has_time_limit(renderer.scene):
+        return {}
+    return {"time_limit": renderer.scene.cycles.time_limit, "samples_rendered": renderer.samples_rendered}
 
 
 def _write_pictures(

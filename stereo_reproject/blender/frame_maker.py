@@ -33,6 +33,8 @@ from .scene import WorkingScenes, camera_at
 OF_A_FRAME = (
     "size",
     "samples",
+    "time_limit",
+    "samples_rendered",
     "accuracy",
     "seconds",
     "fractions",

@@ -455,3 +455,9 @@ def test_a_working_scene_renders_the_layer_that_it_is_asked_for():
     for layer, expected in ((None, "Second"), ("Third", "Third")):
         with working_scene(scene, SceneOverrides(), layer=layer) as working:
             assert [one.name for one in working.view_layers if one.use] == [expected]
+
+
+def test_samples_without_the_first_have_no_depth(scene):
+    scene.cycles.use_sample_subset, scene.cycles.sample_offset = True, 16
+    with pytest.raises(BadInputError, match="Offset to 0"), working_scene(scene, SceneOverrides()):
+        pass
