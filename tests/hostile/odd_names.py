@@ -3,8 +3,6 @@
 All are rendered as others are, and nothing of ours is written outside of the output folder.
 """
 
-# ruff: noqa: ANN001, ANN202, D103
-
 from __future__ import annotations
 
 import contextlib
@@ -98,9 +96,7 @@ def each(
             odd(f"{kind}: {what}", statuses, *says, **more)(lambda scene, name=name: maker(scene, name))
         for what in broken:
             # Either is right: to render it, or to say that the name is none.
-            odd(f"{kind}: {what}", EITHER, **more)(
-                lambda scene, what=what: in_bytes(maker, scene, BROKEN[what])
-            )
+            odd(f"{kind}: {what}", EITHER, **more)(lambda scene, what=what: in_bytes(maker, scene, BROKEN[what]))
         return maker
 
     return register
@@ -390,7 +386,7 @@ def show_image(scene, name, path):
 def _(scene, name):
     # Linked from a file that is gone by then.
     block = bpy.data.meshes.new("Linked")
-    path = f"/tmp/hostile-lib-{ENCODING.decode()}.blend"  # noqa: S108
+    path = f"/tmp/hostile-lib-{ENCODING.decode()}.blend"
     bpy.data.libraries.write(path, {block}, fake_user=True)
     with bpy.data.libraries.load(path, link=True) as (_, to):
         to.meshes = ["Linked"]
@@ -467,7 +463,7 @@ def _(scene, suffix):
         "a record": "//x.json",
         "hashes alone": "//####",
         "a number": "//0001",
-        "a claim": "//0001.claim.1",
+        "a claim": "//0001.claim",
         "a long path": "//" + "d/" * 300 + "x",
     },
     broken=BROKEN,
