@@ -1,6 +1,6 @@
 """Small .blend files for hostile cases: one Blender process makes many of them, each from a scene of its own.
 
-A module of makers (`odd_scenes`, `odd_names`) imports bpy and calls `odd` on each of its makers. The rows import no
+A module of makers (`odd_cameras`, `odd_names`) imports bpy and calls `odd` on each of its makers. The rows import no
 bpy: they have a process make all files of such a module, and read from its standard output how each run must end.
 """
 
@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MAKING_SECONDS = 300.0
 """Far more than a process takes for all files of a module."""
 
-OUTSIDE = "/tmp/hostile-outside"  # noqa: S108 - a name that nobody else has, and that nothing may be written to
+OUTSIDE = "/tmp/hostile-outside"
 """A place outside of all folders, in which nothing may appear."""
 
 DONE = (0,)
@@ -67,6 +67,19 @@ def odd(name: str, statuses: tuple[int, ...] = DONE, *words: str, **more: Any) -
         if name in MAKERS:
             raise ValueError(f"two cases are called {name!r}")
         MAKERS[name] = OddBlend(name, statuses=statuses, words=words, **more), maker
+        return maker
+
+    return register
+
+
+def several(
+    name: str, values: Iterable[Any], statuses: tuple[int, ...] = DONE, *words: str, **more: Any
+) -> Callable[..., Any]:
+    """Cases that differ in a value alone: the maker gets the scene and a value."""
+
+    def register(maker: Callable[[Any, Any], dict[bytes, bytes] | None]) -> Any:
+        for value in values:
+            odd(f"{name}: {value}", statuses, *words, **more)(lambda scene, value=value: maker(scene, value))
         return maker
 
     return register

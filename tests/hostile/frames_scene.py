@@ -1,8 +1,6 @@
 """The scene of which the rows about journals have frames: without date and time in its files, so that a frame that is
 rendered again is the same in every byte."""
 
-# ruff: noqa: ANN001, ANN202, D103
-
 from tests.hostile.blends import odd
 
 

@@ -3,8 +3,6 @@
 All are rendered as others are, and nothing of ours is written outside of the output folder.
 """
 
-# ruff: noqa: ANN001, ANN202, D103
-
 from __future__ import annotations
 
 import contextlib
@@ -388,7 +386,7 @@ def show_image(scene, name, path):
 def _(scene, name):
     # Linked from a file that is gone by then.
     block = bpy.data.meshes.new("Linked")
-    path = f"/tmp/hostile-lib-{ENCODING.decode()}.blend"  # noqa: S108
+    path = f"/tmp/hostile-lib-{ENCODING.decode()}.blend"
     bpy.data.libraries.write(path, {block}, fake_user=True)
     with bpy.data.libraries.load(path, link=True) as (_, to):
         to.meshes = ["Linked"]
@@ -465,7 +463,7 @@ def _(scene, suffix):
         "a record": "//x.json",
         "hashes alone": "//####",
         "a number": "//0001",
-        "a claim": "//0001.claim.1",
+        "a claim": "//0001.claim",
         "a long path": "//" + "d/" * 300 + "x",
     },
     broken=BROKEN,

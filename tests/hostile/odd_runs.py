@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import resource
 import shutil
 from collections.abc import Iterable
 from functools import partial
@@ -10,6 +12,7 @@ from pathlib import Path
 
 from tests.hostile.blends import DONE, EITHER, OUTSIDE, OddBlend, blends_of
 from tests.hostile.case import Case
+from tests.hostile.linked_files import MAIN
 from tests.hostile.program import (
     PAIR,
     Outcome,
@@ -21,6 +24,10 @@ from tests.hostile.program import (
 )
 
 OPTIONS = ("--accuracy", "draft")
+
+GIGABYTE = 1 << 30
+MEMORY = {resource.RLIMIT_AS: 12 * GIGABYTE}
+"""A count that was damaged must not fill the machine's memory."""
 
 
 def cases_of(module: str) -> Iterable[Case]:
@@ -80,3 +87,13 @@ def assert_frames_or_nothing(outcome: Outcome, folder: Path, *others: str) -> No
         assert frames, "no frame is in its report"
         missing = [name for frame in frames for name in frame["files"] if not (folder / "out" / name).is_file()]
         assert not missing, f"missing: {missing}"
+
+
+def render_beside(
+    folder: Path, statuses: tuple[int, ...], *words: str, options: tuple[str, ...] = (), main: str = MAIN
+) -> None:
+    """Render the file of this name in the folder, beside what else lies there."""
+    beside = {os.fspath(path.relative_to(folder)) for path in folder.rglob("*")}
+    outcome = run_program("render", folder / main, "--output", folder / "out", *OPTIONS, *options, limits=MEMORY)
+    assert_ended(outcome, statuses, *words)
+    assert_pair_or_nothing(outcome, folder, *beside)
