@@ -1,7 +1,12 @@
 """What the worker's process is started with."""
 
+import json
 import os
+import select
+import subprocess
 from pathlib import Path
+
+import pytest
 
 from stereo_reproject import worker_process
 from stereo_reproject.work_folder import work_folder
@@ -40,3 +45,41 @@ def test_a_folder_in_use_is_not_abandoned_by_another_of_its_names(tmp_path):
         assert first.is_dir()
         assert second.is_dir()
     assert list(real.iterdir()) == []
+
+
+SECONDS = 60.0
+
+ENCODINGS = ("utf-16", "cp037")
+"""Of the user's own choice for standard streams; in the second, a line does not end with the byte that ends ours."""
+
+
+def start(name, messages, encoding):
+    """A process of ours that gets these lines; its standard input stays open, for it ends with that."""
+    environment = {**worker_process.worker_environment(), "PYTHONIOENCODING": encoding}
+    command = worker_process.module_command(name)
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+    process.stdin.write(b"".join(json.dumps(message).encode() + b"\n" for message in messages))
+    process.stdin.flush()
+    return process
+
+
+@pytest.mark.skipif(os.name != "posix", reason="waits for a pipe as POSIX has it")
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_job_is_read_whatever_the_encoding_of_standard_input(encoding):
+    with start("worker", [{"command": "nothing of this name"}], encoding) as process:
+        # One that waits for the end of the line would wait for good.
+        ready, _, _ = select.select([process.stdout], [], [], SECONDS)
+        if not ready:
+            process.kill()
+        event = json.loads(process.stdout.readline())
+        assert (event["event"], process.wait()) == ("error", 1)
+    assert "nothing of this name" in event["message"]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_frames_are_read_whatever_the_encoding_of_standard_input(encoding, tmp_path):
+    with start("writer", [{"private": str(tmp_path)}, {"frame": 7}], encoding) as process:
+        process.communicate(timeout=SECONDS)
+    assert process.returncode == 0
+    assert json.loads((tmp_path / "7.json").read_text())["status"] == 1
