@@ -4,12 +4,15 @@ import json
 import os
 import select
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from stereo_reproject import worker_process
 from stereo_reproject.work_folder import work_folder
+
+SECONDS = 60.0
 
 
 def test_nothing_that_is_set_for_another_python_reaches_blender(tmp_path, monkeypatch):
@@ -32,6 +35,14 @@ def test_the_same_python_keeps_its_settings(tmp_path, monkeypatch):
     assert environment["PYTHONPATH"].split(os.pathsep)[-1] == "/somewhere"
 
 
+def test_charts_are_drawn_whatever_backend_the_user_s_are_for(monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "of another program")
+    command = [sys.executable, "-c", "import matplotlib.figure"]
+    environment = worker_process.worker_environment()
+    ended = subprocess.run(command, env=environment, capture_output=True, timeout=SECONDS, check=False)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+
+
 def test_temporary_files_go_into_the_run_s_own_folder(tmp_path):
     environment = worker_process._environment(tmp_path, own_python=True)
     assert {environment[name] for name in ("TMPDIR", "TEMP", "TMP")} == {str(tmp_path / "tmp")}
@@ -46,8 +57,6 @@ def test_a_folder_in_use_is_not_abandoned_by_another_of_its_names(tmp_path):
         assert second.is_dir()
     assert list(real.iterdir()) == []
 
-
-SECONDS = 60.0
 
 ENCODINGS = ("utf-16", "cp037")
 """Of the user's own choice for standard streams; in the second, a line does not end with the byte that ends ours."""
