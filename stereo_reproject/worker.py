@@ -31,7 +31,8 @@ Emit = Callable[..., None]
 
 def main() -> None:
     emit = _open_events()
-    job = json.loads(sys.stdin.readline())
+    # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
+    job = json.loads(sys.stdin.buffer.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     status = 0
     try:
@@ -59,7 +60,7 @@ def _open_events() -> Emit:
 
 def _end_with_parent() -> None:
     """The parent keeps our standard input open while it lives."""
-    while sys.stdin.read(1):
+    while sys.stdin.buffer.read(1):
         pass
     os._exit(1)
 
