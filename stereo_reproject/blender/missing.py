@@ -137,9 +137,9 @@ def _lacks_file(block: Block) -> bool:
 def _without_mesh_cache(scene: bpy.types.Scene) -> Iterator[str]:
     for item in brought_along(scene.objects):
         for modifier in item.modifiers:
-            if modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath:
-                if not _absolute(modifier.filepath, item.library).is_file():
-                    yield item.name
+            rendered = modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath
+            if rendered and not _absolute(modifier.filepath, item.library).is_file():
+                yield item.name
 
 
 def _nodes_without_file() -> Iterator[str]:
@@ -147,9 +147,9 @@ def _nodes_without_file() -> Iterator[str]:
     trees = [owner.node_tree for owner in owners if owner.users and owner.node_tree is not None]
     for tree in [*trees, *(group for group in bpy.data.node_groups if group.users)]:
         for node in tree.nodes:
-            if node.bl_idname in NODES_WITH_FILES and node.mode == "EXTERNAL" and node.filepath:
-                if not _absolute(node.filepath, tree.library).is_file():
-                    yield node.name
+            in_file = node.bl_idname in NODES_WITH_FILES and node.mode == "EXTERNAL" and node.filepath
+            if in_file and not _absolute(node.filepath, tree.library).is_file():
+                yield node.name
 
 
 def _absolute(path: str, library: bpy.types.Library | None) -> Path:

@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.blender.api import inspect, render_animation, render_frame
 from stereo_reproject.blender.instancing import brought_along
-from stereo_reproject.blender.missing import missing_files, missing_libraries
+from stereo_reproject.blender.missing import missing_files
 from stereo_reproject.blender.scene import open_blend
 from stereo_reproject.blender.scene_warnings import scene_warnings, warnings_ahead
 from stereo_reproject.errors import BadInputError
@@ -41,7 +41,10 @@ def shot(tmp_path_factory):
     scene = empty_scene(*SIZE)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
     row = add(scene, bpy.data.objects.new("Row", None))
-    row.instance_type, row.instance_collection = "COLLECTION", link(folder / "lib" / "set.blend", "collections", "Chairs")
+    row.instance_type, row.instance_collection = (
+        "COLLECTION",
+        link(folder / "lib" / "set.blend", "collections", "Chairs"),
+    )
     add(scene, link(folder / "lib" / "set.blend", "objects", "Chair"))
     floor = add_plane(scene, diffuse("floor"), location=(0, 0, -5))
     floor.data.materials[0] = link(folder / "paint.blend", "materials", "red")
@@ -220,4 +223,6 @@ def test_simulations_within_instances_are_known(scene):
         empty.instance_type, empty.instance_collection = "COLLECTION", collection
         owner.objects.link(empty)
     assert {item.name for item in brought_along(scene.objects)} == {"Camera", "A", "B", "Cloth"}
-    assert scene_warnings(scene) == ["a simulation is not baked, 'Cloth' on 'Cloth': bake it, or it may look different here"]
+    assert scene_warnings(scene) == [
+        "a simulation is not baked, 'Cloth' on 'Cloth': bake it, or it may look different here"
+    ]
