@@ -172,8 +172,8 @@ def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
 def spoilt(lost: Mapping[str, NDArray[np.bool_]], warp: Warp, *, interpolation: str) -> dict[str, NDArray[np.bool_]]:
     """Return (h, w) target pixels whose lookup takes any share of what is no number in the source, by pass.
 
-    lost (H, W) are as `not_numbers` has them. Passes that decide are left out, for such pixels are traced, and so is the
-    position, which is computed from the depth.
+    lost (H, W) are as `not_numbers` has them. Passes that decide are left out, because such pixels are traced, and so
+    is the position, which is computed from the depth.
     """
     found: dict[str, NDArray[np.bool_]] = {}
     for name, pixels in lost.items():

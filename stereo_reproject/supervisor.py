@@ -157,7 +157,7 @@ def run_animation(
     animation = job.animation
     assert animation is not None
     done: list[int] = []
-    said: set[str] = set()
+    tell = _each_warning_once(on_event)
     stage: Event = {}
     crashes = 0
 
@@ -168,12 +168,7 @@ def run_animation(
             crashes = 0
         elif event["event"] == "stage":
             stage = event
-        elif event["event"] == "warning":
-            message = str(event.get("message"))
-            if message in said:
-                return
-            said.add(message)
-        on_event(event)
+        tell(event)
 
     while True:
         stage = {}
@@ -196,6 +191,20 @@ def run_animation(
                 continue
             animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
             on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
+
+
+def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:
+    """Pass events on, but for warnings that were passed on before."""
+    said: set[str] = set()
+
+    def tell(event: Event) -> None:
+        message = str(event.get("message"))
+        if event["event"] != "warning" or message not in said:
+            on_event(event)
+        if event["event"] == "warning":
+            said.add(message)
+
+    return tell
 
 
 @contextlib.contextmanager

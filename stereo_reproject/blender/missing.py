@@ -138,9 +138,9 @@ def _lacks_file(block: Block) -> bool:
 def _without_mesh_cache(scene: bpy.types.Scene) -> Iterator[str]:
     for item in brought_along(scene.objects):
         for modifier in item.modifiers:
-            if modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath:
-                if not _is_file(_absolute(modifier.filepath, item.library)):
-                    yield item.name
+            rendered = modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath
+            if rendered and not _is_file(_absolute(modifier.filepath, item.library)):
+                yield item.name
 
 
 def _nodes_without_file() -> Iterator[str]:
@@ -148,9 +148,9 @@ def _nodes_without_file() -> Iterator[str]:
     trees = [owner.node_tree for owner in owners if owner.users and owner.node_tree is not None]
     for tree in [*trees, *(group for group in bpy.data.node_groups if group.users)]:
         for node in tree.nodes:
-            if node.bl_idname in NODES_WITH_FILES and node.mode == "EXTERNAL" and node.filepath:
-                if not _is_file(_absolute(node.filepath, tree.library)):
-                    yield node.name
+            in_file = node.bl_idname in NODES_WITH_FILES and node.mode == "EXTERNAL" and node.filepath
+            if in_file and not _is_file(_absolute(node.filepath, tree.library)):
+                yield node.name
 
 
 def _is_file(path: Path) -> bool:

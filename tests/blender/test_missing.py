@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.blender.api import inspect, render_animation, render_frame
 from stereo_reproject.blender.instancing import brought_along
-from stereo_reproject.blender.missing import missing_files, missing_libraries
+from stereo_reproject.blender.missing import missing_files
 from stereo_reproject.blender.scene import open_blend
 from stereo_reproject.blender.scene_warnings import scene_warnings, warnings_ahead
 from stereo_reproject.errors import BadInputError
