@@ -135,16 +135,18 @@ def render_stereo_frame(
     on_stage: Callable[[str], None] = lambda _: None,
     accuracy: Accuracy | None = None,
     precedent: Precedent | None = None,
+    watch: Stopwatch | None = None,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
     on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine,
-    composite, denoise_target, and account, which comes after the pair is finished and is not in the total. accuracy
-    takes the place of the one that the settings name, for a picture up to `accuracy.PROBED_PIXELS`; precedent has
-    what other frames of the same animation have found. Raises BadInputError when the settings cannot be met for
-    this scene, and StereoReprojectError when a render fails.
+    composite, denoise_target, and account, which comes after the pair is finished and is not in the total. A watch
+    takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
+    that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
+    for a picture up to `accuracy.PROBED_PIXELS`; precedent has what other frames of the same animation have found.
+    Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
-    watch = Stopwatch(on_stage)
+    watch = watch or Stopwatch(on_stage)
     precedent = precedent or Precedent()
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]

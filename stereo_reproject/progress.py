@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _PAIR = {
+    "plan": 1.0,
     "source": 55.0,
     "denoise_source": 0.0,
     "warp": 4.0,

@@ -20,6 +20,7 @@ REPORT_SCHEMA = 1
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
 IN_ORDER = (
     "load",
+    "plan",
     "source",
     "denoise_source",
     "warp",
@@ -267,7 +268,7 @@ def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
     for name in dict.fromkeys(stages):
         note = "   not in the total" if name in OUTSIDE_TOTAL else ""
         lines.append(f"  {name.replace('_', ' '):<16}{seconds[name]:8.2f}{note}")
-    lines.append(f"  {'total':<16}{seconds['total']:8.2f}   first render call to finished pair")
+    lines.append(f"  {'total':<16}{seconds['total']:8.2f}   from the look at the scene to the finished pair")
     return lines
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STAGE_COLOURS = {
+    "plan": BLACK,
     "source": PALE,
     "warp": ORANGE,
     "pilot": YELLOW,
@@ -132,6 +133,6 @@ def _write_seconds(axes: Axes, rows: Sequence[Mapping[str, Any]], used: Sequence
             seconds = row["seconds"].get(name, 0.0)
             if seconds < fits:
                 continue
-            dark = STAGE_COLOURS.get(name, GREY) in (BLUE, GREEN, GREY)
+            dark = STAGE_COLOURS.get(name, GREY) in (BLACK, BLUE, GREEN, GREY)
             middle = _before(row, name, used) + 0.5 * seconds
             axes.text(middle, k, f"{seconds:.2f}", ha="center", va="center", size=7.5, color="white" if dark else BLACK)

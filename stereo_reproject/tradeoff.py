@@ -26,7 +26,18 @@ HEURISTIC = "heuristic"
 PEER = "multiview"
 """The name, and the kind, of Blender's own way among the runs."""
 
-STAGES = ("source", "denoise_source", "warp", "pilot", "fill", "probes", "refine", "composite", "denoise_target")
+STAGES = (
+    "plan",
+    "source",
+    "denoise_source",
+    "warp",
+    "pilot",
+    "fill",
+    "probes",
+    "refine",
+    "composite",
+    "denoise_target",
+)
 """The order in which stages are listed; one of another name comes after them."""
 
 TELLING = 0.005

@@ -21,11 +21,12 @@ from ..errors import StereoReprojectError, as_told
 from ..exr import VIEWS
 from ..passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
 from .compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
-from .image_settings import side_by_side_png
+from .effects import is_animated
+from .image_settings import copy_settings, side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path, written_to
-from .scene import changed, main_layer, return_to_own_frame, stand_at
+from .scene import camera_at, changed, main_layer, return_to_own_frame, stand_at
 from .stand_ins import new_names, renamed_metadata, stand_ins
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
@@ -141,22 +142,47 @@ def deliver_side_by_side(
 ) -> None:
     """Write both pictures, (H, W, 4) scene-linear, as one PNG through the scene's view transform at `frame`.
 
-    `scene` is the user's; a copy of it is what the engine is set on, so that the scene's own engine keeps its data.
-    The compositor is left out, and what image settings say of colour as well.
+    `scene` is the user's; an empty one with its settings is what the engine is set on: the scene's own engine keeps its
+    data, and nothing that the scene holds is evaluated for a picture that is there. The compositor is left out, and
+    what image settings say of colour as well.
     """
     frame = scene.frame_current if frame is None else frame
-    layer = main_layer(scene)
-    eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
-    copy = scene.copy()
-    name = copy.name
+    with _empty_scene_like(scene, frame) as empty:
+        layer = main_layer(empty)
+        eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
+        with _as_delivered(empty, eyes, compositing=False), side_by_side_png(empty, path):
+            _hand_over(empty, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
+    check_png(path)
+
+
+@contextmanager
+def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene without objects, with another's settings of render and colour at a frame, for a while."""
+    name = bpy.data.scenes.new(scene.name).name
     try:
-        copy.frame_set(frame)
-        with _as_delivered(copy, eyes, compositing=False), side_by_side_png(copy, path):
-            _hand_over(copy, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
+        empty = bpy.data.scenes[name]
+        # Blender renders nothing without one, and names it in the picture's metadata.
+        empty.camera = camera_at(scene, frame)
+        if is_animated(scene):
+            with _copy_at(scene, frame) as copy:
+                copy_settings(copy, empty)
+        else:
+            copy_settings(scene, empty)
+        empty.frame_current = frame
+        yield empty
+    finally:
+        bpy.data.scenes.remove(bpy.data.scenes[name])
+
+
+@contextmanager
+def _copy_at(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+    name = scene.copy().name
+    try:
+        bpy.data.scenes[name].frame_set(frame)
+        yield bpy.data.scenes[name]
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
         return_to_own_frame(scene, frame)
-    check_png(path)
 
 
 def deliver_composited(

@@ -19,7 +19,7 @@ from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
 from ..parallax import visible_parallax
 from ..passes import DEPTH_PASS, Passes
-from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..pipeline import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ..precedent import Precedent
 from ..ranges import range_warnings
 from ..report import REPORT_SCHEMA, check_report, write_json
@@ -96,8 +96,10 @@ def render_pair(
     reports: list[dict[str, Any]] = []
     with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
         for layer in check_layers(scene):
+            watch = Stopwatch(on_stage)
+            watch.lap("plan")
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], report = _render_layer(scene, working, settings, work, on_stage, precedents(layer))
+            frames[layer], report = _render_layer(scene, working, settings, work, watch, precedents(layer))
             reports.append(report)
     pair = StereoPair(frames)
     times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
@@ -111,12 +113,12 @@ def _render_layer(
     working: bpy.types.Scene,
     settings: StereoSettings,
     work: Path,
-    on_stage: Callable[[str], None],
+    watch: Stopwatch,
     precedent: Precedent,
 ) -> tuple[StereoFrame, dict[str, Any]]:
     facts = frame_facts(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, on_stage=on_stage, precedent=precedent)
+        frame = render_stereo_frame(renderer, settings, watch=watch, precedent=precedent)
         warnings = list(renderer.warnings)
         parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
     return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}

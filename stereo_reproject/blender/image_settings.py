@@ -137,6 +137,16 @@ def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
     mapping.update()
 
 
+def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
+    """Give another scene a scene's render settings and its view transform, curves included."""
+    for name in ("render", "display_settings", "view_settings"):
+        set_changed(getattr(other, name), _values(getattr(scene, name)))
+    other.render.image_settings.compression = scene.render.image_settings.compression
+    view, curves = other.view_settings, scene.view_settings.curve_mapping
+    if view.use_curve_mapping and curves is not None:
+        _restore_curves(view.curve_mapping, _curves(curves))
+
+
 def writes_half_floats(scene: bpy.types.Scene) -> bool:
     """Whether the scene's output is of half floats."""
     settings = scene.render.image_settings

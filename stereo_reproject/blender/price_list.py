@@ -10,11 +10,12 @@ them, and counts in none.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import bpy
@@ -26,7 +27,7 @@ from ..fill import SourceCost
 from ..heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
 from ..holes import Reason
 from ..passes import MASKED_PASS, Passes
-from ..pipeline import StereoFrame, colour, render_stereo_frame, traced_fractions
+from ..pipeline import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ..report import OUTSIDE_TOTAL, write_json
 from ..settings import StereoSettings
 from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
@@ -37,6 +38,8 @@ from .scene import CYCLES, make_small, rendered_layer, working_scene
 from .scene_warnings import first_layer_alone, scene_warnings
 
 OnStage = Callable[[str, str], None]
+
+NOTHING_SHARED: Mapping[str, float] = MappingProxyType({})
 
 WARM_UP_WIDTH = 64
 WARM_UP_SAMPLES = 1
@@ -130,24 +133,29 @@ def _render_runs(
 ) -> tuple[dict[str, Any], _Outcome]:
     """The facts of the scene, and the rows in the runs' order. Raises StereoReprojectError when there are none."""
     outcome = _Outcome()
+    start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
+        copied = time.perf_counter() - start
         facts = frame_facts(scene, working, settings)
         del facts["accuracy"]
         seed = working.cycles.seed
         on_stage("source", "")
         source = _render_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
+        shared = {"plan": copied, "source": source.seconds}
         for run in chosen:
             if run.kind != HEURISTIC:
                 # Renders leave their seed behind; each run begins with the scene's own, as it would alone.
                 working.cycles.seed = seed
+                watch = _watch(run, on_stage)
                 renderer = SharedSourceRenderer(working, work, source)
-                outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage, shared=source.seconds))
+                outcome.add(run, partial(_make, run, renderer, settings, peer, watch, shared=shared))
     for run in chosen:
         if run.kind == HEURISTIC:
+            watch = _watch(run, on_stage)
             with working_scene(scene, settings.scene) as working:
                 renderer = HeuristicRenderer(working, work)
-                outcome.add(run, partial(_make, run, renderer, settings, peer, on_stage))
+                outcome.add(run, partial(_make, run, renderer, settings, peer, watch))
     if not outcome.rows:
         raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
     order = [run.name for run in chosen]
@@ -205,16 +213,23 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
             setattr(layer, switch, False)
 
 
+def _watch(run: Run, on_stage: OnStage) -> Stopwatch:
+    """The run's clock, started at its plan."""
+    watch = Stopwatch(lambda stage: on_stage(run.name, stage))
+    watch.lap("plan")
+    return watch
+
+
 def _make(
     run: Run,
     renderer: BlenderRenderer,
     settings: StereoSettings,
     peer: Peer,
-    on_stage: OnStage,
+    watch: Stopwatch,
     *,
-    shared: float = 0.0,
+    shared: Mapping[str, float] = NOTHING_SHARED,
 ) -> Row:
-    """Make one run and measure it; `shared` are the seconds of its source that its own clock does not see.
+    """Make one run and measure it; `shared` are the seconds, by stage, that its own clock does not see.
 
     Raises StereoReprojectError when it cannot be made.
     """
@@ -224,7 +239,7 @@ def _make(
     frame = render_stereo_frame(
         renderer,
         run.settings(settings),
-        on_stage=lambda stage: on_stage(run.name, stage),
+        watch=watch,
         accuracy=run.accuracy,
     )
     seconds = _seconds(frame, shared)
@@ -245,10 +260,10 @@ def _make(
     )
 
 
-def _seconds(frame: StereoFrame, shared: float) -> dict[str, float]:
-    """Seconds by stage, with those of the shared source, and the probes told from the holes."""
+def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float]:
+    """Seconds by stage, with those that are shared, and the probes told from the holes."""
     stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
-    stages["source"] += shared
+    stages |= {name: stages[name] + seconds for name, seconds in shared.items()}
     probe = (frame.reasons & Reason.PROBE.bit) > 0
     hole = (frame.reasons & ~(Reason.PROBE.bit | Reason.REFINED.bit)) > 0
     in_fill = 0 if frame.fill.method == "full" else int(probe.sum())

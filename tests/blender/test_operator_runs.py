@@ -13,7 +13,7 @@ from stereo_reproject.blender.pictures import check_png
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_compositor, mirror_before_wall
 
-STAGES = ["load", "source", "warp", "fill", "refine", "composite", "account", "write"]
+STAGES = ["load", "plan", "source", "warp", "fill", "refine", "composite", "account", "write"]
 
 FAILING_WORKER = """
 import sys

@@ -18,7 +18,7 @@ from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
-from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
+from stereo_reproject.pipeline import Stopwatch, render_stereo_frame, traced_fractions
 from stereo_reproject.precedent import Precedent
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
@@ -491,6 +491,17 @@ def test_stages_are_told_as_they_begin_and_timed():
     assert set(frame.seconds) == {*told, "total"}
     assert frame.seconds["total"] == pytest.approx(sum(frame.seconds[stage] for stage in told[:-1]))
     assert all(seconds >= 0 for seconds in frame.seconds.values())
+
+
+def test_what_came_before_the_source_is_in_the_total():
+    told = []
+    watch = Stopwatch(told.append)
+    watch.lap("plan")
+    frame = render_stereo_frame(caster(), settings(), watch=watch)
+    assert told[:2] == ["plan", "source"]
+    inside = [seconds for stage, seconds in frame.seconds.items() if stage not in ("account", "total")]
+    assert frame.seconds["plan"] > 0.0
+    assert frame.seconds["total"] == pytest.approx(sum(inside))
 
 
 # What is no number

@@ -176,7 +176,7 @@ def test_table_of_a_measured_run(report):
         "  fill                1.00",
         "  composite           0.10",
         "  write               0.50   not in the total",
-        "  total              11.20   first render call to finished pair",
+        "  total              11.20   from the look at the scene to the finished pair",
         "traced        of the target eye's pixels (one pixel may have several reasons)",
         "  disoccluded       3.00 %",
         "  silhouette        4.56 %",

@@ -181,6 +181,7 @@ def test_report_holds_what_was_promised(demo):
     assert set(report["seconds"]) >= {*STAGES, "total"}
     inside = [value for name, value in report["seconds"].items() if name not in (*OUTSIDE_TOTAL, "total")]
     assert report["seconds"]["total"] == pytest.approx(sum(inside))
+    assert 0.0 < report["seconds"]["plan"] < report["seconds"]["total"]
     fractions = report["fractions"]
     assert 0.0 < fractions["rerendered"] <= 1.0
     compare = report["compare"]
