@@ -118,7 +118,8 @@ class Console:
             self._output_error = error
         if self._output_error is None:
             return status
-        _discard_output(sys.stdout)
+        if sys.stdout is not None:
+            _discard_output(sys.stdout)
         if isinstance(self._output_error, BrokenPipeError):
             # Whoever reads has seen enough.
             return status

@@ -373,6 +373,40 @@ def test_what_dead_runs_have_left_is_cleared_away(folder):
     assert_whole(folder, 3)
 
 
+@posix
+def test_what_others_have_put_there_holds_nobody_up(folder):
+    run(folder, 4)
+    journal = folder / JOURNAL
+    for path in (folder / names(2)[0], journal / f"{NAME}0003.json"):
+        path.unlink()
+        path.symlink_to("/dev/zero")
+    abandoned = folder / ".stereo_reproject-x"
+    abandoned.mkdir()
+    strange = [journal / "run-0123456789abcdef", journal / f"{NAME}0002.claim.1", abandoned / "pid"]
+    for path in strange:
+        os.mkfifo(path)
+    (journal / f"{NAME}0003.claim.1").write_bytes(b"\0" * 5000)
+    shutil.copy(journal / f"{NAME}0001.json", journal / f"{NAME}00001.json")
+    assert resume(folder, 4).rendered == [2, 3]
+    assert all(path.is_fifo() for path in strange)
+    for path in (*strange, journal / f"{NAME}00001.json"):
+        path.unlink()
+    abandoned.rmdir()
+    assert_whole(folder, 4)
+
+
+@posix
+def test_a_journal_that_is_a_link_is_refused_and_nothing_removed_where_it_leads(folder, tmp_path):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    folder.mkdir()
+    (folder / JOURNAL).symlink_to(outside, target_is_directory=True)
+    for name in ("0001.claim.1", ".0001.json.0123456789abcdef.tmp", "notes.claim.1"):
+        (outside / name).write_text("mine")
+    assert run(folder, 2, status=2).err.startswith(f"{folder / JOURNAL} is a link to another folder")
+    assert len(list(outside.iterdir())) == 3
+
+
 def test_what_a_living_run_has_is_not_cleared_away(folder):
     slow = Process(folder, 2, "--seconds", SECONDS)
     slow.until("renders", 1)
