@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
+from .files import put_in_place
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
 from .work_folder import flush
 
@@ -243,7 +244,7 @@ def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]
     try:
         yield beside
         flush(beside)
-        beside.replace(path)
+        put_in_place(beside, path)
     except BaseException:
         with contextlib.suppress(OSError):
             beside.unlink()

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StereoReprojectError
+from .files import put_in_place
 from .work_folder import is_running, machine
 from .worker_process import module_command, worker_environment
 
@@ -117,7 +118,7 @@ def _appear(path: Path, text: str) -> None:
         try:
             path.parent.mkdir(exist_ok=True)
             beside.write_text(text, encoding="ascii")
-            beside.replace(path)
+            put_in_place(beside, path)
         except FileNotFoundError:
             if not left:
                 raise

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
+from .files import put_in_place, sync
 from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
@@ -256,7 +257,7 @@ def publish(
         steps = [(output / name, old / name) for name in earlier if os.path.lexists(output / name)]
         steps += [(made / name, output / name) for name in files]
         for source, destination in steps:
-            source.replace(destination)
+            put_in_place(source, destination)
             moved.append((source, destination))
             between_steps()
     except BaseException as error:
@@ -271,7 +272,7 @@ def publish(
 def flush(path: Path) -> None:
     """Have a file on the disk, and not only on its way there."""
     with path.open("r+b") as file:
-        os.fsync(file.fileno())
+        sync(file.fileno())
 
 
 def flush_folder(folder: Path) -> None:

@@ -23,6 +23,7 @@ from ..animation_report import report_path, write_animation_report
 from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
+from ..files import put_in_place
 from ..journal import Fingerprints, FrameState, Journal, digest
 from ..runs import run_at_work
 from ..settings import SceneOverrides, StereoSettings
@@ -132,8 +133,8 @@ def _make_journal(journal: Journal) -> None:
         journal.make()
     except FileExistsError as error:
         raise BadInputError(
-            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames: move it,"
-            " or choose another folder"
+            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames:"
+            " move it, or choose another folder"
         ) from error
 
 
@@ -320,7 +321,7 @@ def _put_in_place(made: Path, destination: Path) -> Path:
     """Move a finished file on the same drive to where it belongs, where it appears whole."""
     flush(made)
     try:
-        return made.replace(destination)
+        return put_in_place(made, destination)
     except OSError as error:
         spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
         with contextlib.suppress(OSError):
