@@ -63,7 +63,11 @@ def plain_path(folder: Path) -> Iterator[Path]:
     except OSError as error:
         raise BadInputError(f"{folder} cannot be read ({error.strerror}); check its permissions") from error
     try:
-        yield stand_ins / str(descriptor)
+        plain = stand_ins / str(descriptor)
+        # In a container it may be the machine's, where another process has this number.
+        if not plain.exists() or not plain.samefile(folder):
+            raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
+        yield plain
     finally:
         os.close(descriptor)
 
