@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from .errors import BadInputError, OutputError, StereoReprojectError
-from .files import flush, flush_folder, leads_elsewhere
+from .files import flush, flush_folder, leads_elsewhere, put_in_place
 from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
 from .listing import Listing
 from .work_folder import tells_full_disk
@@ -254,7 +254,7 @@ def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[st
         for name, path in made.items():
             place = journal.frames_folder / name
             place.parent.mkdir(exist_ok=True)
-            path.replace(place)
+            put_in_place(path, place)
         for folder in dict.fromkeys((journal.frames_folder / name).parent for name in made):
             flush_folder(folder)
         journal.write(finished)

@@ -1,4 +1,5 @@
-"""Files that others may have made or damaged, read only where they are what ours are; and what survives a power cut."""
+"""Files that others may have made or damaged, read only where they are what ours are; and files put in their places, so
+that they are whole there, whatever else holds them and after a power cut."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import errno
 import os
 import stat
 import sys
+import time
 from io import BufferedReader
 from pathlib import Path
 
@@ -24,6 +26,12 @@ JUNCTION = 0xA0000003
 
 CANNOT_FLUSH = {errno.EINVAL, errno.EBADF, errno.EACCES, errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 """Errors of drives that flush no folders, and of folders that may not be opened for it."""
+
+HELD_SECONDS = 2.0
+RETRY_SECONDS = 0.05
+
+APPLE_DOUBLE = "._"
+"""How the names of files begin that macOS puts beside others, on drives that cannot keep what it knows of them."""
 
 
 class UnusableFileError(OSError):
@@ -86,7 +94,7 @@ def leads_elsewhere(path: Path) -> bool:
 def flush(path: Path) -> None:
     """Have a file on the disk, and not only on its way there."""
     with path.open("r+b") as file:
-        os.fsync(file.fileno())
+        sync(file.fileno())
 
 
 def flush_folder(folder: Path) -> None:
@@ -112,10 +120,43 @@ def write_new(path: Path, text: str) -> None:
         with file:
             file.write(text)
             file.flush()
-            os.fsync(file.fileno())
+            sync(file.fileno())
         flush_folder(path.parent)
     except OSError:
         # On a full disk there is room for a name, but not for what the file holds.
         with contextlib.suppress(OSError):
             path.unlink(missing_ok=True)
         raise
+
+
+def put_in_place(made: Path, place: Path) -> Path:
+    """Give a file its final name, under which it takes the place of what was there. Raises OSError.
+
+    On Windows a scanner, an indexer or a viewer may hold either file for a moment, and nobody can rename it meanwhile.
+    """
+    deadline = time.monotonic() + HELD_SECONDS
+    while True:
+        try:
+            return made.replace(place)
+        except PermissionError:
+            if sys.platform != "win32" or time.monotonic() >= deadline:
+                raise
+            time.sleep(RETRY_SECONDS)
+
+
+def sync(descriptor: int) -> None:
+    """Have an open file on the disk. Raises OSError."""
+    if sys.platform == "darwin":
+        import fcntl
+
+        # There, fsync hands a file over to the drive, which may keep it in its memory for long; and network drives
+        # know nothing else.
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
+            return
+    os.fsync(descriptor)
+
+
+def made_in(folder: Path) -> list[Path]:
+    """What a program has made in a folder, by name, and nothing that the system has put beside."""
+    return sorted(path for path in folder.iterdir() if not path.name.startswith(APPLE_DOUBLE))

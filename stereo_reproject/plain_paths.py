@@ -8,17 +8,25 @@ any of these: it leads there whatever the folder is called, and is gone with the
 from __future__ import annotations
 
 import os
+import re
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import BadInputError
 
-MOST_BYTES = 600
-"""Of a folder's path: Blender keeps 1023 of a file's, and ours add work folders and a name of up to 255 to it."""
+MOST_BYTES = 199 if sys.platform == "win32" else 600
+"""Of a folder's path: Blender keeps 1023 of a file's, on Windows 259, and ours add folders and names to it."""
 
 MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
 """Where the system does not say: bytes of a name, of a path, and of one on Windows."""
+
+NOT_ON_WINDOWS = re.compile(
+    r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3]) *(\.|$)',
+    re.IGNORECASE,
+)
+"""What no name may have or be there: after a colon, NTFS writes into something else that hides behind a file."""
 
 SHOWN = 40
 """Characters of a long name."""
@@ -42,15 +50,22 @@ def misread(path: str | os.PathLike[str]) -> str | None:
 @contextmanager
 def plain_path(folder: Path) -> Iterator[Path]:
     """A path of a folder that Blender reads as it stands, in this process and in others of this user: its own where
-    that will do, else one that is valid meanwhile. Raises BadInputError where there is none, and OSError."""
+    that will do, else one that is valid meanwhile. Raises BadInputError where there is none."""
     why = misread(folder)
     if why is None:
         yield folder
         return
-    descriptor = os.open(folder, getattr(os, "O_PATH", os.O_RDONLY))
+    stand_ins = Path(f"{STAND_INS}{os.getpid()}/fd")
+    if not stand_ins.is_dir():
+        raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
     try:
-        plain = Path(f"{STAND_INS}{os.getpid()}/fd/{descriptor}")
-        if not plain.is_dir() or not plain.samefile(folder):
+        descriptor = os.open(folder, getattr(os, "O_PATH", os.O_RDONLY))
+    except OSError as error:
+        raise BadInputError(f"{folder} cannot be read ({error.strerror}); check its permissions") from error
+    try:
+        plain = stand_ins / str(descriptor)
+        # In a container it may be the machine's, where another process has this number.
+        if not plain.exists() or not plain.samefile(folder):
             raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
         yield plain
     finally:
@@ -60,7 +75,7 @@ def plain_path(folder: Path) -> Iterator[Path]:
 @contextmanager
 def plain_blend(blend: Path) -> Iterator[Path]:
     """The path of a .blend by which Blender finds what lies beside it and above, as far as up to the folder that is to
-    blame. Raises BadInputError and OSError."""
+    blame. Raises BadInputError."""
     folder = next((parent for parent in blend.parents if misread(parent.name) is not None), None)
     if folder is None and misread(blend.parent) is not None:
         folder = blend.parent
@@ -75,6 +90,8 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     """Raise BadInputError unless a folder, which may be still to be made, takes files with these names."""
     most_of_name, most_of_path = _limits(folder)
     for name in names:
+        if sys.platform == "win32" and NOT_ON_WINDOWS.search(name):
+            raise BadInputError(f"{folder}: Windows has no files called {name!r}: change the name in the output path")
         length, whole = len(os.fsencode(name)), len(os.fsencode(folder / name))
         if length > most_of_name:
             raise BadInputError(

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
-from .files import flush, flush_folder
+from .files import flush, flush_folder, put_in_place
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
 
 REPORT_SCHEMA = 1
@@ -249,7 +249,7 @@ def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]
     try:
         yield beside
         flush(beside)
-        beside.replace(path)
+        put_in_place(beside, path)
         flush_folder(path.parent)
     except BaseException:
         with contextlib.suppress(OSError):

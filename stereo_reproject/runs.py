@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StereoReprojectError
-from .files import UnusableFileError, flush, flush_folder, is_regular, read_small
+from .files import UnusableFileError, flush, flush_folder, is_regular, put_in_place, read_small
 from .work_folder import is_running, machine
 from .worker_process import module_command, worker_environment
 
@@ -144,7 +144,7 @@ def _appear(path: Path, text: str) -> None:
             path.parent.mkdir(exist_ok=True)
             beside.write_text(text, encoding="ascii")
             flush(beside)
-            beside.replace(path)
+            put_in_place(beside, path)
             flush_folder(path.parent)
         except FileNotFoundError:
             if not left:

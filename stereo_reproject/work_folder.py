@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
-from .files import flush, flush_folder, leads_elsewhere, read_small
+from .files import flush, flush_folder, leads_elsewhere, put_in_place, read_small
 from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
@@ -284,7 +284,7 @@ def publish(
             if source == made / files[-1]:
                 # After a power cut, too, it stands beside nothing but what it vouches for.
                 flush_folder(output)
-            source.replace(destination)
+            put_in_place(source, destination)
             moved.append((source, destination))
             between_steps()
         flush_folder(output)

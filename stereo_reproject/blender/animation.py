@@ -23,7 +23,7 @@ from ..animation_report import report_path, write_animation_report
 from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
-from ..files import flush, flush_folder
+from ..files import flush, flush_folder, put_in_place
 from ..journal import Fingerprints, FrameState, Journal, digest
 from ..runs import run_at_work
 from ..settings import SceneOverrides, StereoSettings
@@ -137,8 +137,8 @@ def _make_journal(journal: Journal) -> None:
         journal.make()
     except FileExistsError as error:
         raise BadInputError(
-            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames: move it,"
-            " or choose another folder"
+            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames:"
+            " move it, or choose another folder"
         ) from error
 
 
@@ -325,7 +325,7 @@ def _put_in_place(made: Path, destination: Path) -> Path:
     """Move a finished file on the same drive to where it belongs, where it appears whole."""
     flush(made)
     try:
-        placed = made.replace(destination)
+        placed = put_in_place(made, destination)
         flush_folder(destination.parent)
         return placed
     except OSError as error:

@@ -16,6 +16,7 @@ import bpy
 from ..animation import blamed_on_output, failed_output, is_full, publish_frame
 from ..errors import StereoReprojectError
 from ..exr import VIEWS, read_eye
+from ..files import made_in
 from ..journal import Journal
 from ..memory import give_back_freed
 from ..supervisor import Session
@@ -75,7 +76,7 @@ class FrameWriter:
         try:
             eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
             deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)
-            made = {path.name: path for path in sorted(out.iterdir())}
+            made = {path.name: path for path in made_in(out)}
         except OSError as error:
             raise failed_output(self._journal.frames_folder, error) from error
         except StereoReprojectError as error:

@@ -15,6 +15,7 @@ from ..delivery.layouts import LAYOUTS, contradicting_tag, says, tagged_name
 from ..delivery.stereo_mode import write_stereo_mode_of
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import VIEWS, read_colours
+from ..files import made_in
 from .delivery import deliver_movie
 from .image_settings import format_kept
 from .layouts import LINEAR, display_values
@@ -176,7 +177,7 @@ def _span(numbers: list[int]) -> range:
 
 
 def _only_file(folder: Path) -> Path:
-    made = list(folder.iterdir()) if folder.is_dir() else []
+    made = made_in(folder) if folder.is_dir() else []
     if len(made) != 1 or not made[0].stat().st_size:
         raise StereoReprojectError("Blender wrote no movie: does its container take the codec that is set in Output?")
     return made[0]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import BadInputError
+from ..files import put_in_place, sync
 
 BLOCK_BYTES = 1 << 20
 """Copied at a time: movies have gigabytes."""
@@ -43,9 +44,9 @@ def splice(path: Path, edits: Sequence[Edit]) -> None:
         with os.fdopen(handle, "wb") as target, path.open("rb") as source:
             _copy_edited(source, target, edits)
             target.flush()
-            os.fsync(target.fileno())
+            sync(target.fileno())
         shutil.copymode(path, name)
-        Path(name).replace(path)
+        put_in_place(Path(name), path)
     except BaseException as error:
         if name is not None:
             with contextlib.suppress(OSError):

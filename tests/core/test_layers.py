@@ -59,7 +59,7 @@ NUMERIC = {
     "delivery.splicing",
     "delivery.stereo_mode",
 }
-SHARED_WORDS = {"settings", "errors", "passes"}
+SHARED_WORDS = {"settings", "errors", "files", "passes"}
 # Programs start there: they may reach for the layer above, inside the function that needs it.
 ENTRIES = {f"{ENGINE}.cli", f"{ENGINE}.worker", f"{ENGINE}.writer"}
 
