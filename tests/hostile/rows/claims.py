@@ -70,9 +70,7 @@ def whole_frames() -> Whole:
 def animate(folder: Path, *options: str) -> Outcome:
     """Render what is missing of the frames in the folder."""
     output = ("--output", folder / "frames", "--resume")
-    return run_program(
-        "animate", folder / "shot.blend", *output, *OPTIONS, *options, timeout=SECONDS, limits=MEMORY
-    )
+    return run_program("animate", folder / "shot.blend", *output, *OPTIONS, *options, timeout=SECONDS, limits=MEMORY)
 
 
 def cases() -> Iterable[Case]:
