@@ -10,7 +10,7 @@ _commands: list[Any] = []
 
 def _classes() -> tuple[type, ...]:
     """In the order in which Blender must meet them: a property group before what points to it."""
-    from . import image_panels, jobs, panels, pictures, properties, render, stereo
+    from . import image_panels, jobs, kept, panels, pictures, properties, render, stereo, viewing
 
     return (
         properties.StereoReprojectSettings,
@@ -19,6 +19,8 @@ def _classes() -> tuple[type, ...]:
         render.RENDER_OT_stereo_reproject_image,
         render.RENDER_OT_stereo_reproject_animation,
         render.STEREO_REPROJECT_OT_check_scene,
+        viewing.RENDER_OT_stereo_reproject_view_animation,
+        kept.STEREO_REPROJECT_OT_open_kept,
         stereo.STEREO_REPROJECT_OT_set_convergence,
         pictures.STEREO_REPROJECT_OT_show_picture,
         *panels.PANELS,
@@ -29,13 +31,14 @@ def _classes() -> tuple[type, ...]:
 def register() -> None:
     import bpy
 
-    from . import panels, properties
+    from . import panels, properties, viewing
     from .command import COMMAND, run_command
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
+    viewing.add_key()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -53,12 +56,13 @@ def _end() -> None:
 def unregister() -> None:
     import bpy
 
-    from . import panels
+    from . import panels, viewing
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
+    viewing.remove_key()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject
     for cls in reversed(_classes()):

@@ -9,8 +9,10 @@ import bpy
 
 from ..stereo_reproject.blender.rig import check_camera
 from ..stereo_reproject.blender.scene import camera_at, check_engine, check_layers
-from ..stereo_reproject.errors import BadInputError, StereoReprojectError
+from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.progress import clock
+from . import slots
+from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .run import Run
 
 TICK_SECONDS = 0.1
@@ -45,9 +47,17 @@ def running() -> Run | None:
 
 
 def stop_running() -> None:
-    """End what is under way, at once."""
+    """End what is under way, at once; a pair that is finished is kept on the disk."""
     while _running:
-        _running.pop().close()
+        run = _running.pop()
+        try:
+            words = _words_of_kept(run) if run.finished else ""
+            if words:
+                # Nobody is left to report to: the extension is switched off, or another file is opened.
+                print(f"Stereo Reproject was ended{words}")
+        finally:
+            run.close()
+    slots.unwatch()
     _quiet()
 
 
@@ -76,8 +86,9 @@ class JobOperator:
         """Raises StereoReprojectError."""
         raise NotImplementedError
 
-    def take(self, scene: bpy.types.Scene, run: Run) -> str:
-        """Make what the run has left the user's, and say in a line what it is. Raises StereoReprojectError."""
+    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+        """Make what the run has left the user's, and say in a line what it is; without a scene, it was deleted
+        meanwhile. Raises StereoReprojectError."""
         raise NotImplementedError
 
     @classmethod
@@ -116,9 +127,10 @@ class JobOperator:
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         self._tell(progress_of(run)[1])
-        # Blender has one render at a time, and the user may have begun another.
-        if _scene_of(run) is None:
+        # A check of a scene that was deleted is of no use; a pair is.
+        if _scene_of(run) is None and not self.uses_render_result:
             run.cancel()
+        # Blender has one render at a time, and the user may have begun another.
         delivers = self.uses_render_result and run.error is None
         if not run.finished or (delivers and bpy.app.is_job_running("RENDER")):
             return {"PASS_THROUGH"}
@@ -147,8 +159,10 @@ class JobOperator:
                 check_engine(scene)
             check_camera(camera_at(scene, scene.frame_current))
             check_layers(scene)
+            slots.watch()
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
+            slots.unwatch()
             self.report({"ERROR"}, sentence(error))
             return False
         return True
@@ -156,27 +170,26 @@ class JobOperator:
     def _finish(self) -> set[str]:
         """Hand over what came of the run, or say why there is nothing."""
         run = _running.pop()
-        kept = False
+        slots.unwatch()
+        taken = False
         try:
             if run.error is not None:
                 raise run.error
-            scene = _scene_of(run)
-            if scene is None:
-                raise BadInputError("the scene was deleted while it was rendered: its result is thrown away")
-            words = self.take(scene, run)
-            kept = True
+            words = self.take(_scene_of(run), run)
+            taken = True
         except StereoReprojectError as error:
             if run.cancelled:
                 self.report({"INFO"}, "Stereo render cancelled")
             else:
-                self.report({"ERROR"}, sentence(error))
+                self.report({"ERROR"}, sentence(error) + _words_of_kept(run))
             return {"CANCELLED"}
         except Exception as error:  # noqa: BLE001 - the user is to hear of it in a line, and the console in full
             traceback.print_exc()
-            self.report({"ERROR"}, f"A defect of Stereo Reproject: {type(error).__name__}: {sentence(error)}")
+            what = f"A defect of Stereo Reproject: {type(error).__name__}: {sentence(error)}"
+            self.report({"ERROR"}, what + _words_of_kept(run))
             return {"CANCELLED"}
         finally:
-            if not kept:
+            if not taken:
                 run.close()
         for warning in run.warnings:
             self.report({"WARNING"}, sentence(warning))
@@ -188,6 +201,17 @@ class JobOperator:
         if text != self._told:
             self._told = text
             _show(text)
+
+
+def _words_of_kept(run: Run) -> str:
+    """Keep the pair of a run that nobody has taken, and say where it is; nothing if there is none."""
+    try:
+        folder = keep_files(run)
+    except OSError as error:
+        return f". The pair could not be kept either: {error.strerror or error}"
+    return (
+        "" if folder is None else f". The pair is kept in {folder}: Render > {STEREO_REPROJECT_OT_open_kept.bl_label}"
+    )
 
 
 def _scene_of(run: Run) -> bpy.types.Scene | None:

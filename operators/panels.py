@@ -11,6 +11,7 @@ from ..stereo_reproject.blender.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import CYCLES, EEVEE
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence
+from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .properties import FILLS, promise
 from .render import (
     RENDER_OT_stereo_reproject_animation,
@@ -21,6 +22,7 @@ from .render import (
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
+from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 CHARACTER_WIDTH = 6.2
 """Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
@@ -55,6 +57,7 @@ class _Main:
         paragraph(layout, context, _means(scene))
         _draw_layout(layout, scene)
         _draw_buttons(layout)
+        _draw_kept(layout, context)
         result = result_of(scene)
         if result.report is not None and running() is None:
             paragraph(layout, context, summary(result.report) + ".")
@@ -102,6 +105,14 @@ def _draw_buttons(layout: bpy.types.UILayout) -> None:
     row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
     row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
     column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+
+
+def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Where a pair lies that could not be handed over, and a button that opens it."""
+    folder = kept_pair()
+    if folder is not None:
+        paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
+        layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")
 
 
 class _Camera:
@@ -253,3 +264,6 @@ def draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     menu.layout.separator()
     menu.layout.operator(RENDER_OT_stereo_reproject_image.bl_idname, icon="CAMERA_STEREO")
     menu.layout.operator(RENDER_OT_stereo_reproject_animation.bl_idname, icon="CAMERA_STEREO")
+    menu.layout.operator(RENDER_OT_stereo_reproject_view_animation.bl_idname, icon="PLAY")
+    if kept_pair() is not None:
+        menu.layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")

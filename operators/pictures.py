@@ -46,11 +46,49 @@ def render_result() -> bpy.types.Image | None:
     return next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
 
 
+def _image_editors() -> list[bpy.types.Area]:
+    """Those of all windows."""
+    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    return [area for area in areas if area.type == "IMAGE_EDITOR"]
+
+
+def show_image(image: bpy.types.Image) -> bool:
+    """Show an image in the first Image Editor there is; False when there is none."""
+    editors = _image_editors()
+    if editors:
+        editors[0].spaces.active.image = image
+    return bool(editors)
+
+
+REDRAWS = 50
+"""After so many redraws of a Render Result without two views, it is not the pair that is looked at."""
+
+
+def redraw_with_both_eyes() -> None:
+    """Have Image Editors drawn again once Blender knows the views of a new Render Result.
+
+    It learns of them as it draws the result, after it has chosen what to draw: the first time, that is one eye, and
+    the button for stereo is missing. F12 draws often while it renders; what was handed over is drawn once.
+    """
+    left = iter(range(REDRAWS))
+
+    def redraw() -> float | None:
+        image = render_result()
+        editors = _image_editors()
+        for area in editors:
+            area.tag_redraw()
+        waits = image is not None and editors and not image.is_stereo_3d and next(left, None) is not None
+        return 0.1 if waits else None
+
+    # After the redraw that is due already.
+    bpy.app.timers.register(redraw, first_interval=0.0)
+
+
 def show_pair() -> None:
     """Show the Render Result where it or one of our pictures is shown, or else where the user's preferences say."""
+    redraw_with_both_eyes()
     names = {NAME.format(name) for _, name, _ in PICTURES.values()}
-    spaces = [area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    editors = [space for space in spaces if space.type == "IMAGE_EDITOR" and space.image is not None]
+    editors = [area.spaces.active for area in _image_editors() if area.spaces.active.image is not None]
     # Asking Blender to show what is shown would close it.
     if any(editor.image.type == "RENDER_RESULT" for editor in editors):
         return

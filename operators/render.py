@@ -1,7 +1,7 @@
 """Render the pair of a frame or of all frames, or have a look at what it would cost."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from ..stereo_reproject.blender.animation_output import existing_as_set, folders
 from ..stereo_reproject.blender.delivery import deliver_to_result
 from ..stereo_reproject.blender.rig import frame_region
 from ..stereo_reproject.blender.scene import SMALLEST, layers_to_render
+from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.progress import USUAL, Progress
 from ..stereo_reproject.settings import SceneOverrides, StereoSettings
@@ -21,6 +22,8 @@ from .jobs import JobOperator
 from .pictures import show_pair
 from .results import keep_inspection, keep_pair, result_of
 from .run import Run, seconds_of
+from .slots import unused_slot
+from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
@@ -47,11 +50,12 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
         return Run(scene, settings, "render", files, _pair_progress(scene, settings))
 
-    def take(self, scene: bpy.types.Scene, run: Run) -> str:
-        _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
+    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+        where = _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
+        assert scene is not None
         assert run.report is not None
         keep_pair(scene, run)
-        return summary(run.report)
+        return summary(run.report) + where
 
 
 class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
@@ -70,16 +74,21 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         written = folders_of(output)
         return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
 
-    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
         report = run.report
         assert report is not None
+        where = ""
         if report["last"] is not None:
-            # What its File Output nodes write was written with each frame.
-            _deliver(scene, run, frame=report["last"], to_look_at=True)
+            try:
+                # What its File Output nodes write was written with each frame.
+                where = _deliver(scene, run, frame=report["last"], to_look_at=True)
+            except StereoReprojectError as error:
+                run.warnings.append(f"the last frame is not shown: {error}")
         run.close()
         there = len(report["there_already"])
         skipped = f", {there} were there already" if there else ""
-        return f"{report['rendered']} stereo frames rendered{skipped}: {report['files'][-1]}"
+        plays = f"; {VIEWING} plays them" if scene is not None and needs_our_player(scene) else ""
+        return f"{report['rendered']} stereo frames rendered{skipped}: {report['files'][-1]}{where}{plays}"
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
@@ -95,8 +104,10 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
             scene, settings_of(scene, preview=False), "inspect", (), Progress(time.monotonic(), USUAL["inspect"])
         )
 
-    def take(self, scene: bpy.types.Scene, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
         assert run.report is not None
+        if scene is None:
+            raise _deleted(run)
         keep_inspection(scene, run)
         run.close()
         return gain_words(run.report["predicted"])
@@ -152,15 +163,32 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _deliver(scene: bpy.types.Scene, run: Run, *, frame: int | None, to_look_at: bool) -> None:
-    """Put the eyes of a run into the scene's Render Result, and show that."""
+def _deliver(scene: bpy.types.Scene | None, run: Run, *, frame: int | None, to_look_at: bool) -> str:
+    """Put the eyes of a run into the scene's Render Result, show that, and say what is unusual about where it is."""
+    if scene is None:
+        raise _deleted(run)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
     metadata = read_metadata(run.folder / f"{VIEWS[0]}.exr")
-    deliver_to_result(scene, eyes, frame=frame, to_look_at=to_look_at, metadata=metadata)
+    with unused_slot() as slot:
+        gone = deliver_to_result(
+            scene, eyes, frame=frame, to_look_at=to_look_at, metadata=metadata, layers_then=run.layers
+        )
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()
+    if gone:
+        run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
         show_pair()
+    return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
+
+
+def _named(layers: Sequence[str]) -> str:
+    names = ", ".join(map(repr, layers))
+    return f"the view layer {names} was" if len(layers) == 1 else f"the view layers {names} were"
+
+
+def _deleted(run: Run) -> BadInputError:
+    return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
 
 
 def summary(report: Mapping[str, Any]) -> str:

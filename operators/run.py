@@ -19,6 +19,7 @@ from ..stereo_reproject.blender.devices import devices_in_use
 from ..stereo_reproject.blender.processes import UNSAVED, module_in_blender, save_copy
 from ..stereo_reproject.blender.scene import layers_to_render, scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
+from ..stereo_reproject.exr import VIEWS
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
 from ..stereo_reproject.supervisor import (
@@ -34,6 +35,8 @@ from ..stereo_reproject.work_folder import remove_abandoned, work_folder
 
 POLL_SECONDS = 0.1
 
+EYES = tuple(f"{view}.exr" for view in VIEWS)
+
 
 class _Cancel(Interrupts):
     """Ends a run from another thread."""
@@ -45,7 +48,8 @@ class _Cancel(Interrupts):
 class Run:
     """A job on a copy of the open file, in a thread that waits for its process. Its files are in `folder`.
 
-    After `finished`: `report`, or else `error`. `close` ends it, if need be, and removes the files.
+    After `finished`: `report`, or else `error`. `close` ends it, if need be, and removes the files. `layers` are the
+    scene's view layers as they were called at the start; `name` is the open file's, and `beside` the folder it is in.
     """
 
     def __init__(
@@ -63,6 +67,11 @@ class Run:
         if not scene.users:
             raise BadInputError(f"scene {scene.name!r} is shown in no window, and would not be saved with the file")
         self.uid = scene.session_uid
+        self.scene_name = scene.name
+        self.layers = [layer.name for layer in scene.view_layers]
+        opened = Path(bpy.data.filepath)
+        self.name = opened.stem or "untitled"
+        self.beside = opened.parent if bpy.data.filepath else None
         self.settings = settings
         self.stage, self.detail = "start", ""
         self.progress = progress
@@ -73,6 +82,7 @@ class Run:
         self._place = work_folder(temporary_folder(), ())
         self._files = self._place.__enter__()
         self._written = written
+        self._pair = animation is None
         self._frames: Event | None = None
         self._closed = False
         self._cancel = _Cancel()
@@ -98,6 +108,16 @@ class Run:
     @property
     def folder(self) -> Path:
         return self._files / "result"
+
+    @property
+    def temporary(self) -> Path:
+        """Where temporary files went when it started."""
+        return self._files.parent
+
+    @property
+    def holds_pair(self) -> bool:
+        """Whether the eyes of a pair are in its folder, and nowhere else: an animation has its frames in files."""
+        return self._pair and self.report is not None and all((self.folder / name).exists() for name in EYES)
 
     @property
     def finished(self) -> bool:

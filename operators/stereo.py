@@ -74,13 +74,12 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
 def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
     """Of what was nearest and farthest when the scene was last seen, with the camera's stereo settings as they are."""
     seen = result_of(scene).parallax
-    try:
-        camera = check_camera(scene.camera)
-    except BadInputError:
-        return []
     if seen is None:
         return []
-    eyes, width = stereo_cameras(camera, scene.render), frame_region(scene.render).full_width
+    try:
+        eyes, width = stereo_cameras(check_camera(scene.camera), scene.render), frame_region(scene.render).full_width
+    except BadInputError:
+        return []
     return [(name.capitalize(), parallax_at(eyes["left"], eyes["right"], _depth(seen[name]), width)) for name in seen]
 
 

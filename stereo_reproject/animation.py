@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from .errors import BadInputError, OutputError, StereoReprojectError
+from .files import flush, flush_folder, leads_elsewhere
 from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
-from .work_folder import flush, flush_folder, tells_full_disk
+from .listing import Listing
+from .work_folder import tells_full_disk
 
 POLL_SECONDS = 1.0
 """Between two looks at frames that another run has."""
@@ -26,6 +28,9 @@ FAILURES_IN_A_ROW = 3
 
 KEPT = "finished frames are kept, and --resume renders the rest"
 """What becomes of an animation that ends early, in words."""
+
+GOING_SECONDS = 0.5
+"""How long a folder of frames may take to go."""
 
 FULL_BELOW = 1 << 20
 """Bytes free on a drive that is called full."""
@@ -72,19 +77,31 @@ class FrameMaker(Protocol):
 
 
 def plan_frames(
-    journal: Journal, files: Mapping[int, Sequence[Path]], wanted: Fingerprints, existing: str
+    journal: Journal,
+    files: Mapping[int, Sequence[Path]],
+    wanted: Fingerprints,
+    existing: str,
+    *,
+    on_look: Callable[[int], None] = lambda _: None,
 ) -> FramePlan:
-    """What is to be done about frames with these files. existing is one of `animation_settings.EXISTING`.
+    """What is to be done about frames with these files. existing is one of `animation_settings.EXISTING`; on_look is
+    called for each frame of which there was something to be looked at, which takes a while.
 
     Raises BadInputError when frames are there that are not to be touched, and OSError.
     """
+    _check_folders(journal, files)
+    # Of many frames few are there as a rule, and only those are looked at.
+    known, there = journal.known_frames(), Listing()
     # Read first: a frame that another run finishes while its state is looked at replaces what was there before.
-    replaced = {record.frame: record for record in journal.records(files)}
+    replaced = {record.frame: record for record in journal.records(frame for frame in files if frame in known)}
+    states = dict.fromkeys(files, FrameState.MISSING)
     if existing == "overwrite":
         replaced = {frame: record for frame, record in replaced.items() if not journal.runs.lives(record.run)}
-        states = dict.fromkeys(files, FrameState.MISSING)
     else:
-        states = {frame: journal.state(frame, paths, wanted) for frame, paths in files.items()}
+        for frame, paths in files.items():
+            if frame in known or any(map(there.may_hold, paths)):
+                states[frame] = journal.state(frame, paths, wanted)
+                on_look(frame)
     kept = {frame: state for frame, state in states.items() if _is_kept(state, existing, files[frame])}
     if existing == "refuse":
         _check_shared(journal, states, replaced)
@@ -92,6 +109,13 @@ def plan_frames(
         _check_scene(journal, states, wanted)
     todo = {frame: state for frame, state in states.items() if frame not in kept}
     return FramePlan(todo, kept, replaced)
+
+
+def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
+    """Raises BadInputError where a frame's file would be written, through a link, somewhere else than asked for."""
+    for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
+        if folder != journal.frames_folder and leads_elsewhere(folder):
+            raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
 
 
 def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
@@ -260,6 +284,10 @@ def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReproje
 def _is_gone(folder: Path, error: Exception) -> bool:
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
     there = folder.is_dir() and (folder / JOURNAL).is_dir()
+    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        # Whoever removes it may be at it just now, and its files go first.
+        time.sleep(GOING_SECONDS)
+        there = folder.is_dir() and (folder / JOURNAL).is_dir()
     return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
 
 
@@ -277,15 +305,17 @@ def is_full(folder: Path, *, below: int = FULL_BELOW) -> bool:
 def spelled(frames: Iterable[int]) -> str:
     """Frames as people write them: 1-10, 12, 20-24:2."""
     parts: list[str] = []
-    rest = sorted(set(frames))
-    while rest:
-        step = rest[1] - rest[0] if len(rest) > 1 else 1
-        length = 1
-        while length < len(rest) and rest[length] - rest[length - 1] == step:
-            length += 1
-        if length < 3 and step > 1:
-            length = 1
-        run, rest = rest[:length], rest[length:]
+    every = sorted(set(frames))
+    begin = 0
+    while begin < len(every):
+        step = every[begin + 1] - every[begin] if begin + 1 < len(every) else 1
+        end = begin + 1
+        while end < len(every) and every[end] - every[end - 1] == step:
+            end += 1
+        if end - begin < 3 and step > 1:
+            end = begin + 1
         ending = f":{step}" if step > 1 else ""
-        parts.append(str(run[0]) if length == 1 else f"{run[0]}-{run[-1]}{ending}")
+        first, last = every[begin], every[end - 1]
+        parts.append(str(first) if end == begin + 1 else f"{first}-{last}{ending}")
+        begin = end
     return ", ".join(parts)

@@ -66,7 +66,12 @@ def number_in(row: Mapping[str, Any], *keys: str) -> float:
     value: Any = row
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else None
-    return float(value) if isinstance(value, Real) and math.isfinite(value) else math.nan
+    try:
+        number = float(value) if isinstance(value, Real) else math.nan
+    except OverflowError:
+        # Whole numbers may be larger.
+        return math.nan
+    return number if math.isfinite(number) else math.nan
 
 
 def _stages_of(row: Mapping[str, Any]) -> dict[str, float]:

@@ -212,6 +212,12 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
 
     parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="whatever the scene is known to lack before the first render is an error, such as a missing library or "
+        "texture; without it, a warning",
+    )
     override("--frame", "N", "frame", whole_number, "frame to render")
     override("--size", "WxH", "size", size, "size of one eye in pixels, such as 1920x1080")
     override("--samples", "N", "samples", whole_number, "samples per pixel")

@@ -59,9 +59,10 @@ def _style() -> Iterator[None]:
         yield
 
 
-def draw_animation_chart(report: Mapping[str, Any], path: Path) -> None:
-    """Write path.svg and path.png of what animation.json holds. Raises OSError."""
-    _draw_whole(draw_animation, report, path)
+def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
+    """Write path.svg and path.png of what animation.json holds; until_whole is as `report.whole_file` has it. Raises
+    OSError."""
+    _draw_whole(draw_animation, report, path, until_whole)
 
 
 def draw_stages_chart(prices: Mapping[str, Any], path: Path) -> None:
@@ -69,11 +70,13 @@ def draw_stages_chart(prices: Mapping[str, Any], path: Path) -> None:
     _draw_whole(draw_stages, prices, path)
 
 
-def _draw_whole(draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path) -> None:
+def _draw_whole(
+    draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path, until_whole: Path | None = None
+) -> None:
     with _style():
         figure = draw(data)
         # Several runs on the same frames may end at once.
-        with whole_file(path.with_name(f"{path.name}.svg")) as beside:
+        with whole_file(path.with_name(f"{path.name}.svg"), until_whole=until_whole) as beside:
             figure.savefig(beside, format="svg", metadata={"Date": None})
-        with whole_file(path.with_name(f"{path.name}.png")) as beside:
+        with whole_file(path.with_name(f"{path.name}.png"), until_whole=until_whole) as beside:
             figure.savefig(beside, format="png", dpi=DPI)

@@ -31,9 +31,10 @@ from .bench import BenchSettings, format_bench
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
 from .inspection import format_inspection
+from .interrupts import Interrupts, RunInterruptedError
 from .report import format_report_table, to_json, write_json
 from .settings import StereoSettings
-from .supervisor import Event, Interrupts, Job, RunInterruptedError, run_animation, run_worker
+from .supervisor import Event, Job, run_animation, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
 from .work_folder import pair_files
 
@@ -67,6 +68,8 @@ def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
         # That is how argparse ends after --help and --version.
         status = finished.code if isinstance(finished.code, int) else 0
     except StereoReprojectError as error:
+        if isinstance(error, RunInterruptedError):
+            console.let_go()
         console.complain(str(error), kind=None if isinstance(error, RunInterruptedError) else "error")
         status = error.exit_status
     except KeyboardInterrupt:
@@ -139,7 +142,7 @@ def _have_done(
 
 def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
     command = "plan" if arguments.no_sketch else "inspect"
-    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=())
+    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=(), strict=arguments.strict)
 
     def on_event(event: Event) -> None:
         # As JSON, nothing else may be on standard output.
@@ -204,7 +207,7 @@ def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: 
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
     blend = _blend_file(arguments.scene)
-    return Job(blend, _beside(arguments.output, blend), settings, **what)
+    return Job(blend, _beside(arguments.output, blend), settings, strict=arguments.strict, **what)
 
 
 def _beside(name: str, blend: Path) -> Path:

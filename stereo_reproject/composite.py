@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,17 @@ from .bands import bands
 from .camera import Camera, target_from_source, target_px_from_source_px
 from .lookup import lookup
 from .motion import Moving, standing_still, warp_motion
-from .passes import COLOUR_PASS, DEPTH_PASS, OF_SOURCE, POSITION_PASS, VECTOR_PASS, Passes, filtered, known_depth
+from .passes import (
+    COLOUR_PASS,
+    DEPTH_PASS,
+    OF_SOURCE,
+    POSITION_PASS,
+    VECTOR_PASS,
+    Passes,
+    decides,
+    filtered,
+    known_depth,
+)
 from .rectified import shift_of
 from .warp import Warp
 
@@ -127,15 +137,47 @@ def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passe
     return result
 
 
-def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
-    """The passes with NaN and infinities set to 0, and (H, W) where one of them had any; depth keeps its infinities."""
-    clean: Passes = {}
-    invalid = np.zeros(passes[COLOUR_PASS].shape[:2], bool)
+def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:
+    """Return (H, W) where a pass has NaN or infinities, by pass; those without are left out, and so is depth."""
+    found: dict[str, NDArray[np.bool_]] = {}
     for name, image in passes.items():
-        if name == DEPTH_PASS:
-            clean[name] = known_depth(image)
-            continue
         number = np.isfinite(image)
-        clean[name] = image if number.all() else np.where(number, image, 0.0).astype(np.float32)
-        invalid |= ~number.all(axis=-1)
+        if name != DEPTH_PASS and not number.all():
+            found[name] = ~number.all(axis=-1)
+    return found
+
+
+def count_pixels(found: Mapping[str, NDArray[np.bool_]]) -> int:
+    """Pixels in any of the masks."""
+    return int(np.any([*found.values()], axis=0).sum()) if found else 0
+
+
+def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
+    """The passes with NaN and infinities set to 0, and (H, W) where one that decides had any; depth keeps its
+    infinities.
+
+    Nothing else follows from a pass that does not decide (`passes.decides`): a whole surface may have an AOV that is no
+    number, and another trace of it would be none either.
+    """
+    clean, invalid = dict(passes), np.zeros(passes[COLOUR_PASS].shape[:2], bool)
+    if DEPTH_PASS in passes:
+        clean[DEPTH_PASS] = known_depth(passes[DEPTH_PASS])
+    for name, pixels in not_numbers(passes).items():
+        clean[name] = np.where(np.isfinite(passes[name]), passes[name], 0.0).astype(np.float32)
+        if decides(name):
+            invalid |= pixels
     return clean, invalid
+
+
+def spoilt(lost: Mapping[str, NDArray[np.bool_]], warp: Warp, *, interpolation: str) -> dict[str, NDArray[np.bool_]]:
+    """Return (h, w) target pixels whose lookup takes any share of what is no number in the source, by pass.
+
+    lost (H, W) are as `not_numbers` has them. Passes that decide are left out, because such pixels are traced, and so
+    is the position, which is computed from the depth.
+    """
+    found: dict[str, NDArray[np.bool_]] = {}
+    for name, pixels in lost.items():
+        if name != POSITION_PASS and not decides(name):
+            how = interpolation if filtered(name) else "nearest"
+            found[name] = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0] != 0.0
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import select
 import shutil
 import sys
 import time
@@ -102,6 +103,12 @@ class Console:
             self._line.close()
             self._line = None
 
+    def let_go(self) -> None:
+        """Say nothing any more to whoever does not read it: what waits for that would never end."""
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not _takes_more(stream):
+                _discard_output(stream)
+
     def finish(self, status: int) -> int:
         """Write out what is held back and return the exit status: `status`, or 1 in place of 0 where that fails."""
         try:
@@ -111,7 +118,7 @@ class Console:
             self._output_error = error
         if self._output_error is None:
             return status
-        _discard_output()
+        _discard_output(sys.stdout)
         if isinstance(self._output_error, BrokenPipeError):
             # Whoever reads has seen enough.
             return status
@@ -229,9 +236,18 @@ def _is_terminal(stream: TextIO | None) -> bool:
     return stream is not None and not stream.closed and stream.isatty()
 
 
-def _discard_output() -> None:
+def _takes_more(stream: TextIO) -> bool:
+    """Whether writing would not wait for whoever reads."""
+    if sys.platform == "win32":
+        return True
+    with contextlib.suppress(OSError, ValueError):
+        return bool(select.select([], [stream], [], 0.0)[1])
+    return True
+
+
+def _discard_output(stream: TextIO) -> None:
     """Python flushes standard output once more at exit; let that succeed."""
     with contextlib.suppress(OSError, io.UnsupportedOperation):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)

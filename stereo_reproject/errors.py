@@ -19,6 +19,16 @@ class OutputError(BadInputError):
     """Where the result belongs, nothing can be written: no use in going on with other frames."""
 
 
+LIMITED = "if its memory is limited (ulimit -v), allow it more"
+"""What may help a program that has met with its limit, in words."""
+
+NO_ROOM_FOR_A_LIBRARY = ("failed to map segment", "Cannot allocate memory", "cannot allocate memory")
+"""What the C libraries of Linux and macOS say when there is none."""
+
+NAME_BYTES = 63
+"""The longest name that a datablock had before Blender 5."""
+
+
 def as_told(error: Exception) -> StereoReprojectError:
     """Whatever has gone wrong, in one line; what nobody has foreseen is logged in full."""
     match error:
@@ -26,6 +36,12 @@ def as_told(error: Exception) -> StereoReprojectError:
             return error
         case MemoryError():
             return StereoReprojectError("out of memory: take a smaller size, or free some")
+        case ImportError() if any(words in str(error) for words in NO_ROOM_FOR_A_LIBRARY):
+            return StereoReprojectError(f"out of memory, a library cannot be loaded ({error}): {LIMITED}")
+        case UnicodeDecodeError():
+            # Blender keeps such bytes, and Python cannot read them; files themselves are read as bytes.
+            name = error.object[:NAME_BYTES].decode("ascii", "backslashreplace")
+            return BadInputError(f"a name in the .blend is no UTF-8 ({name}): rename what is called so in Blender")
         case OSError():
             return BadInputError(f"{error.strerror or error}: {error.filename or 'while writing'}")
     traceback.print_exception(error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -53,8 +54,7 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy, *, foreign: bool
     kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.likely is None)
     return {
         "noise_ratio": estimate.noise_ratio,
-        "low": estimate.low,
-        "high": estimate.high,
+        **_interval(estimate),
         "excess": estimate.excess,
         "promise": accuracy.promise,
         "worst_tiles": worst,
@@ -64,6 +64,12 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy, *, foreign: bool
         "tile_size": None if measured is None else measured.probes.spacing,
         "from": "rendered whole" if probed is None else "probes",
     }
+
+
+def _interval(estimate: Estimate) -> dict[str, float | None]:
+    """The ends of the 95 % interval: null for an eye that was rendered whole, of whose noise nothing is known."""
+    ends = {"low": estimate.low, "high": estimate.high}
+    return {name: end if math.isfinite(end) else None for name, end in ends.items()}
 
 
 def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | None:

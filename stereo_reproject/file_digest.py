@@ -38,15 +38,22 @@ def file_digest(path: Path, *, block: int = BLOCK, samples: int = SAMPLES) -> st
 
 def sequence_digest(path: Path) -> str:
     """Of all files that are numbered as `path` is, by their numbers; of a file without a number, of itself."""
+    found = numbered_like(path)
+    if found is None:
+        return file_digest(path)
+    return files_digest(found) if found else MISSING
+
+
+def numbered_like(path: Path) -> dict[str, Path] | None:
+    """Return the files beside `path` that are numbered as it is, by their numbers; None for a path without a number."""
     numbered = re.fullmatch(r"(.*?)(\d+)(\D*)", path.name)
     if numbered is None:
-        return file_digest(path)
+        return None
     pattern = re.compile(re.escape(numbered[1]) + r"(\d+)" + re.escape(numbered[3]))
     try:
-        found = {match[1]: file for file in path.parent.iterdir() if (match := pattern.fullmatch(file.name))}
+        return {match[1]: file for file in path.parent.iterdir() if (match := pattern.fullmatch(file.name))}
     except OSError:
-        return MISSING
-    return files_digest(found) if found else MISSING
+        return {}
 
 
 def files_digest(files: dict[str, Path]) -> str:

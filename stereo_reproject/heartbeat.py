@@ -9,7 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
-from .runs import BEAT_DIGITS, BEAT_SECONDS, Runs
+from .files import is_regular, read_small
+from .runs import BEAT_DIGITS, BEAT_SECONDS, RUN_BYTES, Runs
 
 
 def main() -> None:
@@ -21,7 +22,7 @@ def main() -> None:
         beat += 1
         # A drive that is away for a moment may come back.
         with contextlib.suppress(OSError):
-            facts = facts or path.read_bytes()[:-BEAT_DIGITS]
+            facts = facts or read_small(path, RUN_BYTES)[:-BEAT_DIGITS]
             _write_number(path, facts, f"{beat:0{BEAT_DIGITS}}".encode("ascii"))
     Runs(path.parent).clear(path.name.removeprefix("run-"))
     with contextlib.suppress(OSError):
@@ -29,6 +30,9 @@ def main() -> None:
 
 
 def _write_number(path: Path, facts: bytes, number: bytes) -> None:
+    if os.path.lexists(path) and not is_regular(path):
+        # Somebody else's by now, and perhaps one that never answers.
+        return
     try:
         with path.open("r+b") as file:
             # Over the number that is there: a full disk has room for that.

@@ -12,11 +12,15 @@ several machines with a shared drive, need no locks, which some drives do not ha
 made by one of them alone (O_EXCL), and whether a run lives is told by whether its number still changes while one looks
 on. A frame's record is written after its files, and its claim is removed after that. A run that was thought dead and
 wakes up finds its claim gone or passed on, and leaves the frame alone. What dead runs have left is removed by the next.
+
+Others may write into the folder, and a drive may damage it: only regular files of a size that ours have are read, and
+no more is taken from them than what ours say.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import math
@@ -26,16 +30,22 @@ import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
+from .errors import BadInputError
+from .files import UnusableFileError, is_regular, leads_elsewhere, open_regular, read_small, write_new
+from .frame_record import RECORD_BYTES, Record, read_record
 from .report import to_json, write_json
-from .runs import CLAIM, Runs
+from .runs import CLAIM, TOKEN, Runs
+from .settings import MAX_FRAME
 
 JOURNAL = "journal"
 """The folder, in the one that the frames are in."""
 
-RECORD_SCHEMA = 1
+NOTE_BYTES = 1 << 16
+"""What is noted of a movie, or found for others, takes at most."""
 
 FOUND_LOOKS = 20
 FOUND_SECONDS = 0.05
@@ -53,20 +63,6 @@ class FrameState(Enum):
     UNKNOWN = "not in the journal"
     OTHER_SETTINGS = "of other settings"
     OTHER_SCENE = "of another scene"
-
-
-@dataclass(frozen=True)
-class Record:
-    """A finished frame. files have their size in bytes and their SHA-256, by name; settings and scene are fingerprints,
-    run is the token of the run that rendered it, and figures what an animation's report tells of it."""
-
-    frame: int
-    files: Mapping[str, Mapping[str, Any]]
-    settings: str
-    scene: Mapping[str, str]
-    run: str
-    figures: Mapping[str, Any]
-    schema: int = RECORD_SCHEMA
 
 
 @dataclass(frozen=True)
@@ -95,8 +91,12 @@ def digest(values: Any) -> str:
 
 def checksum(path: Path) -> dict[str, Any]:
     """A file's size and SHA-256, as records have them. Raises OSError."""
-    with path.open("rb") as file:
-        return {"bytes": os.fstat(file.fileno()).st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+    with open_regular(path, follow=True) as file:
+        return _checksum_of(file)
+
+
+def _checksum_of(file: BufferedReader) -> dict[str, Any]:
+    return {"bytes": os.fstat(file.fileno()).st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
 class Journal:
@@ -112,10 +112,14 @@ class Journal:
         if self.name != plain:
             # Two that differ only in what not every drive can have are two all the same.
             self.name += f"{digest(plain)[:6]}_"
+        self._doubts: dict[str, None] = {}
+        self._told: set[str] = set()
 
     def make(self) -> None:
-        """Raises OSError."""
+        """Raises OSError, and BadInputError where a link is in its place: what dead runs have left is removed there."""
         self.folder.mkdir(exist_ok=True)
+        if leads_elsewhere(self.folder):
+            raise BadInputError(f"{self.folder} is a link to another folder: remove it, or name another for the frames")
 
     def remove_empty(self) -> None:
         """Leave no folder behind in which there is nothing."""
@@ -124,19 +128,51 @@ class Journal:
 
     def record(self, frame: int) -> Record | None:
         """What is recorded of a frame; None where there is nothing, or nothing that can be read. Raises OSError."""
+        path = self._record_path(frame)
         try:
-            return _read_record(json.loads(self._record_path(frame).read_bytes()), frame)
-        except (FileNotFoundError, NotADirectoryError, *NO_RECORD):
+            record = read_record(json.loads(read_small(path, RECORD_BYTES)))
+            if record.frame == frame:
+                return record
+            if path.stem.endswith(f"{record.frame:04d}"):
+                # It is of other frames, whose name goes on with digits.
+                return None
+            why = f"it is of frame {record.frame}"
+        except (FileNotFoundError, NotADirectoryError):
             return None
+        except UnusableFileError as error:
+            why = str(error.strerror)
+        except NO_RECORD as error:
+            # What Python's own reader of JSON says is of no use to anybody.
+            why = "it is not whole" if isinstance(error, UnicodeError | json.JSONDecodeError) else str(error)
+        self._doubt(f"{path} is no record that can be read ({why}): frame {frame} counts as not rendered")
+        return None
 
     def has_record(self, frame: int) -> bool:
         """Whether there is one, readable or not."""
-        return self._record_path(frame).exists()
+        return os.path.lexists(self._record_path(frame))
 
     def records(self, frames: Iterable[int] | None = None) -> list[Record]:
         """Those of these frames, or all that are there, in order."""
         found = (self.record(frame) for frame in (self._recorded() if frames is None else frames))
         return [record for record in found if record is not None]
+
+    def known_frames(self) -> set[int]:
+        """Frames of which there is a record, or a claim, by one look at the folder. Raises OSError."""
+        pattern = re.compile(re.escape(self.name) + r"(\d{4,})(?:\.json|\.claim\..*)", re.IGNORECASE)
+        try:
+            found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
+            return {int(match[1]) for match in found if match}
+        except (FileNotFoundError, NotADirectoryError):
+            return set()
+
+    def doubts(self) -> list[str]:
+        """What was found of records that were passed over, in a line each, and not yet told."""
+        new = [line for line in self._doubts if line not in self._told]
+        self._told.update(new)
+        return new
+
+    def _doubt(self, line: str) -> None:
+        self._doubts[line] = None
 
     def forget(self, frame: int) -> None:
         """Remove a frame's record: its files are about to be replaced. Raises OSError."""
@@ -144,7 +180,7 @@ class Journal:
 
     def write(self, record: Record) -> None:
         """Raises OSError."""
-        write_json(self._record_path(record.frame), asdict(record))
+        self._write_whole(self._record_path(record.frame), asdict(record))
 
     def state(self, frame: int, files: Collection[Path], wanted: Fingerprints) -> FrameState:
         """What there is of a frame that is to be written to these files. Raises OSError."""
@@ -169,14 +205,23 @@ class Journal:
     def _state_of_files(self, record: Record) -> FrameState:
         worst = FrameState.WHOLE
         for name, known in record.files.items():
-            path = self.frames_folder / name
             try:
-                # The size is told at once, the checksum takes a look at every byte.
-                if path.stat().st_size != known["bytes"] or checksum(path) != known:
+                if not self._is_still(name, known):
                     worst = FrameState.DAMAGED
-            except FileNotFoundError:
+            except UnusableFileError:
+                worst = FrameState.DAMAGED
+            except (FileNotFoundError, NotADirectoryError):
                 return FrameState.MISSING
         return worst
+
+    def _is_still(self, name: str, known: Mapping[str, Any]) -> bool:
+        """Whether a file is as it was recorded. Not one that a link leads to elsewhere, whatever that holds."""
+        place = Path(os.path.realpath(self.frames_folder / name))
+        if not place.is_relative_to(os.path.realpath(self.frames_folder)):
+            return False
+        with open_regular(place) as file:
+            # The size is told at once, the checksum takes a look at every byte.
+            return os.fstat(file.fileno()).st_size == known["bytes"] and _checksum_of(file) == known
 
     def take(self, frame: int, token: str) -> int | None:
         """Claim a frame for a run: the claim's number, or None where a run that lives has it. Raises OSError."""
@@ -186,15 +231,9 @@ class Journal:
         number = held[-1][0] + 1 if held else 1
         path = self.folder / f"{self._stem(frame)}{CLAIM}{number}"
         try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(token)
+            write_new(path, token)
         except FileExistsError:
             return None
-        except OSError:
-            # On a full disk there is room for a name, but not for what the file holds.
-            with contextlib.suppress(OSError):
-                path.unlink(missing_ok=True)
-            raise
         if any(self.runs.lives(self._holder(other)) for _, other in self._claims(frame) if other != path):
             # What was there when we looked had been given free since, and was claimed anew under another number.
             path.unlink(missing_ok=True)
@@ -215,39 +254,40 @@ class Journal:
         """Give a frame free, with all earlier claims to it, if the run still has it. Raises OSError."""
         if self.holds(frame, number, token):
             for _, path in self._claims(frame):
-                path.unlink(missing_ok=True)
+                # What else is called so is not ours to remove.
+                if is_regular(path):
+                    path.unlink(missing_ok=True)
 
     def note_movie(self, path: Path) -> None:
         """Remember a movie of the frames, best before it is put in its place. Raises OSError."""
         known = checksum(path)
-        write_json(self.folder / f"movie-{known['sha256'][:16]}.json", {"of": self.name, **known})
+        self._write_whole(self.folder / f"movie-{known['sha256'][:16]}.json", {"of": self.name, **known})
 
     def knows_movie(self, path: Path) -> bool:
         """Whether a file is a movie that was made of the frames, and still as it was then. Raises OSError."""
         # As a rule there is one, or none: what is to be read twice is not read at all.
         if not any(self.folder.glob("movie-*.json")):
             return False
-        known = checksum(path)
         try:
-            noted = json.loads((self.folder / f"movie-{known['sha256'][:16]}.json").read_bytes())
+            known = checksum(path)
+            noted = json.loads(read_small(self.folder / f"movie-{known['sha256'][:16]}.json", NOTE_BYTES))
             return noted == {"of": self.name, **known}
-        except (FileNotFoundError, *NO_RECORD):
+        except (FileNotFoundError, UnusableFileError, *NO_RECORD):
             return False
 
     def found(self, key: str) -> dict[str, float] | None:
         """What is there already under a key; None where there is nothing, or nothing that can be read."""
         with contextlib.suppress(OSError, *NO_RECORD):
-            read = json.loads((self.folder / f"found-{key}.json").read_bytes())
-            values = {name: float(value) for name, value in read.items()}
-            return values if all(map(math.isfinite, values.values())) else None
+            read = json.loads(read_small(self.folder / f"found-{key}.json", NOTE_BYTES))
+            if all(type(value) in (int, float) and 0 <= value < math.inf for value in read.values()):
+                return {name: float(value) for name, value in read.items()}
         return None
 
     def agree_on(self, key: str, values: Mapping[str, float]) -> dict[str, float]:
         """These, unless others were there before: of several runs that begin at once, one is heard. Raises OSError."""
         path = self.folder / f"found-{key}.json"
         try:
-            with path.open("x", encoding="utf-8") as file:
-                file.write(to_json(values))
+            write_new(path, to_json(values))
         except FileExistsError:
             for _ in range(FOUND_LOOKS):
                 known = self.found(key)
@@ -256,8 +296,13 @@ class Journal:
                 # Made a moment ago, and not yet written.
                 time.sleep(FOUND_SECONDS)
             # By a run that died just then.
-            write_json(path, values)
+            self._write_whole(path, values)
         return dict(values)
+
+    def _write_whole(self, path: Path, values: Mapping[str, Any]) -> None:
+        if path.is_dir() and not path.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, f"{path.name} in {JOURNAL} is a folder: move it", str(path))
+        write_json(path, values)
 
     def _is_claimed(self, frame: int) -> bool:
         return self._is_held(self._claims(frame))
@@ -272,30 +317,39 @@ class Journal:
         return f"{self.name}{frame:04d}"
 
     def _recorded(self) -> Iterator[int]:
-        pattern = re.compile(re.escape(self.name) + r"(\d{4,})\.json")
+        pattern = re.compile(re.escape(self.name) + r"([0-9]{4,9})\.json")
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-            found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
-            yield from sorted(int(match[1]) for match in found if match)
+            found = [match for path in self.folder.iterdir() if (match := pattern.fullmatch(path.name))]
+            for match in found:
+                if not self._is_canonical(match):
+                    self._doubt_twin(self.folder / match.string, int(match[1]))
+            frames = (int(match[1]) for match in found if self._is_canonical(match))
+            yield from sorted(frame for frame in frames if frame <= MAX_FRAME)
+
+    def _is_canonical(self, match: re.Match[str]) -> bool:
+        return match.string == self._record_path(int(match[1])).name
+
+    def _doubt_twin(self, path: Path, frame: int) -> None:
+        """Name a second record of a frame. With another zero it may also be one of other frames, whose files tell."""
+        with contextlib.suppress(OSError, *NO_RECORD):
+            files = read_record(json.loads(read_small(path, RECORD_BYTES))).files
+            if any(Path(name).name.startswith(self._stem(frame)) for name in files):
+                self._doubt(f"{path} is passed over: the record of frame {frame} is {self._record_path(frame).name}")
 
     def _claims(self, frame: int) -> list[tuple[int, Path]]:
         """A frame's claims by their numbers, the one that holds it last."""
-        found = self.folder.glob(f"{self._stem(frame)}{CLAIM}*")
-        return sorted((int(path.suffix[1:]), path) for path in found if path.suffix[1:].isdecimal())
+        pattern = re.compile(re.escape(f"{self._stem(frame)}{CLAIM}") + r"([1-9][0-9]{0,17})")
+        found = ((pattern.fullmatch(path.name), path) for path in self.folder.glob(f"{self._stem(frame)}{CLAIM}*"))
+        return sorted((int(match[1]), path) for match, path in found if match)
 
     def _holder(self, claim: Path) -> str:
         try:
-            # Without a name in it, it was made a moment ago or by a run that died just then.
-            return claim.read_text(encoding="utf-8") or claim.name
-        except FileNotFoundError:
+            token = read_small(claim, len("0123456789abcdef")).decode("ascii", "replace")
+        except (FileNotFoundError, UnusableFileError):
+            # Given free, or nothing that a run has made.
             return ""
-
-
-def _read_record(fields: Any, frame: int) -> Record | None:
-    """A record from JSON, which may be anything: whatever is not as it should be raises, or gives None."""
-    files = {name: {"bytes": int(f["bytes"]), "sha256": str(f["sha256"])} for name, f in fields["files"].items()}
-    plain = {key: dict(fields[key]) for key in ("scene", "figures")}
-    record = Record(**{**fields, **plain, "files": files})
-    return record if record.schema == RECORD_SCHEMA and record.frame == frame and files else None
+        # Without a name in it, it was made a moment ago, or by a run that died just then, or its drive lost power.
+        return token if TOKEN.fullmatch(token) else claim.name
 
 
 def _has_content(path: Path) -> bool:

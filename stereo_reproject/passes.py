@@ -171,6 +171,12 @@ def is_light(name: str) -> bool:
     return name in _LIGHT or name.startswith(_LIGHT_GROUP)
 
 
+def decides(name: str) -> bool:
+    """Whether the pass decides what a pixel looks like: its light, all parts of which must add up, and what is asked
+    for to denoise it or to tell what it shows."""
+    return is_light(name) or name in OURS
+
+
 def pass_letters(name: str, channels: int) -> str:
     """A letter for each channel of a pass, as Blender names them."""
     if channels == 1:

@@ -15,7 +15,7 @@ from .accounting import Account, accounts
 from .accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from .camera import Camera, see_the_same
 from .carrying import Carry
-from .composite import contain
+from .composite import contain, count_pixels, not_numbers, spoilt
 from .denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from .effects import Effect, EffectsPlan
 from .effects_pass import UNKNOWN, effects_of
@@ -153,6 +153,7 @@ def render_stereo_frame(
     watch.lap("source")
     rendered, cost = renderer.render_source(settings.source)
     source, invalid = contain(rendered)
+    lost = not_numbers(rendered)
 
     may_differ = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
     watched = may_differ and not renderer.foreign
@@ -201,7 +202,7 @@ def render_stereo_frame(
     refinement = target.refine()
 
     watch.lap("composite")
-    finished, lost = contain(target.passes)
+    finished, lost_in_target = _without_lost(target, lost, reprojection, interpolation)
     if denoising is not None:
         watch.lap("denoise_target")
         finished = denoise_target(finished, target.kept, denoising, refined=target.refined)
@@ -228,7 +229,7 @@ def render_stereo_frame(
         source_cost=cost,
         accounts=spent,
         price=price,
-        invalid_pixels={settings.source: int(invalid.sum()), settings.target: int(lost.sum())},
+        invalid_pixels={settings.source: count_pixels(lost), settings.target: lost_in_target},
         metadata=dict(renderer.metadata),
         correction=target.correction if isinstance(target, MatchedEye) else None,
         warped_by=reprojection.carried_by,
@@ -250,6 +251,21 @@ def _target_eye(
     if renderer.foreign:
         return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
+
+
+def _without_lost(
+    target: TargetEye, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, interpolation: str
+) -> tuple[Passes, int]:
+    """Return the target's passes with 0 for what is no number, or was looked up where the source has none, and in how
+    many pixels that is."""
+    finished, _ = contain(target.passes)
+    dark = not_numbers(target.passes)
+    for name, pixels in spoilt(lost, reprojection.warp, interpolation=interpolation).items():
+        warped = pixels & ~target.traced
+        if name in finished and warped.any():
+            finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
+            dark[name] = warped | dark.get(name, False)
+    return finished, count_pixels(dark)
 
 
 def _warp_stage(

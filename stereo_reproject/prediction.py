@@ -88,15 +88,26 @@ def sketch_accuracy(accuracy: Accuracy, scale: float) -> Accuracy:
     return replace(accuracy, silhouette_step=accuracy.silhouette_step * scale, colour_tolerance=0.0)
 
 
-def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
-    """The cost of the source eye at its own size: what a call takes apart from its samples stays, samples add up."""
+def predict_samples(sketch: Sketch, pixels: int, samples: int, limit: float) -> int:
+    """Return the samples, at most `samples`, that the source eye comes to in `limit` seconds (0: in any time)."""
+    per_sample = _sample_seconds(sketch) * pixels
+    return samples if limit <= 0.0 or per_sample * samples <= limit else max(int(limit / per_sample), 1)
+
+
+def _sample_seconds(sketch: Sketch) -> float:
+    """Seconds of a sample of a pixel."""
     first, second = (s - sync for s, sync in zip(sketch.seconds, sketch.sync_seconds, strict=True))
     few, more = sketch.samples
     per_sample = (second - first) / (sketch.pixels * (more - few))
-    if per_sample <= 0.0:
-        # Lost among what a call costs anyway.
-        per_sample = max(second, 0.0) / (sketch.pixels * more)
-    fixed = max(first - per_sample * sketch.pixels * few, 0.0)
+    # Else it is lost among what a call costs anyway.
+    return per_sample if per_sample > 0.0 else max(second, 0.0) / (sketch.pixels * more)
+
+
+def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
+    """The cost of the source eye at its own size: what a call takes apart from its samples stays, samples add up."""
+    per_sample = _sample_seconds(sketch)
+    first = sketch.seconds[0] - sketch.sync_seconds[0]
+    fixed = max(first - per_sample * sketch.pixels * sketch.samples[0], 0.0)
     sync = sketch.sync_seconds[0]
     return SourceCost(sync + fixed + per_sample * pixels * samples, sync)
 

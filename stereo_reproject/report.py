@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
+from .files import flush, flush_folder
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
-from .work_folder import flush
 
 REPORT_SCHEMA = 1
 
@@ -82,6 +82,7 @@ def _is_size(value: Any) -> bool:
 _Rule = tuple[Callable[[Any], bool], str]
 _TEXT: _Rule = (_is_text, "a text")
 _COUNT: _Rule = (_is_count, "a whole number from 0")
+_COUNT_OR_NULL: _Rule = (lambda value: value is None or _is_count(value), "a whole number from 0, or null")
 _AMOUNT: _Rule = (_is_amount, "a finite number from 0")
 _FRACTION: _Rule = (_is_fraction, "a fraction from 0 to 1")
 # Without noise a ratio to it has no value: such a figure is kept as null, not left out.
@@ -177,6 +178,9 @@ def check_report(report: Mapping[str, Any]) -> None:
         _check("compare.no_noise", report["compare"].get("no_noise", ""), _TEXT)
     _check_parts(report)
     _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
+    if "time_limit" in report:
+        _check("time_limit", report["time_limit"], _AMOUNT)
+        _check("samples_rendered", report.get("samples_rendered"), _COUNT_OR_NULL)
     warnings = report.get("warnings", [])
     _check("warnings", warnings, (lambda value: isinstance(value, (list, tuple)), "a list of texts"))
     for warning in warnings:
@@ -197,12 +201,12 @@ def _check_parts(report: Mapping[str, Any]) -> None:
             _check(f"layers.{name}", row.get(name), rule)
 
 
-def _strict(value: Any) -> Any:
+def strict(value: Any) -> Any:
     """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
     if isinstance(value, Mapping):
-        return {str(name): _strict(item) for name, item in value.items()}
+        return {str(name): strict(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_strict(item) for item in value]
+        return [strict(item) for item in value]
     if isinstance(value, (str, bool)) or value is None:
         return value
     if isinstance(value, Integral):
@@ -210,13 +214,13 @@ def _strict(value: Any) -> Any:
     if isinstance(value, Real):
         return float(value) if math.isfinite(value) else None
     if hasattr(value, "item"):
-        return _strict(value.item())
+        return strict(value.item())
     raise TypeError(f"{type(value).__name__} has no place in JSON")
 
 
 def to_json(data: Mapping[str, Any]) -> str:
     """`data` as strict JSON, in lines."""
-    return json.dumps(_strict(data), indent=2, allow_nan=False)
+    return json.dumps(strict(data), indent=2, allow_nan=False)
 
 
 def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
@@ -227,18 +231,25 @@ def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path |
         beside.write_text(text, encoding="utf-8", newline="\n")
 
 
+def beside_name(name: str) -> str:
+    """What a file is called until it is whole: unlike any other."""
+    return f".{name}.{secrets.token_hex(8)}.tmp"
+
+
 @contextlib.contextmanager
 def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
     """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
 
-    until_whole is the folder, on the same drive, that it is in before; without one it is the file's own.
+    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; without
+    one it is the file's own.
     """
     # A process of another machine, on a shared drive, may have the same number.
-    beside = (until_whole or path.parent) / f".{path.name}.{secrets.token_hex(8)}.tmp"
+    beside = (until_whole or path.parent) / beside_name(path.name)
     try:
         yield beside
         flush(beside)
         beside.replace(path)
+        flush_folder(path.parent)
     except BaseException:
         with contextlib.suppress(OSError):
             beside.unlink()
@@ -357,12 +368,22 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     return []
 
 
+def samples_text(report: Mapping[str, Any]) -> str:
+    """The samples of a pixel, as a person reads it: with a time limit, how many of them the source came to."""
+    samples = report["samples"]
+    if report.get("time_limit") is None:
+        return f"{samples} samples"
+    rendered = report["samples_rendered"]
+    count = "an unknown number" if rendered is None else rendered
+    return f"{count} of {samples} samples in {report['time_limit']:g} s"
+
+
 def format_report_table(report: Mapping[str, Any]) -> str:
     """The short summary of a checked report, in lines of plain ASCII save for what the report itself quotes."""
     size = "x".join(map(str, report["size"]))
-    samples, peak = report["samples"], report["memory"]["peak_mb"]
+    peak = report["memory"]["peak_mb"]
     lines = [
-        f"{report['scene']}, frame {report['frame']}, {size}, {samples} samples, {report['accuracy']}",
+        f"{report['scene']}, frame {report['frame']}, {size}, {samples_text(report)}, {report['accuracy']}",
         *_seconds_lines(report),
         *_layers_lines(report),
         *_traced_lines(report),

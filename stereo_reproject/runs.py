@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import secrets
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StereoReprojectError
+from .files import UnusableFileError, flush, flush_folder, is_regular, read_small
 from .work_folder import is_running, machine
 from .worker_process import module_command, worker_environment
 
@@ -25,6 +27,17 @@ APPEARANCES = 5
 
 CLAIM = ".claim."
 """In the name of a file by which a run has claimed something."""
+
+TOKEN = re.compile(r"[0-9a-f]{16}")
+"""What a run is called by."""
+
+RUN_FILE = re.compile(rf"run-({TOKEN.pattern})")
+CLAIM_FILE = re.compile(r"[A-Za-z0-9._-]*[0-9]{4,}\.claim\.[1-9][0-9]{0,17}")
+UNFINISHED_FILE = re.compile(rf"\.(run-{TOKEN.pattern}|[A-Za-z0-9._-]+\.(json|png|svg)\.{TOKEN.pattern})\.tmp")
+"""Files of these names are ours, and so to be removed when no run needs them any more."""
+
+RUN_BYTES = 4096
+"""What a run's file takes at most."""
 
 STALE_SECONDS = 90.0
 """A run whose number has not changed for so long is dead. Drives may show for a minute what a file held before."""
@@ -41,16 +54,10 @@ class Runs:
 
     def lives(self, token: str) -> bool:
         """Whether a run may still be at work; found dead at once on this machine, on another after a while."""
-        if not token:
-            return False
-        path = self.path(token)
         try:
-            content = path.read_bytes()
-        except FileNotFoundError:
-            # A claim that names no run yet is watched as if it were one.
-            if CLAIM not in token or not (self._folder / token).exists():
-                return False
-            content = b""
+            content = self._content(token)
+        except (FileNotFoundError, UnusableFileError):
+            return False
         if _is_dead_here(content):
             return False
         now = self._clock()
@@ -58,6 +65,15 @@ class Runs:
         if token not in self._seen or self._seen[token][0] != beat:
             self._seen[token] = beat, now
         return now - self._seen[token][1] < self._stale
+
+    def _content(self, token: str) -> bytes:
+        """What the file of a run holds; FileNotFoundError where there is none, or what was named is no run."""
+        if TOKEN.fullmatch(token):
+            return read_small(self.path(token), RUN_BYTES)
+        # A claim that names no run yet is watched as if it were one.
+        if CLAIM_FILE.fullmatch(token) and is_regular(self._folder / token):
+            return b""
+        raise FileNotFoundError(token)
 
     def path(self, token: str) -> Path:
         return self._folder / f"run-{token}"
@@ -69,23 +85,33 @@ class Runs:
         """
         # Listed before the runs are: whatever appears later is of a run that is there by then.
         with contextlib.suppress(OSError):
-            left = [path for pattern in (f"*{CLAIM}*", ".*.tmp") for path in self._folder.glob(pattern)]
-            others = {path.name.removeprefix("run-") for path in self._folder.glob("run-*")} - {own}
+            left = [path for path in self._folder.iterdir() if _is_left_over(path)]
+            others = self._tokens() - {own}
             dead = {token for token in others if not self.lives(token)}
             for path in [*map(self.path, dead), *(left if dead == others else ())]:
                 path.unlink(missing_ok=True)
 
     def any_lives(self, *, but: str) -> bool:
         """Whether any run is at work, but for this one. Raises OSError."""
-        tokens = (path.name.removeprefix("run-") for path in self._folder.glob("run-*"))
-        return any(token != but and self.lives(token) for token in tokens)
+        return any(token != but and self.lives(token) for token in self._tokens())
+
+    def _tokens(self) -> set[str]:
+        """Of the runs that have a file. Raises OSError."""
+        found = ((RUN_FILE.fullmatch(path.name), path) for path in self._folder.iterdir())
+        return {match[1] for match, path in found if match and is_regular(path)}
+
+
+def _is_left_over(path: Path) -> bool:
+    """Whether it is a claim or an unfinished file of ours; such a name alone makes nothing else so."""
+    named_so = CLAIM_FILE.fullmatch(path.name) or UNFINISHED_FILE.fullmatch(path.name)
+    return named_so is not None and is_regular(path)
 
 
 def _is_dead_here(content: bytes) -> bool:
     """Whether it is a run of this machine whose process is gone."""
-    with contextlib.suppress(ValueError, LookupError, TypeError):
+    with contextlib.suppress(ValueError, LookupError, TypeError, RecursionError):
         facts = json.loads(content.splitlines()[0])
-        return facts["machine"] == machine() and not is_running(int(facts["pid"]))
+        return type(facts["pid"]) is int and facts["machine"] == machine() and not is_running(facts["pid"])
     return False
 
 
@@ -117,10 +143,18 @@ def _appear(path: Path, text: str) -> None:
         try:
             path.parent.mkdir(exist_ok=True)
             beside.write_text(text, encoding="ascii")
+            flush(beside)
             beside.replace(path)
+            flush_folder(path.parent)
         except FileNotFoundError:
             if not left:
                 raise
+        except OSError:
+            # The disk is full, and is not to hold what comes to nothing.
+            for half in (beside, path):
+                with contextlib.suppress(OSError):
+                    half.unlink(missing_ok=True)
+            raise
         else:
             return
 

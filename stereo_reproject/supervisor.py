@@ -9,7 +9,8 @@ The worker (`python -m stereo_reproject.worker`)
 stdin    one line of JSON: {"command": what to do, "blend" (null where no scene is opened), "output" (null without
          files), "work": absolute paths, "settings": StereoSettings as nested dicts, "files": those to be made, "only":
          names of runs, "session": a Session as a dict, "animation": AnimationSettings as a dict, or null, "bench":
-         BenchSettings as a dict, or null}.
+         BenchSettings as a dict, or null, "strict": whether a warning that is known before the first render is an
+         error}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
@@ -31,27 +32,23 @@ from __future__ import annotations
 
 import contextlib
 import json
-import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
 from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
+from .interrupts import Interrupts, RunInterruptedError
+from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
 from .settings import StereoSettings
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
-
-_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
-_SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
 Event = dict[str, Any]
 
@@ -86,6 +83,8 @@ class Job:
     blend is None where no scene is opened. files are those that the command (one of `worker.COMMANDS`) is to make, the
     one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
     have; without any it has all. animation is how the frames of one are rendered, bench what is measured of the warp.
+    strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
+    is no setting of those that tell whether a frame is to be rendered again.
     """
 
     blend: Path | None
@@ -97,6 +96,7 @@ class Job:
     session: Session = field(default_factory=Session)
     animation: AnimationSettings | None = None
     bench: BenchSettings | None = None
+    strict: bool = False
 
     @property
     def program(self) -> str:
@@ -104,49 +104,8 @@ class Job:
         return "Blender" if self.bench is None else "the measurement"
 
 
-class RunInterruptedError(StereoReprojectError):
-    """A signal ended the run."""
-
-    def __init__(self, signum: int, kept: str = "no result was written") -> None:
-        super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; {kept}")
-        self.signum = signum
-        self.exit_status = 128 + signum
-
-
 class WorkerCrashedError(StereoReprojectError):
     """Blender ended without a word."""
-
-
-class Interrupts:
-    """Holds back the signals that end a run until `check` is called, at a moment when nothing is half done."""
-
-    def __init__(self) -> None:
-        self._received: int | None = None
-        self._previous: dict[int, Any] = {}
-
-    def __enter__(self) -> Interrupts:
-        if threading.current_thread() is not threading.main_thread():
-            return self
-        for signum in _SIGNALS:
-            previous = signal.getsignal(signum)
-            # Under nohup a run is meant to outlive its terminal.
-            if previous == signal.SIG_IGN and signum != signal.SIGINT:
-                continue
-            self._previous[signum] = signal.SIG_DFL if previous is None else previous
-            signal.signal(signum, self._receive)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for signum, previous in self._previous.items():
-            signal.signal(signum, previous)
-
-    def _receive(self, signum: int, _frame: FrameType | None) -> None:
-        self._received = self._received or signum
-
-    def check(self) -> None:
-        """Raise RunInterruptedError if a signal has come."""
-        if self._received is not None:
-            raise RunInterruptedError(self._received)
 
 
 def run_worker(
@@ -164,11 +123,11 @@ def run_worker(
     then nothing of the run is left behind.
     """
     interrupts = interrupts or Interrupts()
-    with _work_folder(job) as work:
+    with _work_folder(job) as work, _plain_blend(job) as blend, interrupts.until_cleaning():
         interrupts.check()
-        with start_worker(command, work) as worker:
-            worker.send(_message(job, work))
-            done = _listen(worker, on_event, on_tick, interrupts, program=job.program, kept=_kept_by(job))
+        with start_worker(command, work) as worker, _told_when_gone(job, worker):
+            worker.send(_message(job, work, blend))
+            done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
@@ -192,11 +151,13 @@ def run_animation(
 ) -> dict[str, Any]:
     """`run_worker` for an animation, which goes on with the other frames when Blender ends on one of them.
 
-    It does so until several have ended one after the other without a frame that was finished in between.
+    It does so until several have ended one after the other without a frame that was finished in between. on_event gets
+    a warning once, however often Blender is started and finds it again.
     """
     animation = job.animation
     assert animation is not None
     done: list[int] = []
+    tell = _each_warning_once(on_event)
     stage: Event = {}
     crashes = 0
 
@@ -207,7 +168,7 @@ def run_animation(
             crashes = 0
         elif event["event"] == "stage":
             stage = event
-        on_event(event)
+        tell(event)
 
     while True:
         stage = {}
@@ -232,6 +193,20 @@ def run_animation(
             on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
 
 
+def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:
+    """Pass events on, but for warnings that were passed on before."""
+    said: set[str] = set()
+
+    def tell(event: Event) -> None:
+        message = str(event.get("message"))
+        if event["event"] != "warning" or message not in said:
+            on_event(event)
+        if event["event"] == "warning":
+            said.add(message)
+
+    return tell
+
+
 @contextlib.contextmanager
 def _work_folder(job: Job) -> Iterator[Path]:
     if job.output is not None:
@@ -243,11 +218,45 @@ def _work_folder(job: Job) -> Iterator[Path]:
         yield work
 
 
-def _message(job: Job, work: Path) -> bytes:
-    """The job as the worker is told it."""
+@contextlib.contextmanager
+def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
+    """Whatever a run fails with whose folder was removed under way, that is why. An animation says it itself."""
+    try:
+        yield
+    except RunInterruptedError:
+        raise
+    except StereoReprojectError as error:
+        # Blender makes folders that are missing, but no log.
+        if job.command == "animate" or worker.log.exists():
+            raise
+        folder = tempfile.gettempdir() if job.output is None else job.output
+        raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error
+
+
+@contextlib.contextmanager
+def _plain_blend(job: Job) -> Iterator[Path | None]:
+    if job.blend is None:
+        yield None
+        return
+    with plain_blend(job.blend) as blend:
+        yield blend
+
+
+def _known_names(work: Path, blend: Path | None) -> dict[bytes, bytes]:
+    """Paths that stand in for others, and those in their place, as JSON has them."""
+    plain = {str(folder): str(folder.resolve()) for folder in (work, blend and blend.parent) if folder}
+    return {_json_text(name): _json_text(known) for name, known in plain.items() if name.startswith(STAND_INS)}
+
+
+def _json_text(text: str) -> bytes:
+    return json.dumps(text)[1:-1].encode()
+
+
+def _message(job: Job, work: Path, blend: Path | None) -> bytes:
+    """The job as the worker is told it; blend is how Blender finds the job's."""
     fields = {
         "command": job.command,
-        "blend": None if job.blend is None else str(job.blend),
+        "blend": None if blend is None else str(blend),
         "output": None if job.output is None else str(job.output),
         "work": str(work),
         "settings": asdict(job.settings),
@@ -256,6 +265,7 @@ def _message(job: Job, work: Path) -> bytes:
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
         "bench": None if job.bench is None else asdict(job.bench),
+        "strict": job.strict,
     }
     return json.dumps(fields).encode() + b"\n"
 
@@ -273,10 +283,13 @@ def _listen(
     on_tick: Callable[[], None],
     interrupts: Interrupts,
     *,
-    program: str,
-    kept: str,
+    job: Job,
+    names: Mapping[bytes, bytes],
 ) -> Event:
-    """Pass the worker's events on until it is done and has ended; return its "done" event."""
+    """Pass the worker's events on until it is done and has ended; return its "done" event.
+
+    names are as `_known_names` has them.
+    """
     stage: Event = {"event": "stage", "stage": "start", "fraction": None}
     while True:
         interrupts.check()
@@ -289,8 +302,10 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), program=program, kept=kept))
-        event = _parse(line)
+            raise WorkerCrashedError(
+                crash_message(worker, str(stage["stage"]), program=job.program, kept=_kept_by(job))
+            )
+        event = _parse(line, names)
         match event.get("event"):
             case "stage":
                 stage = {"stage": "", "fraction": None, **event}
@@ -307,7 +322,9 @@ def _listen(
                 return event
 
 
-def _parse(line: bytes) -> Event:
+def _parse(line: bytes, names: Mapping[bytes, bytes]) -> Event:
+    for name, known in names.items():
+        line = line.replace(name, known)
     try:
         event = json.loads(line)
     except ValueError:

@@ -27,6 +27,8 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
+from .files import flush, flush_folder, leads_elsewhere, read_small
+from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
 FILES = (
@@ -58,6 +60,7 @@ def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
 WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0
 RETRY_SECONDS = 0.05
+PID_BYTES = 4096
 # A work folder without a pid may belong to a run that is just starting, on another machine.
 NAMELESS_SECONDS = 60.0
 
@@ -69,8 +72,8 @@ _own: set[str] = set()
 def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
     """A private folder inside `output`, which is made if need be and is to take these files.
 
-    Afterwards the folder is gone, and `output` too if it was made here and is empty. Raises BadInputError if `output`
-    cannot be used.
+    Its path is one that Blender reads as it stands. Afterwards the folder is gone, and `output` too if it was made here
+    and is empty. Raises BadInputError if `output` cannot be used.
     """
     created: list[Path] = []
     work: Path | None = None
@@ -86,13 +89,15 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
                 (work / name).mkdir()
         except OSError as error:
             raise _failed_write(output, error) from error
-        yield work
+        with plain_path(work) as plain:
+            yield plain
     finally:
         if work is not None:
+            owner = _owner(work)
             _remove_tree(work)
             _own.discard(os.path.realpath(work))
             # Of those that worked beside this one, some may have been killed meanwhile.
-            remove_abandoned(output)
+            remove_abandoned(output, owner=owner)
         for folder in reversed(created):
             with contextlib.suppress(OSError):
                 folder.rmdir()
@@ -147,8 +152,8 @@ def tells_full_disk(error: OSError) -> bool:
     return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
-def _remove_tree(folder: Path) -> None:
-    deadline = time.monotonic() + REMOVAL_SECONDS
+def _remove_tree(folder: Path, *, seconds: float = REMOVAL_SECONDS) -> None:
+    deadline = time.monotonic() + seconds
     # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
     while True:
         shutil.rmtree(folder, ignore_errors=True)
@@ -157,17 +162,38 @@ def _remove_tree(folder: Path) -> None:
         time.sleep(RETRY_SECONDS)
 
 
-def remove_abandoned(output: Path) -> None:
-    """Remove the work folders of runs that were killed before they could do it themselves."""
-    for folder in output.glob(f"{WORK_PREFIX}*"):
-        in_use = os.path.realpath(folder) in _own
-        if folder.is_dir() and not folder.is_symlink() and not in_use and _is_abandoned(folder):
-            _remove_tree(folder)
+def remove_abandoned(output: Path, *, owner: int | None = None) -> None:
+    """Remove the work folders of runs that were killed before they could do it themselves.
+
+    Those of other users stay, and cost nothing: a folder for temporary files is full of them. owner is whose folders
+    are one's own, where the drive makes them another user's.
+    """
+    if owner is None and sys.platform != "win32":
+        owner = os.geteuid()
+    for folder in _work_folders(output):
+        if _owner(folder) in (owner, None) and os.path.realpath(folder) not in _own and _is_abandoned(folder):
+            # Its processes are long gone: what cannot be removed now cannot be in two seconds either.
+            _remove_tree(folder, seconds=0.0)
+
+
+def _work_folders(output: Path) -> list[Path]:
+    with contextlib.suppress(OSError):
+        named_so = [path for path in output.iterdir() if path.name.startswith(WORK_PREFIX)]
+        return [path for path in named_so if not leads_elsewhere(path) and path.is_dir()]
+    return []
+
+
+def _owner(folder: Path) -> int | None:
+    """Whose it is; None where the system does not say, or it is gone."""
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            return folder.lstat().st_uid
+    return None
 
 
 def _is_abandoned(folder: Path) -> bool:
     try:
-        pid, _, host = (folder / "pid").read_text(encoding="utf-8").partition("\n")
+        pid, _, host = read_small(folder / "pid", PID_BYTES).decode("utf-8").partition("\n")
         # A shared drive: whether a process of another machine lives cannot be known here.
         if host.strip() not in ("", machine()):
             return False
@@ -237,6 +263,7 @@ def publish(
     between_steps: Callable[[], None],
 ) -> None:
     """Move the finished files from `work` into `output`, all of them or none; the last of them vouches for the others.
+    When this is back they are on the disk.
 
     superseded are further files of an earlier run, which would not belong to these. between_steps is called after each
     move; if it raises, the moves are undone and the exception goes on. Raises BadInputError if `output` cannot be
@@ -254,9 +281,13 @@ def publish(
         steps = [(output / name, old / name) for name in earlier if os.path.lexists(output / name)]
         steps += [(made / name, output / name) for name in files]
         for source, destination in steps:
+            if source == made / files[-1]:
+                # After a power cut, too, it stands beside nothing but what it vouches for.
+                flush_folder(output)
             source.replace(destination)
             moved.append((source, destination))
             between_steps()
+        flush_folder(output)
     except BaseException as error:
         for source, destination in reversed(moved):
             with contextlib.suppress(OSError):
@@ -264,22 +295,3 @@ def publish(
         if isinstance(error, OSError):
             raise _failed_write(output, error) from error
         raise
-
-
-def flush(path: Path) -> None:
-    """Have a file on the disk, and not only on its way there."""
-    with path.open("r+b") as file:
-        os.fsync(file.fileno())
-
-
-def flush_folder(folder: Path) -> None:
-    """Have on the disk what a folder's files are called, as far as the system lets one ask for that."""
-    if sys.platform == "win32":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        # Some network drives cannot.
-        with contextlib.suppress(OSError):
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

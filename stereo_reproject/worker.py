@@ -13,11 +13,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .animation_settings import AnimationSettings
 from .errors import as_told
+from .report import strict
 from .settings import SceneOverrides, StereoSettings
 
 if TYPE_CHECKING:
@@ -29,7 +31,8 @@ Emit = Callable[..., None]
 
 def main() -> None:
     emit = _open_events()
-    job = json.loads(sys.stdin.readline())
+    # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
+    job = json.loads(sys.stdin.buffer.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     status = 0
     try:
@@ -48,7 +51,8 @@ def _open_events() -> Emit:
     os.dup2(2, 1)
 
     def emit(event: str, **fields: Any) -> None:
-        stream.write(json.dumps({"event": event, **fields}) + "\n")
+        # As in report.json: what is no number is null, for a window too.
+        stream.write(json.dumps(strict({"event": event, **fields}), allow_nan=False) + "\n")
         stream.flush()
 
     return emit
@@ -56,7 +60,7 @@ def _open_events() -> Emit:
 
 def _end_with_parent() -> None:
     """The parent keeps our standard input open while it lives."""
-    while sys.stdin.read(1):
+    while sys.stdin.buffer.read(1):
         pass
     os._exit(1)
 
@@ -70,8 +74,8 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
     """Render the pair of one frame into work/out."""
     from .blender.frame import render_files
 
-    work = Path(job["work"])
-    scene, loaded = _open(job, emit)
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, loaded = _open(job, emit, warn)
     report, files = render_files(
         scene,
         _settings(job["settings"]),
@@ -80,7 +84,7 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
         load_seconds=loaded,
         on_stage=_on_stage(emit),
     )
-    _finish(report, files, emit)
+    _finish(report, files, emit, warn)
 
 
 def _animate(job: dict[str, Any], emit: Emit) -> None:
@@ -89,12 +93,13 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
     from .blender.animation import render_animation_files
     from .supervisor import Session
 
-    scene, _ = _open(job, emit)
+    warn = _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
     told = Told(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
-        lambda text: emit("warning", message=text),
+        warn,
     )
     report = render_animation_files(
         scene,
@@ -117,21 +122,21 @@ def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     check_charts()
     from .blender.price_list import render_prices
 
-    work = Path(job["work"])
-    scene, _ = _open(job, emit)
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
     settings, only = _settings(job["settings"]), job["only"]
     prices, files = render_prices(scene, settings, work, only=only, on_stage=_on_stage(emit))
-    _finish(prices, files, emit)
+    _finish(prices, files, emit, warn)
 
 
 def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
     """Say what the scene calls for, and what its pair will cost."""
     from .blender.inspection import inspect_scene
 
-    work = Path(job["work"])
-    scene, _ = _open(job, emit)
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
     inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=_on_stage(emit))
-    _finish(inspection, [], emit)
+    _finish(inspection, [], emit, warn)
 
 
 def _plan(job: dict[str, Any], emit: Emit) -> None:
@@ -150,7 +155,7 @@ def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
     settings = BenchSettings(**{**fields, "size": tuple(fields["size"])})
     threshold = _settings(job["settings"]).grid_threshold
     report = measure(settings, threshold, core=core, find_gpu=_find_gpu, on_part=_on_stage(emit))
-    _finish(report, [], emit)
+    emit("done", report=report, files=[])
 
 
 def _find_gpu() -> tuple[WarpStage | None, str]:
@@ -175,20 +180,39 @@ COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
 }
 
 
-def _open(job: dict[str, Any], emit: Emit) -> tuple[Any, float]:
-    """The job's scene, and the seconds that loading it took."""
+def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple[Any, float]:
+    """The job's scene, and the seconds that loading it took. Says what it lacks, before anything is rendered."""
     from .blender.opening import open_session
+    from .blender.scene_warnings import warnings_ahead
     from .supervisor import Session
 
     start = time.perf_counter()
     emit("stage", stage="load")
     scene = open_session(Path(job["blend"]), Session(**job["session"]))
-    return scene, time.perf_counter() - start
+    loaded = time.perf_counter() - start
+    overrides = _settings(job["settings"]).scene
+    if job["animation"] is not None:
+        overrides = replace(overrides, frame=(job["animation"]["frames"] or [scene.frame_start])[0])
+    for warning in warnings_ahead(scene, overrides, strict=job["strict"]):
+        warn(warning)
+    return scene, loaded
 
 
-def _finish(report: dict[str, Any], files: list[str], emit: Emit) -> None:
+def _warn_once(emit: Emit) -> Callable[[str], None]:
+    """Says each warning once: what is known before the first render is in the report at the end, too."""
+    said: set[str] = set()
+
+    def warn(text: str) -> None:
+        if text not in said:
+            said.add(text)
+            emit("warning", message=text)
+
+    return warn
+
+
+def _finish(report: dict[str, Any], files: list[str], emit: Emit, warn: Callable[[str], None]) -> None:
     for warning in report.get("warnings", ()):
-        emit("warning", message=warning)
+        warn(warning)
     emit("done", report=report, files=files)
 
 

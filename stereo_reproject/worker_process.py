@@ -16,7 +16,8 @@ import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from .errors import StereoReprojectError
+from .errors import LIMITED, StereoReprojectError
+from .memory import is_limited, oom_kills
 
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
@@ -65,6 +66,7 @@ class Worker:
         command = own_worker() if command is None else command
         self.log = work / "blender.log"
         self._work = work
+        self.oom_kills_before = oom_kills()
         self._stage_begins = 0
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         with self.log.open("ab") as log:
@@ -170,6 +172,8 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
         # What is set for the caller's Python, or installed for a user's, is not for Blender's.
         environment = {name: value for name, value in environment.items() if not name.startswith("PYTHON")}
         environment["PYTHONNOUSERSITE"] = "1"
+    # Charts are drawn on canvases of their own, and matplotlib is not even imported with a backend that it does not know.
+    environment.pop("MPLBACKEND", None)
     # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
     # libraries that an extension brings along.
     homes = [Path(__file__).resolve().parent.parent, *_folders_of(LIBRARIES)]
@@ -209,13 +213,23 @@ def crash_message(worker: Worker, stage: str, *, program: str = "Blender", kept:
     killed = os.name == "posix" and status == -signal.SIGKILL
     message = [f"{program} {_how_it_ended(status)} during {stage}"]
     if killed:
-        message.append("memory may have run out: render smaller, or free some")
+        message.append(_why_killed(worker.oom_kills_before))
+    elif status is not None and status < 0 and is_limited():
+        # Few libraries get over it when they are given no memory.
+        message.append(LIMITED)
     message.append(kept)
     words = worker.last_words()
     if words and not killed:
         # Who is killed from outside has not seen it coming, and its log does not tell of it.
         message.append(f"last in its log: {words}")
     return "; ".join(filter(None, message))
+
+
+def _why_killed(oom_kills_before: int | None) -> str:
+    now = oom_kills()
+    if now is not None and oom_kills_before is not None and now > oom_kills_before:
+        return "memory has run out: render smaller, or free some"
+    return "something outside of it has done that; if memory ran out, render smaller, or free some"
 
 
 def _how_it_ended(status: int | None) -> str:

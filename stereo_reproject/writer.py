@@ -29,10 +29,11 @@ from .report import write_json
 def main() -> None:
     # What Blender prints belongs into its log.
     os.dup2(2, 1)
-    order = json.loads(sys.stdin.readline())
+    # As bytes, for the same reason as in `worker`.
+    order = json.loads(sys.stdin.buffer.readline())
     answers = Path(order["private"])
     write: Callable[[dict[str, Any]], dict[str, Any] | None] | None = None
-    for line in sys.stdin:
+    for line in sys.stdin.buffer:
         frame = json.loads(line)
         try:
             if write is None:

@@ -36,6 +36,11 @@ const JOB_TYPE = {
             description: "Name of the movie in the output folder; empty for none",
         },
         {
+            key: "strict", type: "bool", default: true, visible: "submission",
+            description: "Fail where the scene is known to lack anything, such as a library or a texture, instead of "
+                + "rendering without it",
+        },
+        {
             key: "extra_options", type: "string", default: "",
             description: 'More options of `animate`, "in quotes" where one has spaces',
         },
@@ -98,6 +103,7 @@ function animateArguments(settings, frames) {
         "--accuracy", settings.accuracy,
         ...(settings.samples > 0 ? ["--samples", String(settings.samples)] : []),
         ...(settings.layout ? ["--layout", settings.layout] : []),
+        ...(settings.strict ? ["--strict"] : []),
         ...words(settings.extra_options),
     ];
 }

@@ -6,10 +6,12 @@ Which frames, and that each is rendered once, is `animation`'s; `frame_maker` re
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +23,12 @@ from ..animation_report import report_path, write_animation_report
 from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError, StereoReprojectError
+from ..files import flush, flush_folder
 from ..journal import Fingerprints, FrameState, Journal, digest
 from ..runs import run_at_work
 from ..settings import SceneOverrides, StereoSettings
 from ..supervisor import Session
-from ..work_folder import flush, work_folder
+from ..work_folder import work_folder
 from ..writer_process import WriterOrder
 from .animation_output import Output, output_of
 from .fingerprint import scene_fingerprints
@@ -33,11 +36,14 @@ from .frame_maker import Belonging, BlenderFrameMaker
 from .frame_writer import holes_name
 from .movie import movie_files, movie_warnings, try_movie, write_movie
 from .rig import frame_region
-from .scene import changed
+from .scene import changed, scene_frames
 from .scene_warnings import scene_warnings
 
 ANIMATION_FILES = ("left.exr", "right.exr")
 """What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
+
+MANY_FRAMES = 20_000
+"""Frames of which it is said that they are planned: from then on it takes seconds."""
 
 
 def render_animation_files(
@@ -58,11 +64,12 @@ def render_animation_files(
     Returns the animation's report, and raises BadInputError and StereoReprojectError; frames that are
     finished stay.
     """
-    said: list[str] = []
+    # `warnings_ahead` has said these, before the first frame.
+    said = scene_warnings(scene, settings.scene)
     told = _also_kept(told or Told(), said)
     for_movie_alone = scene.render.is_movie_format and options.output is None
+    _say_many(scene, options, told)
     options, output = output_of(scene, options)
-    told.on_stage("plan", "")
     journal = Journal(output.folder, output.name)
     if not (for_movie_alone and options.existing == "resume"):
         # What was known of such a movie went with the frames that it was made of.
@@ -70,11 +77,13 @@ def render_animation_files(
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
-        journal.make()
+        _make_journal(journal)
         stack.callback(journal.remove_empty)
         token = stack.enter_context(run_at_work(journal.runs))
         there = all(path.exists() for path in _movies_of(scene, options, output))
-        plan = _plan(journal, output, wanted, options, movies_are_there=there)
+        plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
+        for doubt in journal.doubts():
+            told.warn(doubt)
         _say_plan(plan, options, told)
         if options.movie is not None and plan.todo:
             _try_movie(scene, settings, Path(options.movie), output, private / "tried")
@@ -98,7 +107,7 @@ def render_animation_files(
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
-        report = write_animation_report(journal, wanted, options, failed, [*scene_warnings(scene), *said])
+        report = write_animation_report(journal, wanted, options, failed, said)
         _check_all_rendered(failed, len(output.files))
         movies = _movie(scene, options, output, journal, told)
         if for_movie_alone:
@@ -113,23 +122,54 @@ def render_animation_files(
 
 
 def _also_kept(told: Told, said: list[str]) -> Told:
-    """The same, with its warnings kept for the report as well."""
+    """The same, with its warnings kept for the report as well; each is said once, of however many frames it is."""
 
     def warn(text: str) -> None:
-        said.append(text)
-        told.warn(text)
+        if text not in said:
+            said.append(text)
+            told.warn(text)
 
     return replace(told, warn=warn)
 
 
+def _make_journal(journal: Journal) -> None:
+    try:
+        journal.make()
+    except FileExistsError as error:
+        raise BadInputError(
+            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames: move it,"
+            " or choose another folder"
+        ) from error
+
+
+def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Told) -> None:
+    told.on_stage("plan", "")
+    frames = scene_frames(scene) if options.frames is None else options.frames
+    if len(frames) >= MANY_FRAMES and not options.goes_on:
+        told.note(f"plans {len(frames)} frames, which takes a moment")
+
+
 def _plan(
-    journal: Journal, output: Output, wanted: Fingerprints, options: AnimationSettings, *, movies_are_there: bool
+    journal: Journal,
+    output: Output,
+    wanted: Fingerprints,
+    options: AnimationSettings,
+    told: Told,
+    *,
+    movies_are_there: bool,
 ) -> FramePlan:
     untouched = {*options.skip, *options.finished}
     files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
     for frame, paths in files.items() if options.holes else ():
         paths.append(output.folder / holes_name(journal, frame))
-    plan = plan_frames(journal, files, wanted, options.existing)
+    looked = count(1)
+    plan = plan_frames(
+        journal,
+        files,
+        wanted,
+        options.existing,
+        on_look=lambda _: told.on_stage("plan", f"{next(looked)} of {len(files)} frames looked at"),
+    )
     if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
         raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
@@ -154,7 +194,7 @@ def _told_of_output(folder: Path) -> Iterator[None]:
 @contextmanager
 def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
     """A private folder on the same drive as the frames: within the run's own where that lies there."""
-    if work.parent == frames:
+    if frames.is_dir() and (work / os.pardir).samefile(frames):
         private = work / "frames"
         private.mkdir(exist_ok=True)
         yield private
@@ -285,7 +325,9 @@ def _put_in_place(made: Path, destination: Path) -> Path:
     """Move a finished file on the same drive to where it belongs, where it appears whole."""
     flush(made)
     try:
-        return made.replace(destination)
+        placed = made.replace(destination)
+        flush_folder(destination.parent)
+        return placed
     except OSError as error:
         spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
         with contextlib.suppress(OSError):

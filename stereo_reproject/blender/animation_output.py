@@ -5,17 +5,22 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..animation_report import report_path
 from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS, tagged_name
 from ..errors import BadInputError
 from ..exr import VIEWS
+from ..journal import Journal
+from ..listing import Listing
+from ..plain_paths import check_names
+from ..report import beside_name
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie
@@ -55,7 +60,8 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
     if scene.render.is_movie_format:
         options = _with_movie(scene, options, asked, frames)
     with as_ordered(scene, options.output, options.layout, options.file_format):
-        files = {frame: output_files(scene, frame) for frame in frames}
+        # With a folder of their own, there and nowhere else, whatever the scene's path says.
+        files = output_files(scene, frames, folder=options.output)
         settings = scene.render.image_settings
         layout = options.layout or layout_of(scene)
         values = {"layout": layout, **format_values(scene)}
@@ -65,9 +71,22 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
         output = Output(folder, output_stem(scene), files, layout, settings.file_format, shown, values, half)
     if options.movie is not None:
         options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
-    for path in dict.fromkeys(output.all_files):
+    check_names(output.folder, _longest_names(output, options))
+    there = Listing()
+    for path in dict.fromkeys(filter(there.may_hold, output.all_files)):
         _check_can_be_written(path)
     return options, output
+
+
+def _longest_names(output: Output, options: AnimationSettings) -> Iterator[str]:
+    """The longest names of files that an animation makes in the end or meanwhile."""
+    frame = max(output.files)
+    yield from (path.name for path in output.files[frame])
+    journal = Journal(output.folder, output.name)
+    yield beside_name(f"{journal.name}{frame:04d}.json")
+    yield beside_name(report_path(journal).name)
+    if options.movie is not None:
+        yield beside_name(f"{Path(options.movie).name}")
 
 
 def _of_movie(layout: str | None, own_movies: bool) -> str | None:
@@ -83,7 +102,7 @@ def _with_movie(
     """The same, with a movie where the scene's own output settings say, and pictures of 16 bits until then."""
     span = range(frames[0], frames[-1] + 1)
     with as_ordered(scene, options.output, None, None):
-        movie = output_files(scene, frames[0], span=span)[0]
+        movie = output_files(scene, frames[:1], folder=options.output, span=span)[frames[0]][0]
         if scene.render.image_settings.views_format == "INDIVIDUAL":
             suffix = next(view.file_suffix for view in scene.render.views if view.name == VIEWS[0])
             movie = movie.with_stem(movie.stem.removesuffix(suffix))
@@ -117,6 +136,10 @@ def _check_can_be_written(path: Path) -> None:
     """Raises BadInputError when something is in the way of a file, or holds it."""
     if path.is_dir():
         raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
+    if path.exists() and not path.is_file():
+        raise BadInputError(
+            f"{path} is no regular file, where one is to be written: move it, or change the output path"
+        )
     try:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), path.open("r+b"):
             pass

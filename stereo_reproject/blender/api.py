@@ -31,6 +31,7 @@ from .frame import render_files
 from .inspection import inspect_scene
 from .processes import save_copy
 from .scene import layers_to_render, scene_key
+from .scene_warnings import warnings_ahead
 
 __all__ = (
     "BadInputError",
@@ -45,14 +46,20 @@ __all__ = (
 
 
 def render_frame(
-    output: str | os.PathLike[str], settings: StereoSettings | None = None, *, scene: bpy.types.Scene | None = None
+    output: str | os.PathLike[str],
+    settings: StereoSettings | None = None,
+    *,
+    scene: bpy.types.Scene | None = None,
+    strict: bool = False,
 ) -> dict[str, Any]:
     """Render the pair of one frame into the folder `output`, and return its report.
 
     The files are those of `python -m stereo_reproject render`; they are there whole or not at all. scene is the active
-    one, its current frame unless the settings name another.
+    one, its current frame unless the settings name another. strict makes whatever the scene is known to lack before the
+    first render, which the report's warnings tell otherwise, a BadInputError.
     """
     settings = settings or StereoSettings()
+    _check_scene(_scene(scene), settings, strict=strict)
     folder, files = Path(_absolute(output, "output")), pair_files(compare=settings.compare)
     with work_folder(folder, files) as work:
         report, _ = render_files(_scene(scene), settings, work, files=files)
@@ -61,11 +68,15 @@ def render_frame(
 
 
 def compare(
-    output: str | os.PathLike[str], settings: StereoSettings | None = None, *, scene: bpy.types.Scene | None = None
+    output: str | os.PathLike[str],
+    settings: StereoSettings | None = None,
+    *,
+    scene: bpy.types.Scene | None = None,
+    strict: bool = False,
 ) -> dict[str, Any]:
     """The same, and Blender's multiview in the same run: `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
-    return render_frame(output, settings, scene=scene)["compare"]
+    return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
 
 def render_animation(
@@ -80,6 +91,7 @@ def render_animation(
     file_format: str | None = None,
     holes: bool = False,
     compare_every: int | None = None,
+    strict: bool = False,
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Render the pairs of many frames, as `python -m stereo_reproject animate` does; the animation's report.
@@ -88,8 +100,10 @@ def render_animation(
     output is a folder. existing says what becomes of frames that are there ("refuse", "resume", "overwrite", or "keep",
     whoever has rendered them); as the scene's Overwrite has it, without it. movie, layout, file_format, holes and
     compare_every are as `AnimationSettings` has them. on_frame is told of each finished frame: its number, seconds,
-    traced fraction, and how far the animation is. When it ends early, frames that are finished stay.
+    traced fraction, and how far the animation is. strict is as for `render_frame`; it makes no frame another one. When
+    it ends early, frames that are finished stay.
     """
+    settings = settings or StereoSettings()
     scene = _scene(scene)
     if not scene.users:
         raise BadInputError(f"scene {scene.name!r} is used by nothing, and would not be saved for the frames' writer")
@@ -103,6 +117,8 @@ def render_animation(
         holes=holes,
         compare_every=compare_every,
     )
+    first = options.frames[0] if options.frames else scene.frame_start
+    _check_scene(scene, replace(settings, scene=replace(settings.scene, frame=first)), strict=strict)
     with work_folder(Path(tempfile.gettempdir()), ()) as work:
         session = Session(
             scene_key(scene),
@@ -111,9 +127,7 @@ def render_animation(
             layers=tuple(layers_to_render(scene)),
         )
         told = Told(on_frame=on_frame)
-        return render_animation_files(
-            scene, settings or StereoSettings(), options, work, save_copy(work), session, told=told
-        )
+        return render_animation_files(scene, settings, options, work, save_copy(work), session, told=told)
 
 
 def _absolute(path: Any, what: str) -> str:
@@ -139,14 +153,26 @@ def _frames(frames: Iterable[int]) -> tuple[int, ...]:
 
 
 def inspect(
-    settings: StereoSettings | None = None, *, scene: bpy.types.Scene | None = None, sketch: bool = True
+    settings: StereoSettings | None = None,
+    *,
+    scene: bpy.types.Scene | None = None,
+    sketch: bool = True,
+    strict: bool = False,
 ) -> dict[str, Any]:
     """What the scene calls for and what its pair will cost, as `python -m stereo_reproject inspect --json` prints it.
 
-    Without a sketch nothing is rendered and nothing predicted.
+    Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """
+    settings = settings or StereoSettings()
+    _check_scene(_scene(scene), settings, strict=strict)
     with work_folder(Path(tempfile.gettempdir()), ()) as work:
-        return inspect_scene(_scene(scene), settings or StereoSettings(), work, sketch=sketch)
+        return inspect_scene(_scene(scene), settings, work, sketch=sketch)
+
+
+def _check_scene(scene: bpy.types.Scene, settings: StereoSettings, *, strict: bool) -> None:
+    """Raises BadInputError where a strict run finds anything lacking."""
+    if strict:
+        warnings_ahead(scene, settings.scene, strict=True)
 
 
 def _scene(scene: bpy.types.Scene | None) -> bpy.types.Scene:

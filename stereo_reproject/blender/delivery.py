@@ -6,7 +6,7 @@ stereo formats and file naming do the rest.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +26,7 @@ from .output_paths import output_name
 from .pictures import check_png
 from .render import call_render, output_path, written_to
 from .scene import changed, main_layer, return_to_own_frame, stand_at
+from .stand_ins import new_names, renamed_metadata, stand_ins
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -184,15 +185,28 @@ def deliver_to_result(
     frame: int | None = None,
     to_look_at: bool = False,
     metadata: Mapping[str, str] = NOTHING,
-) -> None:
+    layers_then: Sequence[str] | None = None,
+) -> list[str]:
     """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
 
     The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. The scene
-    is afterwards as it was. Raises StereoReprojectError.
+    is afterwards as it was. It may have been changed since the eyes were rendered, when its view layers were called
+    `layers_then`: nothing that was rendered is left out, and the names of those layers that are gone are returned. Such
+    a scene's compositor is not run: it would show nothing in their place. Raises StereoReprojectError.
     """
+    now = [layer.name for layer in scene.view_layers]
+    names = new_names(list(next(iter(eyes.values()))), now if layers_then is None else layers_then, now)
+    eyes = {view: {names[name]: passes for name, passes in layers.items()} for view, layers in eyes.items()}
+    gone = [name for name in names.values() if name not in now]
     muted = file_outputs_muted(scene) if to_look_at else nullcontext()
-    with _at_frame(scene, frame), _as_delivered(scene, eyes), muted:
-        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", metadata)
+    with (
+        _at_frame(scene, frame),
+        stand_ins(scene, list(names.values())),
+        _as_delivered(scene, eyes, compositing=not gone),
+        muted,
+    ):
+        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", renamed_metadata(metadata, names))
+    return gone
 
 
 def deliver_frames(

@@ -161,7 +161,8 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
         cycles.denoiser = "OPENIMAGEDENOISE"
     cycles.denoising_input_passes = "RGB"
     cycles.denoising_prefilter = "ACCURATE"
-    cycles.time_limit = 0.0
+    # EEVEE knows neither; and from a later sample on, Cycles has no depth.
+    cycles.time_limit, cycles.use_sample_subset = 0.0, False
     # EEVEE's filter is as wide as this says, of the same shape.
     cycles.pixel_filter_type = "BLACKMAN_HARRIS"
     cycles.filter_width = max(scene.render.filter_size, 0.01)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import zip_longest
 
 import bpy
 
 from ..effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
 from .denoise import denoises
+from .instancing import brought_along
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, layers_to_render, rendered_layer
@@ -90,7 +92,7 @@ class _Claims:
 
     def add(self, effects: Effect, *by: str, kind: str = "") -> None:
         """`by` calls for the effects; of those of one kind, one comes before all others' second."""
-        for effect in effects:
+        for effect in _each(effects):
             for text in by:
                 self._by[effect].setdefault(kind or text, []).append(text)
 
@@ -110,7 +112,7 @@ class _Claims:
             shading = self.shadings.of(material)
             text = f"material {name!r} on {seen.name!r}"
             self.add(shading.effects, text, kind=name)
-            for effect in shading.sharp:
+            for effect in _each(shading.sharp):
                 self.sharp[effect].append(text)
             own |= shading.effects
         self._materials[name] = self._materials.get(name, Effect(0)) | own
@@ -124,6 +126,11 @@ class _Claims:
             return Finding(effect, by, NOT_CALLED_FOR)
         probed = self._cycles or not effect & SEEN_DIFFERENTLY
         return Finding(effect, by, HANDLING[effect] if probed else AS_SEEN)
+
+
+@cache
+def _each(effects: Effect) -> tuple[Effect, ...]:
+    return tuple(effects)
 
 
 def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:
@@ -168,9 +175,12 @@ def _denoising(scene: bpy.types.Scene) -> list[str]:
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:
-    """What may move while the shutter is open, in words: too much rather than too little."""
+    """What may move while the shutter is open, in words: too much rather than too little.
+
+    What instances of a collection show is in none of the scene's own, and what geometry nodes instance counts by them.
+    """
     moving = []
-    for item in scene.objects:
+    for item in brought_along(scene.objects, parents=True):
         if item == scene.camera:
             moving += ["the camera"] if _moves(item) else []
         elif item.type != "CAMERA" and _moves(item):

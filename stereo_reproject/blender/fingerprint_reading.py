@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,10 @@ class Plan:
     collections: tuple[tuple[str, str], ...]
     """With the type of the items."""
     has_attributes: bool
+    extra: Callable[[Any], Iterable[str]] | None
+    """Lines of what the properties do not tell, or tell one by one."""
+    has_custom: bool
+    """Whether there may be custom properties, or before Blender 5 a geometry nodes modifier's inputs."""
 
 
 def plan_of(struct: bpy.types.bpy_struct) -> Plan:
@@ -54,6 +59,8 @@ def plan_of(struct: bpy.types.bpy_struct) -> Plan:
         tuple((p.identifier, p.is_readonly or p.identifier in OWNED) for p in props if p.type == "POINTER"),
         tuple((name, kind) for name, kind in lists.items() if kind != "Attribute"),
         attributes is not None and attributes.fixed_type.identifier == "Attribute",
+        next((lines for kind, lines in EXTRA.items() if isinstance(struct, kind)), None),
+        isinstance(struct, EXTENDED) or (bpy.app.version < (5, 0) and isinstance(struct, bpy.types.NodesModifier)),
     )
 
 
@@ -112,8 +119,14 @@ class _Reading:
         self.lines.append(f"{path} {plan.name} {self._values(plan, struct, address)!r}")
         for name in plan.paths:
             self._path(f"{path}.{name}", getattr(struct, name))
-        self._extra(path, struct, plan)
-        self._custom(path, struct, address)
+        if plan.has_attributes:
+            self.lines.extend(attribute_lines(struct))
+        if plan.extra is not None:
+            self.lines.extend(plan.extra(struct))
+        if isinstance(struct, bpy.types.Image):
+            self._reader.files.add_image(f"{self._key}{path}", struct)
+        if plan.has_custom:
+            self._custom(path, struct, address)
         for name, owned in plan.pointers:
             self._pointer(f"{path}.{name}", getattr(struct, name), owned)
         for name, kind in plan.collections:
@@ -168,8 +181,6 @@ class _Reading:
     def _custom(self, path: str, struct: bpy.types.bpy_struct, address: int) -> None:
         """Custom properties, and before Blender 5 the inputs of a geometry nodes modifier."""
         before_5 = bpy.app.version < (5, 0)
-        if not isinstance(struct, EXTENDED) and not (before_5 and isinstance(struct, bpy.types.NodesModifier)):
-            return
         for name in sorted(struct.keys()):
             value = struct[name]
             # Before Blender 5 the settings of add-ons, switched on or not, are among them, as groups.
@@ -182,30 +193,6 @@ class _Reading:
             indices = self._animated.get((address, f'["{name}"]'))
             self.lines.append(f"{path}[{name!r}] {_without(plain, indices) if indices else plain!r}")
 
-    def _extra(self, path: str, struct: bpy.types.bpy_struct, plan: Plan) -> None:
-        """What the properties of its type do not tell, or tell one by one."""
-        types, lines = bpy.types, self.lines
-        if plan.has_attributes:
-            lines.extend(attribute_lines(struct))
-        if isinstance(struct, types.Mesh):
-            lines.extend(mesh_lines(struct))
-        elif isinstance(struct, types.Lattice):
-            lines.extend(lattice_lines(struct))
-        elif isinstance(struct, types.ParticleSystem):
-            lines.extend(hair_lines(struct))
-        elif isinstance(struct, types.NodeTree):
-            lines.extend(_links(struct))
-        elif isinstance(struct, types.Text):
-            lines.append(repr(struct.as_string()))
-        elif isinstance(struct, types.PackedFile):
-            lines.append(packed_digest(struct))
-        elif isinstance(struct, types.CompositorNodeImage):
-            # Of another image Blender prints a complaint that there are none.
-            lines.append(f"{struct.layer if struct.has_layers else ''} {struct.view if struct.has_views else ''}")
-        elif isinstance(struct, types.Image):
-            lines.extend(image_lines(struct))
-            self._reader.files.add_image(f"{self._key}{path}", struct)
-
 
 def _links(tree: bpy.types.NodeTree) -> list[str]:
     """Sorted, for their order is that of the nodes'."""
@@ -216,13 +203,32 @@ def _links(tree: bpy.types.NodeTree) -> list[str]:
     )
 
 
+def _shown_of_image_node(node: bpy.types.CompositorNodeImage) -> list[str]:
+    # Of another image Blender prints a complaint that there are none.
+    return [f"{node.layer if node.has_layers else ''} {node.view if node.has_views else ''}"]
+
+
+EXTRA: dict[type, Callable[[Any], Iterable[str]]] = {
+    bpy.types.Mesh: mesh_lines,
+    bpy.types.Lattice: lattice_lines,
+    bpy.types.ParticleSystem: hair_lines,
+    bpy.types.NodeTree: _links,
+    bpy.types.Text: lambda text: [repr(text.as_string())],
+    bpy.types.PackedFile: lambda packed: [packed_digest(packed)],
+    bpy.types.CompositorNodeImage: _shown_of_image_node,
+    bpy.types.Image: image_lines,
+}
+
+
 def _listed(value: Any) -> Any:
     """A vector, a matrix, an array or a set as what is written in one way only."""
     if isinstance(value, set):
         return sorted(value)
     if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
         return value
-    return [_listed(item) for item in value]
+    items = list(value)
+    # Numbers all of them, which most are: none needs a look of its own.
+    return items if items and isinstance(items[0], (int, float)) else [_listed(item) for item in items]
 
 
 def _without(value: Any, indices: set[int]) -> Any:

@@ -36,6 +36,7 @@ from .renderer import BlenderRenderer
 from .rig import frame_region
 from .scene import CYCLES, WorkingScenes, check_layers, evaluated
 from .scene_warnings import scene_warnings
+from .time_limit import has_time_limit
 
 STEREO_PICTURE = "stereo.png"
 
@@ -70,7 +71,7 @@ def render_files(
         report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
-    report["warnings"] += scene_warnings(scene) + value_warnings(pair)
+    report["warnings"] += scene_warnings(scene, settings.scene) + value_warnings(pair)
     check_report(report)
     write_json(out / "report.json", report)
     return report, list(files)
@@ -174,7 +175,15 @@ def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: Stere
         "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),
         "price": asdict(frame.price),
         "correction": None if frame.correction is None else asdict(frame.correction),
+        **_limited(renderer),
     }
+
+
+def _limited(renderer: BlenderRenderer) -> dict[str, Any]:
+    """What a time limit has left of the samples, where the scene has one."""
+    if not has_time_limit(renderer.scene):
+        return {}
+    return {"time_limit": renderer.scene.cycles.time_limit, "samples_rendered": renderer.samples_rendered}
 
 
 def _write_pictures(

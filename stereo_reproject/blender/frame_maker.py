@@ -33,6 +33,8 @@ from .scene import WorkingScenes, camera_at
 OF_A_FRAME = (
     "size",
     "samples",
+    "time_limit",
+    "samples_rendered",
     "accuracy",
     "seconds",
     "fractions",
@@ -154,7 +156,10 @@ class BlenderFrameMaker:
         if self._is_compared(frame):
             self._on_stage("compare", where)
             self._scenes.close()
-            figures["compare"] = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
+            compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
+            # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:
+            # it syncs each frame of an animation anew, unless Persistent Data is on.
+            figures["compare"] = {**compared, "synced_anew": True}
         record = {
             "frame": frame,
             "settings": self._belonging.wanted.settings,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -22,9 +22,10 @@ from ..passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
 from .motion import vector_pass_asked_for
+from .readers import what_reads
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
-from .scene import evaluated, rendered_layer
+from .scene import changed, evaluated, rendered_layer
 from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
@@ -32,6 +33,32 @@ UPWARDS_FROM = (5, 0, 0)
 
 BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
 """What stands in the shader for the pixel filter's offsets."""
+
+PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
+"""How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
+share their random numbers: both traces of a probe would have one noise, and seem to have none."""
+
+OF_RENDER = (
+    "resolution_x",
+    "resolution_y",
+    "resolution_percentage",
+    "use_border",
+    "pixel_aspect_x",
+    "pixel_aspect_y",
+)
+"""Render settings that a packed picture has of its own."""
+
+OF_CAMERA = ("type", "custom_mode", "shift_x", "shift_y", "stereo.convergence_mode")
+"""Properties of the camera's data that are others in it."""
+
+OTHERS = frozenset(
+    (
+        *(f"render.{name}" for name in OF_RENDER),
+        *(f"camera.data.{name}" for name in OF_CAMERA),
+        *(f"cycles.{name}" for name in PACKED_SAMPLING),
+    )
+)
+"""All of them, as drivers name them."""
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
@@ -57,7 +84,7 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
         # A custom camera's rays end at that distance, a perspective camera's at that depth.
         "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
     }
-    return next((reason for reason, blocks in checks.items() if blocks), None)
+    return next((reason for reason, blocks in checks.items() if blocks), None) or what_reads(scene, OTHERS)
 
 
 def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
@@ -141,41 +168,40 @@ def _table(places: NDArray[np.intp], packing: Packing) -> NDArray[np.float32]:
 def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, folder: Path) -> Iterator[Path]:
     """The scene as the packed render needs it; yields the path on which it expects its table."""
     assert isinstance(target, PerspectiveCamera)
-    render, eye = scene.render, scene.camera
-    plain = eye.data
     # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
     table = folder / "table.exr"
     bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
-    kept = {
-        name: getattr(render, name)
-        for name in (
-            "resolution_x",
-            "resolution_y",
-            "resolution_percentage",
-            "use_border",
-            "pixel_aspect_x",
-            "pixel_aspect_y",
-        )
-    }
-    pixel_filter = scene.cycles.pixel_filter_type
+    size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    whole = {"use_border": False, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+    with ExitStack() as restored:
+        # Else whoever asks for the evaluated camera next is given the packed one.
+        restored.callback(rendered_layer(scene).update)
+        packed = restored.enter_context(_lens_to_set(scene))
+        restored.enter_context(changed(scene.render, **size, **whole))
+        restored.enter_context(changed(scene.cycles, **PACKED_SAMPLING))
+        restored.enter_context(_set_camera(packed, target, (width, height), table, bytecode))
+        yield table
+
+
+@contextmanager
+def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
+    """The working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
+
+    Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
+    """
+    eye = scene.camera
+    plain = eye.data
+    if not is_animated(plain):
+        yield plain
+        return
     packed = plain.copy()
     try:
         _set_lens(packed, evaluated(eye, scene).data)
-        _set_camera(packed, target, (width, height), table, bytecode)
         eye.data = packed
-        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-        render.use_border = False
-        render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-        scene.cycles.pixel_filter_type = "BOX"
-        yield table
+        yield packed
     finally:
         eye.data = plain
         bpy.data.cameras.remove(packed)
-        scene.cycles.pixel_filter_type = pixel_filter
-        for name, value in kept.items():
-            setattr(render, name, value)
-        # Else whoever asks for the evaluated camera next is given the packed one.
-        rendered_layer(scene).update()
 
 
 def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
@@ -190,21 +216,18 @@ def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
     packed.dof.use_dof = plain.dof.use_dof
 
 
+@contextmanager
 def _set_camera(
     packed: bpy.types.Camera,
     target: PerspectiveCamera,
     size: tuple[int, int],
     table: Path,
     bytecode: str,
-) -> None:
-    packed.type = "CUSTOM"
+) -> Iterator[None]:
+    """The camera as the hole camera, for a while."""
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
-    # Blender would shift a custom camera's raster positions; the view plane below holds the shifts already.
-    packed.shift_x = packed.shift_y = 0.0
-    if packed.stereo.convergence_mode == "OFFAXIS":
-        packed.stereo.convergence_mode = "PARALLEL"
     plane = target.plane
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
@@ -218,6 +241,13 @@ def _set_camera(
     parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
     parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = aperture_radius(packed)
+    mode = packed.stereo.convergence_mode
+    # Blender would shift a custom camera's raster positions; the view plane holds the shifts already.
+    with (
+        changed(packed.stereo, convergence_mode="PARALLEL" if mode == "OFFAXIS" else mode),
+        changed(packed, type="CUSTOM", shift_x=0.0, shift_y=0.0),
+    ):
+        yield
 
 
 @cache

@@ -29,6 +29,7 @@ from ..prediction import (
     effect_shares,
     predict,
     predict_holes,
+    predict_samples,
     predict_source,
     prediction_fields,
     shown_differently,
@@ -42,6 +43,7 @@ from .renderer import BlenderRenderer
 from .rig import frame_region
 from .scene import CYCLES, make_small, rendered_layer, working_scene
 from .scene_warnings import first_layer_alone, scene_warnings
+from .time_limit import without_time_limit
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -76,7 +78,7 @@ def inspect_scene(
             rows = effects_rows(renderer.plan)
             passes = _passes(working, renderer)
             alone = first_layer_alone(scene, "what is found and predicted is that")
-            warnings = [*scene_warnings(scene), *renderer.warnings, *alone]
+            warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
             predicted = parallax = None
             if sketch and isinstance(renderer, EeveeRenderer):
                 predicted = _predicted_of_eevee(renderer, settings)
@@ -151,7 +153,9 @@ def _predicted(
     blockers = _blockers(renderer, settings, source)
     called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
     accuracy = for_size(accuracy_of(settings), pixels)
-    cost = predict_source(sketch, pixels, facts["samples"])
+    limit = renderer.scene.cycles.time_limit
+    rendered = predict_samples(sketch, pixels, facts["samples"], limit)
+    cost = predict_source(sketch, pixels, rendered)
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
         accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
@@ -167,8 +171,11 @@ def _predicted(
     _add_shares(rows, effect_shares(called_for, flags), prediction, settings.fill, blockers)
     size = list(reasons.shape[::-1])
     what = f"sketches of {size[0]}x{size[1]} pixels with {samples[0]} and {samples[1]} samples"
+    rests_on = f"{what}, which took {sum(seconds):.1f} s"
+    if rendered < facts["samples"]:
+        rests_on += f"; the time limit of {limit:g} s ends the source after about {rendered} samples"
     return {
-        **prediction_fields(prediction, f"{what}, which took {sum(seconds):.1f} s"),
+        **prediction_fields(prediction, rests_on),
         "sketch": {"size": size, "samples": list(samples), "seconds": seconds},
     }
 
@@ -221,7 +228,8 @@ def _render_sketch(
     for count in counts:
         renderer.scene.cycles.samples = count
         rendered_layer(renderer.scene).samples = 0
-        passes, cost = renderer.render_source(settings.source)
+        with without_time_limit(renderer.scene, None):
+            passes, cost = renderer.render_source(settings.source)
         costs.append(cost)
     return passes, costs, counts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from ..delivery.anaglyph import dubois
 from ..errors import BadInputError, StereoReprojectError
+from ..plain_paths import misread
 from .delivery import NOTHING, EyesAt, deliver_frames
 from .image_settings import SIDE_BY_SIDE, format_kept, set_changed
-from .output_paths import output_name, without_movie_extension
+from .output_paths import NOWHERE, output_name, without_movie_extension
 from .pictures import check_png, read_png
 from .render import output_path
 from .scene import changed
@@ -70,6 +72,8 @@ def as_ordered(
 ) -> Iterator[None]:
     """The scene's output path, layout and format for a while as they are ordered; each may be the scene's own (None).
 
+    Of the scene's own path the last part alone is kept with another folder, as the beginning of the files' names. Where
+    Blender would read that folder's path otherwise, the names are right, and the folder is none.
     Raises BadInputError when they do not go together.
     """
     render = scene.render
@@ -77,8 +81,8 @@ def as_ordered(
         if output is not None:
             # Pictures in place of a movie are not called as one.
             name = output_name(scene) if file_format is None else without_movie_extension(scene)
-            folder = f"{output_path(Path(output))}/{name}"
-            changes.enter_context(changed(render, filepath=folder))
+            folder = output_path(Path(output)) if misread(output) is None else NOWHERE
+            changes.enter_context(changed(render, filepath=f"{folder}/{'' if name == os.curdir else name}"))
         changes.enter_context(format_kept(render.image_settings))
         if file_format is not None:
             set_format(render.image_settings, file_format)

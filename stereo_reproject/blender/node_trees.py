@@ -60,7 +60,9 @@ def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types
     current: bpy.types.NodeSocket | None = socket
     while current is not None:
         if not current.is_output:
-            link = next((link for link in current.links or () if _works(link)), None)
+            # To list a socket's links Blender looks through all of the tree.
+            links = (current.links or ()) if current.is_linked else ()
+            link = next((link for link in links if _works(link)), None)
             if link is None:
                 return current, groups
             current = link.from_socket
@@ -141,7 +143,7 @@ def upstream(sockets: list[bpy.types.NodeSocket], groups: Groups = ()) -> Iterat
             continue
         met.add(key)
         yield source, inside
-        waiting.extend((socket, inside) for socket in source.node.inputs if socket.enabled)
+        waiting.extend((socket, inside) for socket in source.node.inputs if socket.is_linked and socket.enabled)
 
 
 def depends_on_camera(

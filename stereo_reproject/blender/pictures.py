@@ -14,6 +14,7 @@ from ..errors import BadInputError
 from ..grid import CELL, Grid
 from ..holes import Reason
 from ..metrics import tone
+from ..plain_paths import plain_path
 
 COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.DISOCCLUDED: (230, 60, 50),
@@ -234,7 +235,16 @@ def read_png(path: Path) -> NDArray[np.float32]:
 
 def read_pixels(path: Path, *, linear: bool = False) -> NDArray[np.float32]:
     """(H, W, channels) of a picture file: its values as they are, or scene-linear. Empty where it cannot be read."""
-    image = bpy.data.images.load(str(path))
+    with plain_path(path.parent) as folder:
+        try:
+            image = bpy.data.images.load(str(folder / path.name))
+        except RuntimeError:
+            return np.empty((0, 0, 4), np.float32)
+        return _pixels(image, linear=linear)
+
+
+def _pixels(image: bpy.types.Image, *, linear: bool) -> NDArray[np.float32]:
+    """An image's values, which is removed then."""
     try:
         if not linear:
             image.colorspace_settings.name = "Non-Color"

@@ -69,7 +69,7 @@ def render_prices(
     measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
     left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
-    prices["warnings"] = scene_warnings(scene) + first_layer_alone(scene, "all runs are") + left_out
+    prices["warnings"] = scene_warnings(scene, settings.scene) + first_layer_alone(scene, "all runs are") + left_out
     on_stage("write", "")
     write_csv(out / "tradeoff.csv", prices)
     write_json(out / "tradeoff.json", prices)
@@ -94,12 +94,15 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
 
 @dataclass(frozen=True)
 class RenderedSource:
-    """The source eye that runs share: its view, what the renderer said of it, and the seconds of the whole call."""
+    """The source eye that runs share: its view, what the renderer said of it, the seconds of the whole call, and the
+    samples that a time limit left."""
 
     view: str
     passes: Passes
     cost: SourceCost
     seconds: float
+    samples_rendered: int | None = None
+    uncounted: str | None = None
 
 
 @dataclass
@@ -156,7 +159,8 @@ def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Pat
     renderer = BlenderRenderer(working, work)
     start = time.perf_counter()
     passes, cost = renderer.render_source(settings.source)
-    return RenderedSource(settings.source, passes, cost, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return RenderedSource(settings.source, passes, cost, seconds, renderer.samples_rendered, renderer.uncounted)
 
 
 class SharedSourceRenderer(BlenderRenderer):
@@ -165,6 +169,7 @@ class SharedSourceRenderer(BlenderRenderer):
     def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
         super().__init__(scene, folder)
         self._source = source
+        self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         assert view == self._source.view

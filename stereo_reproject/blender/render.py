@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     for view in views:
         passes[view], attributes = read_render(path, layer=layer, view=view)
     path.unlink()
-    sync = _seconds(attributes.get(f"cycles.{layer}.synchronization_time", ""))
+    sync = cycles_seconds(attributes, layer, "synchronization")
     # For several views, Cycles counts the other views' render time as synchronization.
     return Rendered(passes, seconds, sync if len(views) == 1 else 0.0, attributes)
 
@@ -86,6 +87,11 @@ def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
     """Render settings with which files are written to an output path, whatever is there or switched off."""
     files = {"filepath": path, "use_overwrite": True, "use_placeholder": False}
     return {**files, "save_output": True} if hasattr(render, "save_output") else files
+
+
+def cycles_seconds(attributes: Mapping[str, str], layer: str, part: str) -> float:
+    """Seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
+    return _seconds(attributes.get(f"cycles.{layer}.{part}_time", ""))
 
 
 def _seconds(text: str) -> float:

@@ -25,6 +25,14 @@ from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .rig import stereo_cameras
 from .scene import CYCLES, evaluated, rendered_layer
+from .time_limit import (
+    count_samples,
+    has_time_limit,
+    samples_rendered,
+    why_uncounted,
+    without_counts,
+    without_time_limit,
+)
 from .visible import lens_of, volume_boxes
 
 FILL_SEED = 1_000_003
@@ -62,6 +70,10 @@ class BlenderRenderer:
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
             self._rays = RayPasses(scene, glossy=bool(self.plan.called_for & Effect.GLOSSY))
         self._traces = 0
+        self.samples_rendered: int | None = None
+        """Of the source, where the scene has a time limit."""
+        self.uncounted: str | None = None
+        """Why those cannot be told, if they cannot: then nothing is traced."""
 
     @property
     def view_dependent(self) -> tuple[str, ...]:
@@ -81,23 +93,33 @@ class BlenderRenderer:
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
+        limited = has_time_limit(self.scene)
+        if limited:
+            count_samples(self.scene)
         with self._noisy():
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        if limited:
+            self.samples_rendered = samples_rendered(self.scene, rendered, view)
+            self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(rendered.attributes)
-        passes = self._guided(rendered.views[view])
+        passes = without_counts(self.scene, self._guided(rendered.views[view]))
         if self._rays is not None:
             passes |= self._rays.of(rendered.views[view])
         if not ours_too:
-            return passes, cost_of(rendered)
+            return self._as_asked_for(passes), cost_of(rendered)
         layer = rendered_layer(self.scene).name
         ours = {
             EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
             MATERIAL_PASS: material_pass(passes),
         }
-        if not cryptomatte_asked_for(self.scene):
-            passes = {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
         known = {name: image for name, image in ours.items() if image is not None}
-        return {**passes, **known}, cost_of(rendered)
+        return {**self._as_asked_for(passes), **known}, cost_of(rendered)
+
+    def _as_asked_for(self, passes: Passes) -> Passes:
+        """The passes without the materials' cryptomatte, if the user has not asked for it."""
+        if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
+            return passes
+        return {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         if self.scene.render.engine != CYCLES:
@@ -107,15 +129,17 @@ class BlenderRenderer:
     def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
         """`fill_blockers` of whatever traces the scene with Cycles."""
         return {
-            "packed": packed_blocker(self.scene, self.cameras.values(), deepest),
-            "card": card_blocker(self.scene),
+            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
+            "card": self.uncounted or card_blocker(self.scene),
         }
 
     def trace(
         self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
     ) -> Passes:
         masks = [pixels] if twice is None else [pixels, twice]
-        with self._noisy():
+        # A whole render of the eye is one as the user asks for, with the limit.
+        enough = has_time_limit(self.scene) and method != "full"
+        with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
                 places = np.concatenate([np.argwhere(mask) for mask in masks])
                 seed = self._next_seed()

@@ -17,6 +17,9 @@ from ..errors import BadInputError
 
 MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
 
+PIXEL_ROUNDINGS = 64
+"""A pixel of a view plane is at least so many times as wide as what the plane's coordinates are rounded by."""
+
 
 @dataclass(frozen=True)
 class FrameRegion:
@@ -61,9 +64,34 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
 
 
 def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> dict[str, Camera]:
-    """Both eyes of an evaluated camera object, by view name: 'left' and 'right'."""
+    """Both eyes of an evaluated camera object, by view name: 'left' and 'right'. Raises BadInputError where one of them
+    sees nothing that numbers could tell apart."""
     region = frame_region(render)
-    return {view: _eye(camera, render, region, view) for view in ("left", "right")}
+    eyes = {view: _eye(camera, render, region, view) for view in ("left", "right")}
+    for view, eye in eyes.items():
+        if not _is_wide(eye):
+            raise BadInputError(f"the {view} eye of camera {camera.name!r} has no view: {_why_narrow(camera.data)}")
+    return eyes
+
+
+def _is_wide(eye: Camera) -> bool:
+    """Whether the pixels of its view plane lie apart, as far as numbers have digits."""
+    plane = eye.plane
+    sides = ((plane.left, plane.right, eye.width), (plane.bottom, plane.top, eye.height))
+    return all(
+        (high - low) / count > PIXEL_ROUNDINGS * np.finfo(np.float64).eps * max(abs(low), abs(high))
+        for low, high, count in sides
+    )
+
+
+def _why_narrow(data: bpy.types.Camera) -> str:
+    if data.type == "ORTHO" and data.ortho_scale == 0.0:
+        return "its orthographic scale is 0: raise it in Camera properties > Lens"
+    stereo = data.stereo
+    if stereo.convergence_mode == "OFFAXIS" and stereo.interocular_distance > stereo.convergence_distance:
+        distances = f"{stereo.interocular_distance:g} and {stereo.convergence_distance:g}"
+        return f"interocular and convergence distance ({distances}) do not go together: take a smaller interocular one"
+    return "check focal length, sensor and shift in Camera properties"
 
 
 def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: FrameRegion, view: str) -> Camera:

@@ -106,6 +106,8 @@ def working_scene(
     try:
         # A marker would switch the camera back at the next render.
         copy.timeline_markers.clear()
+        # A property of the user's own may have the name of ours.
+        copy.pop(DRIVEN_SEED, None)
         copy.collection.objects.link(eye)
         copy.camera = eye
         copy.render.engine = engine
@@ -178,6 +180,11 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
         # EEVEE's name is not the same in every Blender.
         eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
         engine = CYCLES if overrides.source_engine == "cycles" else eevee
+    if engine == CYCLES and scene.cycles.use_sample_subset and scene.cycles.sample_offset > 0:
+        raise BadInputError(
+            f"scene {scene.name!r} renders its samples from number {scene.cycles.sample_offset} on, and Cycles gives"
+            " depth with the first alone: set Sample Subset's Offset to 0"
+        )
     if overrides.denoise and engine != CYCLES:
         raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
     return engine
@@ -296,8 +303,6 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
         view_layer.use = view_layer.name == layer
     scene.view_layers[layer].use_pass_combined = True
     scene.view_layers[layer].use_pass_z = True
-    if scene.render.engine == CYCLES:
-        scene.cycles.time_limit = 0.0
 
 
 def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:

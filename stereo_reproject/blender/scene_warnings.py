@@ -2,28 +2,58 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 
 import bpy
 
+from ..errors import BadInputError
+from ..settings import SceneOverrides
 from .compositor import compositor_blocker, gives_a_picture, has_compositor
 from .denoise import has_denoiser
-from .scene import CYCLES, layers_to_render
+from .engine_support import engine_warnings
+from .instancing import brought_along
+from .missing import missing_files, missing_libraries
+from .scene import CYCLES, EEVEE, check_layers, layers_to_render, working_scene
+
+PLAIN = SceneOverrides()
 
 
-def scene_warnings(scene: bpy.types.Scene) -> list[str]:
+def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict: bool = False) -> list[str]:
+    """Return all that is known before the first render of what its pictures lack: a line each.
+
+    Raises BadInputError when nothing may be lacking, and when the scene cannot be rendered as a pair.
+    """
+    warnings = scene_warnings(scene, overrides)
+    if _engine_of(scene, overrides) in EEVEE:
+        for layer in check_layers(scene):
+            with working_scene(scene, overrides, layer=layer) as working:
+                warnings += engine_warnings(working)
+    warnings = list(dict.fromkeys(warnings))
+    if strict and warnings:
+        raise BadInputError(f"strict, and so nothing is rendered: {'; '.join(warnings)}")
+    return warnings
+
+
+def _engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
+    """The source's engine, by a name of the scene's own or of `scene.EEVEE`."""
+    by_name = {"cycles": CYCLES, "eevee": EEVEE[0], None: scene.render.engine}
+    return by_name[overrides.source_engine]
+
+
+def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) -> list[str]:
     """What the scene asks for that a stereo pair does not have yet: a line each."""
-    warnings = []
+    warnings = missing_libraries()
     if scene.render.use_compositing and has_compositor(scene):
         blocker = compositor_blocker(scene)
         if blocker is not None:
             warnings.append(f"the scene's compositor is left out: {blocker}")
         elif not gives_a_picture(scene):
             warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
-    if scene.render.engine == CYCLES and scene.cycles.use_denoising and not has_denoiser(scene):
+    denoised = scene.cycles.use_denoising if overrides.denoise is None else overrides.denoise
+    if _engine_of(scene, overrides) == CYCLES and denoised and not has_denoiser(scene):
         warnings.append("this Blender is built without a denoiser: both eyes are left noisy, as by its own render")
     warnings += _unbaked(scene)
-    warnings += _missing_images()
+    warnings += missing_files(scene)
     if bpy.app.autoexec_fail:
         warnings.append("scripts of the .blend were not run: drivers that need them stand still")
     if scene.render.use_freestyle:
@@ -37,48 +67,31 @@ def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
     return [f"{what} of the first of {len(layers)} view layers, {layers[0]!r}"] if len(layers) > 1 else []
 
 
-def _missing_images() -> list[str]:
-    """A line when there are image files that are used and not there: Blender renders what shows them pink."""
-    missing = [
-        image.name
-        for image in bpy.data.images
-        if image.source == "FILE" and image.users and image.filepath and not image.packed_file
-        if not Path(bpy.path.abspath(image.filepath, library=image.library)).exists()
-    ]
-    if not missing:
-        return []
-    more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-    return [f"image file missing for {missing[0]!r}{more}: find it with File > External Data > Find Missing Files"]
-
-
 def _unbaked(scene: bpy.types.Scene) -> list[str]:
     """A line when something is simulated and not baked: its state is not part of a file, and frames are visited to
     and fro."""
-    found = [
-        f"{modifier.name!r} on {item.name!r}"
-        for item in scene.objects
-        for modifier in item.modifiers
-        if modifier.type in ("CLOTH", "SOFT_BODY") and not modifier.point_cache.is_baked
-    ]
-    found += [
-        f"{system.name!r} on {item.name!r}"
-        for item in scene.objects
-        for system in item.particle_systems
-        if _moves(system) and not system.point_cache.is_baked
-    ]
+    found = [name for item in brought_along(scene.objects) for name in _unbaked_on(item)]
     world = scene.rigidbody_world
     if world is not None and world.enabled and world.collection and not world.point_cache.is_baked:
         found.append("the rigid body world")
-    found += [
-        f"{modifier.name!r} on {item.name!r}"
-        for item in scene.objects
-        for modifier in item.modifiers
-        if modifier.type == "NODES" and _has_simulation(modifier.node_group) and not len(modifier.bakes)
-    ]
     if not found:
         return []
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     return [f"a simulation is not baked, {found[0]}{more}: bake it, or it may look different here"]
+
+
+def _unbaked_on(item: bpy.types.Object) -> Iterator[str]:
+    for modifier in item.modifiers:
+        if modifier.type in ("CLOTH", "SOFT_BODY"):
+            unbaked = not modifier.point_cache.is_baked
+        else:
+            simulated = modifier.type == "NODES" and _has_simulation(modifier.node_group)
+            unbaked = simulated and not len(modifier.bakes)
+        if unbaked:
+            yield f"{modifier.name!r} on {item.name!r}"
+    for system in item.particle_systems:
+        if _moves(system) and not system.point_cache.is_baked:
+            yield f"{system.name!r} on {item.name!r}"
 
 
 def _moves(system: bpy.types.ParticleSystem) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from ..effects import Effect
 from ..frustum import Frustum, Lens
+from .instancing import brought_along
 from .materials import Shadings
 from .scene import evaluated, focus_distance, rendered_layer
 
@@ -26,6 +27,12 @@ STRANDS = {"CURVES", "POINTCLOUD"}
 
 EVERYWHERE = np.full((8, 3), np.inf)
 """The corners of a box that may be anywhere."""
+
+LOWER, UPPER = 0, 6
+"""The places of a box's lowest and uppermost corner among the eight that Blender gives."""
+
+AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
+"""(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +105,10 @@ def _rendered_instances(
 
 def _corners(instance: bpy.types.DepsgraphObjectInstance) -> NDArray[np.float64]:
     matrix = np.array(instance.matrix_world, np.float64)
-    return np.array(instance.object.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    box = instance.object.bound_box
+    # All eight at once take Blender ten times as long.
+    corners = np.where(AT_UPPER, tuple(box[UPPER]), tuple(box[LOWER]))
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
@@ -161,6 +171,8 @@ def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
     """The materials of the object's particle hair, as far as it is rendered as strands."""
     systems = (system.settings for system in item.particle_systems if system.settings is not None)
     strands = [settings for settings in systems if settings.type == "HAIR" and settings.render_type == "PATH"]
+    if not strands:
+        return []
     slots = [slot.material for slot in item.material_slots] or [None]
     return [slots[min(settings.material, len(slots)) - 1] for settings in strands]
 
@@ -178,7 +190,7 @@ def _differs_in_render(item: bpy.types.Object) -> bool:
 
 def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:
     """What an object that the viewport does not show as the render does may bring into the picture."""
-    for member in _brought_along(item, set()):
+    for member in brought_along([item]):
         if member.type in SHOWN and member.visible_camera and not member.hide_render:
             yield _seen(member, None, layer, shadings)
         if any(modifier.type == "NODES" and modifier.show_render for modifier in member.modifiers):
@@ -186,23 +198,6 @@ def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shad
                 material for material in bpy.data.materials if material.users and not material.is_grease_pencil
             )
             yield Seen(member.name, "MESH", tuple(materials))
-
-
-def _brought_along(item: bpy.types.Object, met: set[str]) -> Iterator[bpy.types.Object]:
-    """The object and what its instancing and its particles show."""
-    if item.name in met:
-        return
-    met.add(item.name)
-    yield item
-    collections = [item.instance_collection] if item.instance_type == "COLLECTION" else []
-    for system in item.particle_systems:
-        if system.settings is not None:
-            collections.append(system.settings.instance_collection)
-            if system.settings.instance_object is not None:
-                yield from _brought_along(system.settings.instance_object, met)
-    for collection in filter(None, collections):
-        for member in collection.all_objects:
-            yield from _brought_along(member, met)
 
 
 def lens_of(scene: bpy.types.Scene) -> Lens:

@@ -1,5 +1,8 @@
 """The frames of a scene in the files that its own output settings ask for."""
 
+import os
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -216,6 +219,27 @@ def test_a_folder_that_cannot_be_made_is_said_before_anything_is_rendered(scene,
         render(scene)
 
 
+def test_names_that_are_too_long_for_what_stands_beside_a_frame_are_said_before_anything_is_rendered(scene, tmp_path):
+    scene.render.filepath = str(tmp_path / "out" / ("n" * 240))
+    with pytest.raises(BadInputError, match="shorten the name at the end of the output path"):
+        render(scene)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX has them")
+def test_what_is_in_the_way_of_frames_is_named(scene, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    os.mkfifo(out / "shot_0001_L.png")
+    with pytest.raises(BadInputError, match=r"shot_0001_L.png is no regular file.* move it"):
+        render(scene)
+    (out / "shot_0001_L.png").unlink()
+    (out / JOURNAL).write_text("")
+    with pytest.raises(BadInputError, match=r"journal is no folder.* move it"):
+        render(scene)
+    assert [path.name for path in out.iterdir()] == [JOURNAL]
+
+
 # Before 5.2, output cannot be switched off.
 if "save_output" in bpy.types.RenderSettings.bl_rna.properties:
 
@@ -263,6 +287,56 @@ def test_a_template_that_nobody_knows_is_said(scene, tmp_path):
     scene.render.filepath = str(tmp_path / "{nothing}_")
     with pytest.raises(BadInputError, match="output path cannot be used"):
         render(scene)
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("//shots/shot_", "shot_"),
+        ("/elsewhere/..", ""),
+        ("..", ""),
+        ("/elsewhere/.", ""),
+        ("", ""),
+        ("/elsewhere/", ""),
+        ("/elsewhere\\shot_", "shot_"),
+        ("/elsewhere/..##", ".."),
+        ("/elsewhere/{{x}}/{{shot}}", "{shot}"),
+        *([("{blend_dir}", ""), ("/a/x{blend_dir}y_", "y_")] if bpy.app.version >= (5, 0) else []),
+    ],
+)
+@pytest.mark.parametrize("folder", ["out", "back\\slash"])
+def test_of_the_scenes_output_path_only_the_beginning_of_a_name_goes_to_another_folder(
+    scene, tmp_path, path, name, folder
+):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"), copy=False)
+    scene.render.filepath = path
+    _, output = output_of(
+        scene, AnimationSettings(frames=(7, 12), output=str(tmp_path / folder), layout="side-by-side")
+    )
+    numbers = ("07", "12") if "##" in path else ("0007", "0012")
+    assert [path.name for path in output.all_files] == [f"{name}{number}.png" for number in numbers]
+    assert {path.parent for path in output.all_files} == {output.folder} == {tmp_path / folder}
+
+
+def test_a_file_suffix_leads_to_no_other_folder(scene, tmp_path):
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.render.views["left"].file_suffix = "/../../L"
+    with pytest.raises(BadInputError, match="suffix .* of the view 'left' leads to another folder"):
+        render_animation(StereoSettings(), scene=scene, output=tmp_path / "out" / "frames", frames=[1])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.sep == "\\", reason="there it is a separator")
+def test_a_folder_with_a_backslash(scene, tmp_path):
+    scene.render.filepath = "/elsewhere/.."
+    folder = tmp_path / "out" / "back\\slash"
+    report = render_animation(
+        StereoSettings(fill="packed"), scene=scene, output=folder, movie="", layout="side-by-side", frames=[1]
+    )
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [folder.name]
+    (movie,) = report["movies"]
+    assert {"0001.png", Path(movie).name} <= {path.name for path in folder.iterdir()}
+    assert not list(folder.glob(".*"))
 
 
 def test_the_result_goes_through_the_compositor_and_its_links_stay(scene, tmp_path):

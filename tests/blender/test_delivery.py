@@ -1,5 +1,6 @@
 """Finished eyes handed back to Blender: its own view transform and stereo format, and no engine left registered."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -7,10 +8,12 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import OpenEXR
 import pytest
 
-from stereo_reproject.blender.delivery import ENGINE, deliver_side_by_side
+from stereo_reproject.blender.delivery import ENGINE, deliver_side_by_side, deliver_to_result
 from stereo_reproject.blender.pictures import read_png
+from stereo_reproject.blender.stand_ins import new_names, renamed_metadata
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.passes import COLOUR_PASS
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image, render_plain
@@ -248,6 +251,75 @@ def test_the_engine_is_gone_after_a_failure(scene, tmp_path):
     assert "\n" not in str(failure.value)
     assert not engine_is_registered()
     assert set(bpy.data.scenes.keys()) == scenes
+
+
+def layers_of_result(scene, folder):
+    """The view layers that the Render Result has, with the mean of what each shows to either eye."""
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, settings.views_format = "OPEN_EXR_MULTILAYER", "INDIVIDUAL"
+    scene.render.use_multiview = True
+    # Blender looks for a file without a view's suffix when it has saved.
+    with contextlib.suppress(RuntimeError):
+        bpy.data.images["Render Result"].save_render(str(folder / "result.exr"), scene=scene)
+    found = {}
+    for path in sorted(folder.glob("result*.exr")):
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: channel for part in file.parts for name, channel in part.channels.items()}
+        for layer in scene_layers(channels):
+            reds = [name for name in channels if name.startswith(f"{layer}.Combined") and name.endswith("R")]
+            found.setdefault(layer, []).append(round(float(channels[reds[0]].pixels.mean()), 2))
+    return found
+
+
+def scene_layers(channels):
+    return sorted({name.partition(".")[0] for name in channels} - {"Composite"})
+
+
+@pytest.mark.parametrize(
+    ("change", "gone", "named"),
+    [
+        (lambda layers: setattr(layers["Front"], "name", "Fore"), [], ["Back", "Fore"]),
+        (lambda layers: layers.remove(layers["Back"]), ["Back"], ["Back", "Front"]),
+    ],
+    ids=["renamed", "deleted"],
+)
+def test_view_layers_that_were_changed_since_and_no_camera(scene, tmp_path, change, gone, named):
+    scene.view_layers[0].name = "Front"
+    scene.view_layers.new("Back")
+    then = [layer.name for layer in scene.view_layers]
+    eyes = {
+        view: {name: {COLOUR_PASS: flat((value + shift, 0, 0))} for name, value in (("Front", 0.2), ("Back", 0.6))}
+        for view, shift in (("left", 0.0), ("right", 0.1))
+    }
+    change(scene.view_layers)
+    bpy.data.objects.remove(scene.camera)
+    now, cameras = [layer.name for layer in scene.view_layers], len(bpy.data.cameras)
+    assert deliver_to_result(scene, eyes, layers_then=then) == gone
+    assert [layer.name for layer in scene.view_layers] == now
+    assert (scene.camera, len(bpy.data.cameras)) == (None, cameras)
+    found = layers_of_result(scene, tmp_path)
+    assert found == {name: [0.6, 0.7] if name == "Back" else [0.2, 0.3] for name in named}
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "names"),
+    [
+        (["A", "B"], ["A", "C"], {"A": "A", "B": "C"}),
+        (["A", "B"], ["A"], {"A": "A", "B": "B"}),
+        (["A", "B"], ["B", "C"], {"A": "A", "B": "B"}),
+        (["A", "B"], ["B", "A"], {"A": "A", "B": "B"}),
+    ],
+    ids=["renamed", "deleted", "deleted and another made", "moved"],
+)
+def test_which_view_layer_is_which(then, now, names):
+    assert new_names(then, then, now) == names
+
+
+def test_cryptomattes_are_those_of_a_renamed_view_layer():
+    texts = {"cryptomatte/1234567/name": "A.CryptoObject", "cryptomatte/1234567/hash": "A.CryptoObject"}
+    assert renamed_metadata(texts, {"A": "B"}) == {**texts, "cryptomatte/1234567/name": "B.CryptoObject"}
 
 
 DELIVERING = """

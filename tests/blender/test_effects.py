@@ -464,6 +464,28 @@ def test_motion_blur_only_of_what_moves(scene):
     assert called_for(scene) == NOTHING
 
 
+def test_what_moves_within_instances_of_collections_blurs(scene):
+    """Two deep, and also where only a parent moves that is in no collection of the scene."""
+    scene.render.use_motion_blur = True
+    inner, outer = (bpy.data.collections.new(name) for name in ("Inner", "Outer"))
+    wheel = add_plane(scene, diffuse("wheel"))
+    wheel.name = "Wheel"
+    scene.collection.objects.unlink(wheel)
+    inner.objects.link(wheel)
+    for name, shown, owner in (("Axle", inner, outer), ("Car", outer, scene.collection)):
+        empty = bpy.data.objects.new(name, None)
+        empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", shown, AHEAD
+        owner.objects.link(empty)
+    assert called_for(scene) == NOTHING
+    keyframes(wheel, "location", {1: (0.0, 0.0, 0.0), 10: (1.0, 0.0, 0.0)})
+    assert by(scene, Effect.MOTION_BLUR) == ("mesh 'Wheel'",)
+    wheel.animation_data_clear()
+    wheel.parent = bpy.data.objects.new("Crane", None)
+    assert called_for(scene) == NOTHING
+    keyframes(wheel.parent, "location", {1: (0.0, 0.0, 0.0), 10: (1.0, 0.0, 0.0)})
+    assert by(scene, Effect.MOTION_BLUR) == ("empty 'Crane'",)
+
+
 def test_a_camera_that_moves_blurs(scene):
     scene.render.use_motion_blur = True
     keyframes(scene.camera, "location", {1: (0.0, 0.0, 0.0), 10: (1.0, 0.0, 0.0)})

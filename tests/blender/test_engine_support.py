@@ -6,6 +6,7 @@ import pytest
 from stereo_reproject.blender.engine_support import engine_warnings, unmatched_materials
 from stereo_reproject.blender.rig import stereo_cameras
 from stereo_reproject.blender.scene import working_scene
+from stereo_reproject.blender.scene_warnings import warnings_ahead
 from stereo_reproject.settings import SceneOverrides
 from tests.blender.toolbox import Material, add, add_camera, add_plane, add_sun, diffuse, empty_scene
 
@@ -42,6 +43,12 @@ def test_a_shader_of_cycles_alone(scene, kind):
     (line,) = warnings(scene)
     assert line.startswith(f"material '{kind}' uses ")
     assert CYCLES_ONLY in line
+
+
+def test_it_is_said_before_anything_is_rendered_by_eevee(scene):
+    add_plane(scene, shaded("BsdfToon"), location=AHEAD)
+    assert warnings_ahead(scene, SceneOverrides(source_engine="eevee")) == warnings(scene)
+    assert warnings_ahead(scene, SceneOverrides()) == []
 
 
 def test_a_shader_of_eevees_alone(scene):

@@ -1,5 +1,6 @@
 """A run that is cancelled, or fails, at any of its stages: nothing is left of it, and the next one works."""
 
+import contextlib
 import re
 import sys
 import tempfile
@@ -193,8 +194,102 @@ def test_a_delivery_that_fails_leaves_the_scene_as_it_was(extension, scene, plac
         with pytest.raises(RuntimeError, match="forced in delivery"):
             bpy.ops.render.stereo_reproject_image()
     assert everything() == before
-    assert (jobs.running(), list(place.iterdir())) == (None, [])
+    kept = place / "untitled_stereo_pair"
+    assert (jobs.running(), list(place.iterdir())) == (None, [kept])
+    assert {"left.exr", "right.exr", "report.json"} <= {path.name for path in kept.iterdir()}
+    assert bpy.ops.stereo_reproject.open_kept() == {"FINISHED"}
+    image = bpy.data.images["stereo.exr"]
+    # It is read when its size is asked for.
+    found = tuple(image.size), image.type, image.is_stereo_3d
+    assert found[1:] == ("MULTILAYER", True)
+    assert not bpy.ops.stereo_reproject.open_kept.poll()
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+
+
+@pytest.fixture
+def meanwhile(extension, monkeypatch):
+    """Does something after a run is over, and before its result is taken."""
+    from stereo_reproject_extension.operators.run import Run
+
+    wait = Run.wait
+
+    def have_done(action):
+        monkeypatch.setattr(Run, "wait", lambda self: (wait(self), action()))
+
+    return have_done
+
+
+def _saved_result(folder, name):
+    """The Render Result as files, by their names' ends."""
+    with contextlib.suppress(RuntimeError):
+        bpy.data.images["Render Result"].save_render(str(folder / f"{name}.png"))
+    return {path.stem.removeprefix(name): path.read_bytes() for path in folder.glob(f"{name}*.png")}
+
+
+def test_what_is_changed_and_rendered_meanwhile_costs_neither_the_pair_nor_the_render(
+    extension, scene, tmp_path, meanwhile
+):
+    plain = {}
+
+    def render_and_change():
+        bpy.ops.render.render()
+        plain.update(_saved_result(tmp_path, "before"))
+        bpy.data.objects.remove(scene.camera)
+        scene.view_layers[0].name = "Renamed"
+
+    scene.render.image_settings.file_format = "PNG"
+    add_compositor(scene)
+    meanwhile(render_and_change)
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert (scene.camera, [layer.name for layer in scene.view_layers]) == (None, ["Renamed"])
+    assert [item for item in bpy.data.objects if item.type == "CAMERA"] == []
+    slots = bpy.data.images["Render Result"].render_slots
+    assert slots.active.name == "Stereo Pair"
+    scene.render.use_multiview = True
+    assert set(_saved_result(tmp_path, "pair")) >= {"_L", "_R"}
+    scene.render.use_multiview = False
+    slots.active_index = 0
+    assert _saved_result(tmp_path, "after") == plain
+
+
+def test_a_pair_whose_scene_was_deleted_is_kept_beside_the_file(extension, animated, place, meanwhile):
+    def delete():
+        bpy.data.scenes.new("Other")
+        bpy.data.scenes.remove(animated)
+
+    meanwhile(delete)
+    with pytest.raises(RuntimeError, match=r"'Scene' was deleted meanwhile\. The pair is kept in .*film_stereo_pair"):
+        bpy.ops.render.stereo_reproject_image()
+    kept = place / "project" / "film_stereo_pair"
+    assert {"left.exr", "right.exr"} <= {path.name for path in kept.iterdir()}
+    assert [path.name for path in place.iterdir()] == ["project"]
+
+
+def test_an_animation_whose_scene_was_deleted_has_its_frames(extension, animated, place, meanwhile, capfd):
+    animated.frame_end = 1
+    meanwhile(lambda: (bpy.data.scenes.new("Other"), bpy.data.scenes.remove(animated)))
+    assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
+    assert len(list((place / "project" / "shots").glob("film_0001_?.png"))) == 2
+    assert "last frame is not shown: the scene 'Scene' was deleted" in capfd.readouterr().out.replace("\n", " ")
+
+
+def test_a_stereo_animation_is_found_without_stereoscopy(extension, scene, tmp_path):
+    """Blender's own View Animation would look for shot_0001.png."""
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.filepath, scene.render.use_multiview = str(tmp_path / "shot_"), False
+    player = bpy.context.preferences.filepaths
+    # One that cannot be started: the message has what it would have been given.
+    player.animation_player_preset, player.animation_player = "CUSTOM", str(tmp_path / "player")
+    with pytest.raises(RuntimeError, match=r"There is no stereo animation to play: .*shot_0001_L\.png does not exist"):
+        bpy.ops.render.stereo_reproject_view_animation()
+    (tmp_path / "shot_0001_L.png").touch()
+    before = everything()
+    with pytest.raises(
+        RuntimeError, match=r"Couldn't run external animation player .*player', '[^']*shot_0001_L\.png'"
+    ):
+        bpy.ops.render.stereo_reproject_view_animation()
+    assert everything() == before
 
 
 def test_a_second_start_is_refused_with_a_word(extension, scene, place):

@@ -8,6 +8,7 @@ import pytest
 
 from stereo_reproject.blender.rig import camera_from_eye, stereo_cameras
 from stereo_reproject.camera import target_px_from_source_px
+from stereo_reproject.errors import BadInputError
 from stereo_reproject.passes import DEPTH_PASS
 from tests.blender.toolbox import (
     EYES,
@@ -243,3 +244,30 @@ def test_eyes_stand_apart_by_the_interocular_distance(scene, mode, pivot):
     # Distances are single precision in Blender.
     assert np.linalg.norm(right - left) == pytest.approx(0.25, rel=1e-6)
     assert right[0] > left[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"type": "ORTHO", "ortho_scale": 0.0}, "orthographic scale is 0: raise it"),
+        ({"lens": 1e30}, "check focal length, sensor and shift"),
+        ({"shift_y": 1e20}, "check focal length, sensor and shift"),
+        ({"stereo.interocular_distance": 1e20}, "take a smaller interocular one"),
+        ({"sensor_width": 0.0, "sensor_height": 0.0}, None),
+        ({"lens": 0.0}, None),
+        ({"type": "ORTHO", "ortho_scale": 1e-30}, None),
+        ({"stereo.convergence_distance": 0.0}, None),
+        ({"clip_start": 100.0, "clip_end": 1.0}, None),
+    ],
+)
+def test_a_camera_without_a_view_is_said(scene, settings, words):
+    data = scene.camera.data
+    for name, value in settings.items():
+        item, _, last = name.rpartition(".")
+        setattr(getattr(data, item) if item else data, last, value)
+    if words is None:
+        for eye in stereo_cameras(evaluated_camera(scene), scene.render).values():
+            assert np.isfinite([eye.plane.left, eye.plane.right, eye.plane.bottom, eye.plane.top]).all()
+    else:
+        with pytest.raises(BadInputError, match=words):
+            stereo_cameras(evaluated_camera(scene), scene.render)

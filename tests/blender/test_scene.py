@@ -126,6 +126,15 @@ def test_overrides_replace_what_the_scene_says(scene):
         assert (stereo.convergence_distance, stereo.convergence_mode) == (3.0, "TOE")
 
 
+@pytest.mark.parametrize("own", ["none", 7.5])
+def test_a_property_of_the_users_own_with_the_name_of_ours_is_none_of_ours(scene, own):
+    scene["stereo_reproject_seed"] = own
+    scene.cycles.seed = 11
+    with working_scene(scene, SceneOverrides()) as working:
+        assert working.cycles.seed == 11
+    assert scene["stereo_reproject_seed"] == own
+
+
 @pytest.mark.parametrize(("asked", "subframe"), [(None, 0.5), (3, 0.0), (4, 0.0)])
 def test_a_frame_that_is_asked_for_has_no_subframe(scene, asked, subframe):
     scene.frame_set(3, subframe=0.5)
@@ -446,3 +455,9 @@ def test_a_working_scene_renders_the_layer_that_it_is_asked_for():
     for layer, expected in ((None, "Second"), ("Third", "Third")):
         with working_scene(scene, SceneOverrides(), layer=layer) as working:
             assert [one.name for one in working.view_layers if one.use] == [expected]
+
+
+def test_samples_without_the_first_have_no_depth(scene):
+    scene.cycles.use_sample_subset, scene.cycles.sample_offset = True, 16
+    with pytest.raises(BadInputError, match="Offset to 0"), working_scene(scene, SceneOverrides()):
+        pass

@@ -163,6 +163,10 @@ match behaviour:
     case "killed":
         print("Saved: '/tmp/something.png'", file=sys.stderr, flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
+    case "killed for memory":
+        counter = Path((notes / "counter").read_text())
+        counter.write_text("oom_kill 8\n")
+        os.kill(os.getpid(), signal.SIGKILL)
     case "exit 3":
         print("ModuleNotFoundError: No module named 'bpy'", file=sys.stderr)
         sys.exit(3)
@@ -170,6 +174,11 @@ match behaviour:
         note("ready")
         sys.stdin.read()
         note("end of input")
+    case "says more than anybody reads":
+        for _ in range(300):
+            say("note", message="more " * 200)
+        note("ready")
+        sys.stdin.read()
     case "stubborn":
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
@@ -194,6 +203,9 @@ match behaviour:
         time.sleep(0.2)
         animate()
     case "animation that crashes":
+        animate(crash_at=int(notes.joinpath("crash at").read_text()))
+    case "animation that warns and crashes":
+        say("warning", message="a library is missing")
         animate(crash_at=int(notes.joinpath("crash at").read_text()))
     case "animation that crashes between frames":
         animate(crash_after=3)

@@ -5,19 +5,32 @@ import json
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from stereo_reproject import animation
-from stereo_reproject.animation import FramesTold, failed_output, plan_frames, publish_frame, render_frames, spelled
+from stereo_reproject.animation import (
+    FramePlan,
+    FramesTold,
+    failed_output,
+    plan_frames,
+    publish_frame,
+    render_frames,
+    spelled,
+)
+from stereo_reproject.animation_progress import AnimationProgress
+from stereo_reproject.animation_progress import Told as Listener
 from stereo_reproject.animation_settings import EXISTING
 from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectError
-from stereo_reproject.journal import Fingerprints, FrameState, Journal
+from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record
+from stereo_reproject.listing import Listing
 from stereo_reproject.runs import BEAT_DIGITS, STALE_SECONDS, Runs
 
 from .clock import Clock
+from .tokens import token_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,6 +38,12 @@ WANTED = Fingerprints("settings", {"Object": "1"})
 OTHER_SETTINGS = replace(WANTED, settings="others")
 OTHER_SCENE = replace(WANTED, scene={"Object": "2", "Mesh": "1"})
 FRAMES = (1, 2, 3, 4)
+
+OWN, FAR, GONE, EARLIER, ANOTHER = map(token_of, ("own", "far", "long gone", "earlier", "another"))
+"""Runs: this one, one on another machine, and others."""
+
+SPELLED_SECONDS = 3.0
+"""Of this process; an algorithm that copies what is left takes ten."""
 
 PUBLISHING = """
 import sys
@@ -69,7 +88,7 @@ class Maker:
     is called ahead of each frame.
     """
 
-    def __init__(self, journal, *, token="own", wanted=WANTED, fails=(), unwritten=(), before=lambda _: None):
+    def __init__(self, journal, *, token=OWN, wanted=WANTED, fails=(), unwritten=(), before=lambda _: None):
         self.journal, self.token, self.wanted = journal, token, wanted
         self.fails, self.unwritten, self.before = dict(fails), dict(unwritten), before
         self.rendered, self._pending = [], []
@@ -112,7 +131,7 @@ class Told:
         return [event[1] for event in self.events if event[0] == kind]
 
 
-def publish(journal, frame, claim, *, token="own", wanted=WANTED):
+def publish(journal, frame, claim, *, token=OWN, wanted=WANTED):
     if not journal.holds(frame, claim, token):
         (journal.folder / f"{journal.name}{frame:04d}.claim.{claim}").write_text(token, encoding="utf-8")
     made = journal.frames_folder / f"made-{frame}"
@@ -213,18 +232,18 @@ def test_refuse_says_what_is_there_and_what_to_do(mixed):
 
 
 def test_refuse_lets_runs_that_begin_together_share_the_frames(journal):
-    elsewhere(journal, "far")
-    publish(journal, 1, journal.take(1, "far"), token="far")
+    elsewhere(journal, FAR)
+    publish(journal, 1, journal.take(1, FAR), token=FAR)
     planned = plan(journal, "refuse")
     assert (planned.kept, list(planned.todo)) == ({1: FrameState.WHOLE}, [2, 3, 4])
-    publish(journal, 2, 1, token="long gone")
+    publish(journal, 2, 1, token=GONE)
     with pytest.raises(BadInputError, match="2 of 4 frames are there already"):
         plan(journal, "refuse")
 
 
 def test_refuse_does_not_take_other_settings_for_a_run_that_began_just_now(journal):
-    elsewhere(journal, "far")
-    publish(journal, 1, 1, token="far", wanted=OTHER_SETTINGS)
+    elsewhere(journal, FAR)
+    publish(journal, 1, 1, token=FAR, wanted=OTHER_SETTINGS)
     with pytest.raises(BadInputError, match=r"1 of 4 frames are there already \(1\)"):
         plan(journal, "refuse")
 
@@ -284,7 +303,7 @@ def test_failures_that_are_not_in_a_row_are_not(journal):
     frames = range(1, 8)
     maker = Maker(journal, fails={frame: StereoReprojectError("no memory") for frame in (1, 2, 5, 6)})
     told = Told()
-    render_frames(plan(journal, frames=frames), journal, WANTED, "own", maker, told.to)
+    render_frames(plan(journal, frames=frames), journal, WANTED, OWN, maker, told.to)
     assert (told.frames("failed"), told.frames("done")) == ([1, 2, 5, 6], [3, 4, 7])
 
 
@@ -327,39 +346,39 @@ def test_what_another_run_has_done_meanwhile_is_not_rendered_again(journal):
 
 def test_with_overwrite_what_was_there_before_is_rendered_and_what_another_run_has_made_since_is_not(journal):
     for frame in (1, 2):
-        publish(journal, frame, 1, token="earlier")
+        publish(journal, frame, 1, token=EARLIER)
 
     def another_overwrites(frame):
         if frame == 1:
-            publish(journal, 2, 1, token="another")
+            publish(journal, 2, 1, token=ANOTHER)
 
     maker = Maker(journal, before=another_overwrites)
     told = render(journal, maker, existing="overwrite")
     assert maker.rendered == [1, 3, 4]
-    assert ("done", 2, "another") in told.events
+    assert ("done", 2, ANOTHER) in told.events
 
 
 def test_frames_of_others_are_waited_for_when_all_else_is_done(journal):
-    elsewhere(journal, "far")
-    claim = journal.take(1, "far")
+    elsewhere(journal, FAR)
+    claim = journal.take(1, FAR)
     looks = []
 
     def they_finish(frames):
         looks.append(list(frames))
         if len(looks) == 2:
-            publish(journal, 1, claim, token="far")
+            publish(journal, 1, claim, token=FAR)
 
     maker = Maker(journal)
     told = render(journal, maker, told=Told(they_finish))
     assert maker.rendered == [2, 3, 4]
     assert looks == [[1], [1]]
-    assert told.events[-1] == ("done", 1, "far")
+    assert told.events[-1] == ("done", 1, FAR)
     assert told.frames("done")[:3] == [2, 3, 4], "own frames are told of before it waits"
 
 
 def test_frames_of_others_are_taken_over_when_those_are_dead(journal, clock):
-    elsewhere(journal, "far")
-    assert journal.take(2, "far") == 1
+    elsewhere(journal, FAR)
+    assert journal.take(2, FAR) == 1
     waits = []
 
     def time_passes(_frames):
@@ -375,16 +394,16 @@ def test_frames_of_others_are_taken_over_when_those_are_dead(journal, clock):
 
 
 def test_frames_of_others_are_not_taken_over_as_long_as_those_live(journal, clock):
-    elsewhere(journal, "far")
-    claim = journal.take(2, "far")
+    elsewhere(journal, FAR)
+    claim = journal.take(2, FAR)
     beats = []
 
     def time_passes(_frames):
         clock.now += STALE_SECONDS - 1
         beats.append(None)
-        elsewhere(journal, "far", beat=len(beats))
+        elsewhere(journal, FAR, beat=len(beats))
         if len(beats) == 5:
-            publish(journal, 2, claim, token="far")
+            publish(journal, 2, claim, token=FAR)
 
     maker = Maker(journal)
     render(journal, maker, told=Told(time_passes))
@@ -399,8 +418,8 @@ def test_a_frames_files_are_published_with_their_sums_and_the_claim_goes(journal
     for name in ("0007_L.png", "0007_R.png", "holes/0007.png"):
         made[name] = journal.frames_folder / f"made-{len(made)}"
         made[name].write_bytes(name.encode())
-    claim = journal.take(7, "own")
-    fields = {"frame": 7, "settings": "s", "scene": {}, "run": "own", "figures": {"wall_seconds": 1.0}}
+    claim = journal.take(7, OWN)
+    fields = {"frame": 7, "settings": "s", "scene": {}, "run": OWN, "figures": {"wall_seconds": 1.0}}
     record = publish_frame(journal, made, fields, claim)
     assert journal.record(7) == record
     assert sorted(record.files) == sorted(made)
@@ -413,7 +432,7 @@ def test_a_frames_files_are_published_with_their_sums_and_the_claim_goes(journal
 def test_a_frame_that_cannot_be_published_has_no_record(journal):
     (journal.frames_folder / "0001.png").mkdir()
     with pytest.raises(OutputError, match=r"cannot be written \(.*\): finished frames are kept, and --resume"):
-        publish(journal, 1, journal.take(1, "own"))
+        publish(journal, 1, journal.take(1, OWN))
     assert journal.record(1) is None
 
 
@@ -447,19 +466,59 @@ def test_frames_are_spelled_as_people_write_them(frames, text):
 
 def test_a_frame_that_is_replaced_half_has_no_record(journal):
     """Its files would be of two renders."""
-    for token, right in (("first", "0001_R.png"), ("second", "0001_R.png")):
+    for token, right in ((EARLIER, "0001_R.png"), (ANOTHER, "0001_R.png")):
         elsewhere(journal, token)
         claim = journal.take(1, token)
         made = {name: journal.frames_folder / f"made-{name}" for name in ("0001_L.png", right)}
         for path in made.values():
             path.write_text(token)
         fields = {"frame": 1, "settings": "s", "scene": {}, "run": token, "figures": {}}
-        if token == "first":
+        if token == EARLIER:
             publish_frame(journal, made, fields, claim)
             (journal.frames_folder / right).unlink()
             (journal.frames_folder / right).mkdir()
         else:
             with pytest.raises(OutputError):
                 publish_frame(journal, made, fields, claim)
-    assert (journal.frames_folder / "0001_L.png").read_text() == "second"
+    assert (journal.frames_folder / "0001_L.png").read_text() == ANOTHER
     assert journal.record(1) is None
+
+
+def test_of_many_frames_those_alone_are_looked_at_that_are_there(journal):
+    publish(journal, 3, journal.take(3, OWN))
+    journal.frames_folder.joinpath("0005.png").write_bytes(b"of somebody else")
+    journal.take(7, OWN)
+    looked = []
+    frames = range(1, 20_001)
+    planned = plan_frames(journal, files_of(journal, frames), WANTED, "resume", on_look=looked.append)
+    assert looked == [3, 5, 7]
+    assert list(planned.kept) == [3]
+    assert [frame for frame, state in planned.todo.items() if state is not FrameState.MISSING] == [5]
+    assert len(planned.todo) == len(frames) - 1
+
+
+def test_what_is_called_alike_but_for_capitals_and_accents_is_looked_at(tmp_path):
+    (tmp_path / "Shot_e\u0301_0001.png").write_bytes(b"")
+    there = Listing()
+    assert there.may_hold(tmp_path / "shot_\u00e9_0001.png")
+    assert not there.may_hold(tmp_path / "shot_\u00e9_0002.png")
+    assert not there.may_hold(tmp_path / "none" / "shot_\u00e9_0001.png")
+
+
+def test_many_frames_that_are_not_one_after_the_other_are_spelled_quickly():
+    squares = [number * number for number in range(100_000)]
+    start = time.process_time()
+    assert spelled(squares).endswith("9999600004, 9999800001")
+    assert time.process_time() - start < SPELLED_SECONDS
+
+
+def test_the_time_that_is_left_counts_no_load(journal):
+    times = iter([100.0, 103.0, 105.0])
+    told = []
+    plan = FramePlan(dict.fromkeys(FRAMES, FrameState.MISSING), {}, {})
+    progress = AnimationProgress(plan, len(FRAMES), Listener(on_frame=told.append), {}, clock=lambda: next(times))
+    for frame in FRAMES[:3]:
+        figures = {"wall_seconds": 2.0}
+        progress.told.done(frame, Record(frame, {}, "", {}, OWN, figures))
+    assert [event["each"] for event in told] == [2.0, 3.0, 2.5]
+    assert [event["remaining"] for event in told] == [2.0 * 3, 3.0 * 2, 2.5]

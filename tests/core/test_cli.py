@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject import cli, supervisor, work_folder
-from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject import cli, memory, supervisor, work_folder
+from stereo_reproject.errors import BadInputError, StereoReprojectError, as_told
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parent.parent
@@ -279,7 +280,7 @@ def test_how_the_worker_ends_after_done_changes_nothing(place, monkeypatch, beha
         pytest.param(
             "killed",
             1,
-            ["signal 9 (SIGKILL) during fill; memory may have run out", "; nothing was written, and existing files"],
+            ["signal 9 (SIGKILL) during fill; something outside", "; nothing was written, and existing files"],
             marks=posix,
         ),
         pytest.param("descendant keeps the pipe", 1, ["exit status 4"], marks=posix),
@@ -307,8 +308,72 @@ def test_of_a_killed_blender_its_files_are_told_and_not_its_log(place, command, 
     job = supervisor.Job(place / "room.blend", output and place / output, StereoSettings(), command, files=())
     with pytest.raises(StereoReprojectError) as raised:
         supervisor.run_worker(job, lambda _: None, command=stub(place, "killed"))
-    told = "Blender was killed by signal 9 (SIGKILL) during fill; memory may have run out: render smaller, or free some"
+    told = (
+        "Blender was killed by signal 9 (SIGKILL) during fill; something outside of it has done that;"
+        " if memory ran out, render smaller, or free some"
+    )
     assert str(raised.value) == told + words
+
+
+GROUPS = {
+    "version 2": ("0::/user.slice/a:b\n", "sys/fs/cgroup/user.slice/a:b/memory.events"),
+    "version 1": ("5:cpu:/\n4:memory:/job\n0::/\n", "sys/fs/cgroup/memory/job/memory.oom_control"),
+    "none": ("", "proc/vmstat"),
+}
+
+
+@posix
+@pytest.mark.parametrize("groups", GROUPS)
+@pytest.mark.parametrize(("behaviour", "words"), [("killed for memory", "memory has run out"), ("killed", "outside")])
+def test_memory_has_run_out_where_the_kernel_says_so(place, capsys, monkeypatch, groups, behaviour, words):
+    told, counter = GROUPS[groups]
+    system = notes(place) / "system"
+    for name, text in (("proc/self/cgroup", told), ("proc/vmstat", "oom_kill 7\n"), (counter, "oom 3\noom_kill 3\n")):
+        (system / name).parent.mkdir(parents=True, exist_ok=True)
+        (system / name).write_text(text)
+    (notes(place) / "counter").write_text(str(system / counter))
+    monkeypatch.setattr(memory, "SYSTEM", system)
+    assert render(place, behaviour) == 1
+    assert_one_line(capsys.readouterr().err, "(SIGKILL) during fill", words)
+
+
+@posix
+def test_a_limit_of_memory_is_named_when_blender_falls_over(place, start):
+    process = start("segmentation fault", by_way_of='ulimit -v 4000000; exec "$@"')
+    _, err = process.communicate(timeout=SECONDS)
+    assert process.returncode == 1
+    assert_one_line(err.decode(), "(SIGSEGV) during fill; if its memory is limited (ulimit -v), allow it more")
+
+
+def test_a_library_that_finds_no_room_is_no_defect():
+    told = as_told(ImportError("libembree4.so.4: failed to map segment from shared object"))
+    assert "libembree4" in str(told)
+    assert "ulimit -v" in str(told)
+    assert "defect" not in str(told)
+
+
+def test_a_name_that_is_no_utf8_is_no_defect():
+    with pytest.raises(UnicodeDecodeError) as caught:
+        b"Stra\xdfe".decode()
+    told = as_told(caught.value)
+    assert told.exit_status == 2
+    assert "Stra\\xdfe" in str(told)
+
+
+@posix
+@pytest.mark.parametrize("behaviour", ["error 2", "killed"])
+def test_a_folder_that_is_removed_under_way_is_said(place, behaviour):
+    output = place / "out"
+
+    def on_event(event):
+        if event.get("stage") == "load":
+            shutil.rmtree(output)
+
+    job = supervisor.Job(place / "room.blend", output, StereoSettings())
+    with pytest.raises(BadInputError) as raised:
+        supervisor.run_worker(job, on_event, command=stub(place, behaviour))
+    assert str(raised.value) == f"what the run had in {output} was removed under way; run it again"
+    assert not output.exists()
 
 
 @posix
@@ -599,6 +664,16 @@ def test_nohup_outlives_its_terminal(place, start):
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=SECONDS)
     assert process.returncode == 130
+
+
+@posix
+def test_in_the_background_of_a_script_an_interrupt_that_is_meant_for_it_ends_a_run(place, start):
+    process = start("waits", by_way_of="trap '' INT; exec \"$@\"")
+    wait_until((notes(place) / "ready").exists)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=SECONDS)
+    assert process.returncode == 130
+    assert_one_line(err.decode(), "no result was written")
 
 
 @posix
@@ -974,6 +1049,36 @@ def test_a_blender_that_ends_on_a_frame_is_followed_by_another(place, capsys, cr
     assert error.startswith(
         f"stereo_reproject: error: 1 of 4 frames failed ({crash_at}); frame {crash_at}: Blender stop"
     )
+
+
+def test_a_warning_is_said_once_however_often_blender_is_started(place, capsys):
+    (notes(place) / "crash at").write_text("2")
+    assert animate(place, "--frames", "1-4", behaviour="animation that warns and crashes") == 1
+    assert len(jobs_told(place)) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "stereo_reproject: warning: a library is missing"
+    assert sum("a library is missing" in line for line in lines) == 1
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("render", "room.blend", "--output", "out"),
+        ("animate", "room.blend", "--output", "out", "--frames", "1-2"),
+        ("inspect", "room.blend"),
+        ("tradeoff", "room.blend", "--output", "out"),
+    ],
+)
+def test_strict_is_told_to_the_worker_and_is_no_setting_of_the_pair(place, monkeypatch, argv):
+    monkeypatch.chdir(place)
+    told = []
+    for options in ((), ("--strict",)):
+        cli.main([*argv, *options], host=cli.Host(worker_command=stub(place, "error 2")))
+        told.append(json.loads((notes(place) / "job").read_text()))
+    assert [job.pop("strict") for job in told] == [False, True]
+    for job in told:
+        del job["work"]
+    assert told[0] == told[1]
 
 
 @pytest.mark.parametrize(("option", "existing"), [("--overwrite", "overwrite"), ("--resume", "resume")])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.camera import target_px_from_source_px
-from stereo_reproject.composite import composite, contain, warp_passes
+from stereo_reproject.composite import composite, contain, not_numbers, warp_passes
 from stereo_reproject.warp import Warp
 
 from .analytic import pixel_centres, px_from_world, stereo_rig
@@ -59,7 +59,11 @@ def test_contain_blacks_out_what_is_no_number_and_says_where(value):
     given["Normal"][4, 4, 2] = value
     before = {name: image.copy() for name, image in given.items()}
     clean, invalid = contain(given)
-    assert np.argwhere(invalid).tolist() == [[2, 3], [4, 4], [5, 8]]
+    assert np.argwhere(invalid).tolist() == [[2, 3], [5, 8]], "a normal is not what a pixel looks like"
+    assert {name: np.argwhere(pixels).tolist() for name, pixels in not_numbers(given).items()} == {
+        "Combined": [[2, 3], [5, 8]],
+        "Normal": [[4, 4]],
+    }
     assert clean["Combined"][2, 3, 1] == clean["Combined"][5, 8, 3] == clean["Normal"][4, 4, 2] == 0.0
     for name, image in clean.items():
         assert np.all(np.isfinite(image))

@@ -3,6 +3,7 @@ checked by `make extension`."""
 
 import re
 import tomllib
+from importlib.metadata import files
 from pathlib import Path
 
 import pytest
@@ -32,8 +33,23 @@ def test_identity(manifest):
     assert manifest["id"] == "stereo_reproject"
     assert manifest["type"] == "add-on"
     assert manifest["blender_version_min"] == "4.5.0"
-    assert manifest["license"] == ["SPDX:GPL-3.0-or-later"]
     assert re.fullmatch(r"\d+\.\d+\.\d+", manifest["version"])
+
+
+def test_the_wheels_licences_and_whose_they_are_are_named(manifest):
+    own, *wheels = manifest["license"]
+    assert own == "SPDX:GPL-3.0-or-later"
+    assert wheels == ["SPDX:BSD-3-Clause", "SPDX:BSD-2-Clause", "SPDX:MIT"]
+    # The form that the extensions platform asks for.
+    assert all(re.fullmatch(r"\d{4}(-\d{4})? \S.*", entry) for entry in manifest["copyright"])
+    assert manifest["maintainer"] in manifest["copyright"][0]
+    licences = [file for file in files("OpenEXR") if file.name == "LICENSE.md"]
+    (holder,) = re.findall(r"Copyright \(c\) (.*?)\. All rights", "".join(file.read_text() for file in licences))
+    assert any(entry.partition(" ")[2] == holder for entry in manifest["copyright"])
+
+
+def test_the_listing_does_not_point_at_itself(manifest):
+    assert "extensions.blender.org" not in manifest.get("website", "")
 
 
 def test_files_are_the_only_permission(manifest):

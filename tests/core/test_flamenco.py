@@ -24,6 +24,7 @@ SETTINGS = {
     "samples": 0,
     "layout": "",
     "movie": "movie.mp4",
+    "strict": True,
     "extra_options": "",
     "render_output_root": "/shared/my renders",
     "render_output_path": "/shared/my renders/shot/{timestamp}",
@@ -125,8 +126,16 @@ def test_the_command_of_a_task(compile_job):
     assert first["commands"][0]["parameters"]["exe"] == "{blender}"
     assert arguments(first) == [
         *("--command", "stereo_reproject", "animate", SETTINGS["blendfile"], "--output", FOLDER),
-        *("--frames", "1-3", "--resume", "--accuracy", "high"),
+        *("--frames", "1-3", "--resume", "--accuracy", "high", "--strict"),
     ]
+
+
+def test_strict_is_the_default_and_can_be_switched_off(compile_job):
+    setting = next(one for one in compile_job()["jobType"]["settings"] if one["key"] == "strict")
+    assert setting["default"] is True
+    for strict in (True, False):
+        tasks = compile_job(strict=strict)["tasks"]
+        assert {"--strict" in arguments(task) for task in tasks} == {strict}
 
 
 def test_what_is_set_is_handed_on_as_one_argument_each(compile_job):

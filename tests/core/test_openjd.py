@@ -80,7 +80,7 @@ def test_the_command_of_each_task(job, tmp_path):
     assert done.status == 0, done.out
     assert done.steps == ["Render", "Finish"]
     animate = ["animate", str(tmp_path / "room.blend"), "--output", str(tmp_path / "out")]
-    options = ["--resume", "--accuracy=balanced", "--samples=4", "--layout=over-under"]
+    options = ["--resume", "--accuracy=balanced", "--samples=4", "--layout=over-under", "--strict"]
     chunks = ["--frames=1-2", "--frames=3-4", "--frames=5-5"]
     movie = f"--movie={tmp_path / 'room.mp4'}"
     expected = [[*animate, chunk, *options] for chunk in chunks]
@@ -90,8 +90,15 @@ def test_the_command_of_each_task(job, tmp_path):
 def test_what_is_left_empty_is_left_out(job):
     done = job(SAYS_WHAT_IT_WAS_GIVEN, Frames="0", Samples=0)
     assert [args[4:] for args in arguments(done)] == [
-        ["--frames=0-0", "--resume", "--accuracy=balanced"],
-        ["--frames=0", "--resume", "--accuracy=balanced"],
+        ["--frames=0-0", "--resume", "--accuracy=balanced", "--strict"],
+        ["--frames=0", "--resume", "--accuracy=balanced", "--strict"],
+    ]
+
+
+def test_strict_can_be_switched_off(job):
+    done = job(SAYS_WHAT_IT_WAS_GIVEN, Frames="0", Strict="false")
+    assert [args[4:] for args in arguments(done)] == [
+        [f"--frames={frames}", "--resume", "--accuracy=balanced"] for frames in ("0-0", "0")
     ]
 
 
@@ -143,12 +150,19 @@ def test_a_command_that_cannot_be_started_is_told(job, command, said):
     assert "Traceback" not in done.out
 
 
+CAN_BE_INTERRUPTED = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
+"""Starts a program that listens to Ctrl-C, also where these tests run in the background of a script and ignore it."""
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 def test_cancelling_ends_the_program_in_order(tmp_path):
     parameters = given(tmp_path, WAITS_UNTIL_IT_IS_TERMINATED)
-    process = subprocess.Popen(
-        openjd("run", **parameters), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    command = [sys.executable, "-c", CAN_BE_INTERRUPTED, *openjd("run", **parameters)]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     shown = ""
     while not shown.endswith("begun\n"):
         line = process.stdout.readline()

@@ -555,6 +555,52 @@ def check_the_rest(frame, whole, asked, places):
     assert np.all(target_of(frame, asked)["Combined"][freed, :3] > 0.1)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_an_aov_that_is_no_number_is_0_and_counted_and_nothing_is_traced_for_it(value, interpolation):
+    """Half of the source, as of a surface whose shader divides by zero. The AOV is 1 elsewhere: what lies between is a
+    mixture, which would pass for a value of it."""
+    half = SIZE[0] // 2
+
+    def with_aov(bad):
+        def add(passes):
+            passes["Dust"] = np.ones((SIZE[1], SIZE[0], 1), np.float32)
+            passes["Dust"][:, :half] = bad
+
+        return add
+
+    asked = settings(accuracy="high", interpolation=interpolation)
+    whole = render_stereo_frame(caster(spoil=with_aov(1.0)), asked)
+    frame = render_stereo_frame(caster(spoil=with_aov(value)), asked)
+    np.testing.assert_array_equal(frame.reasons, whole.reasons)
+    np.testing.assert_array_equal(frame.traced, whole.traced)
+    for view, eye in frame.eyes.items():
+        for name in ("Combined", "Depth"):
+            np.testing.assert_array_equal(eye[name], whole.eyes[view][name])
+    source, target = frame.eyes["left"]["Dust"][..., 0], frame.eyes["right"]["Dust"][..., 0]
+    assert np.all(source[:, :half] == 0.0)
+    assert np.all(source[:, half:] == 1.0)
+    warped = ~frame.traced
+    assert np.all((target[warped] == 0.0) | (target[warped] > 0.999)), "no mixtures"
+    # The ray caster traces no AOV: holes have none.
+    dark = int((target[warped] == 0.0).sum())
+    assert frame.invalid_pixels == {"left": half * SIZE[1], "right": dark}
+    assert dark > 0.3 * target.size
+
+
+@pytest.mark.parametrize("name", ["Diffuse Direct", "GlossInd", "Combined_Key"])
+def test_light_that_is_no_number_is_traced_for_its_parts_must_add_up(name):
+    def add(passes):
+        passes[name] = passes["Combined"][..., :3].copy()
+        for i, j in PLACES:
+            passes[name][i, j] = np.nan
+
+    frame = render_stereo_frame(caster(spoil=add), settings(accuracy="high"))
+    assert np.any(frame.reasons & Reason.INVALID.bit)
+    assert frame.invalid_pixels == {"left": len(PLACES), "right": 0}
+    assert np.all(np.isfinite(frame.eyes["right"][name]))
+
+
 def test_what_is_no_number_in_a_traced_pixel_is_black_and_counted():
     renderer = caster(traced_colour=np.nan)
     frame = render_stereo_frame(renderer, settings())

@@ -13,6 +13,7 @@ from stereo_reproject.prediction import (
     effect_shares,
     predict,
     predict_holes,
+    predict_samples,
     predict_source,
     prediction_fields,
     shown_differently,
@@ -33,6 +34,12 @@ def test_the_cost_of_the_source_is_extrapolated():
     cost = predict_source(sketch(sync=2.0, call=0.5, per_sample=1e-4), pixels=16000, samples=64)
     assert cost.sync_seconds == 2.0
     assert cost.seconds == pytest.approx(2.0 + 0.5 + 1e-4 * 16000 * 64)
+
+
+@pytest.mark.parametrize(("limit", "samples"), [(0.0, 64), (200.0, 64), (16.1, 10), (0.1, 1)])
+def test_a_time_limit_leaves_fewer_samples(limit, samples):
+    measured = sketch(sync=2.0, call=0.5, per_sample=1e-4)
+    assert predict_samples(measured, pixels=16000, samples=64, limit=limit) == samples
 
 
 def test_a_sketch_whose_samples_cost_less_than_chance_stays_positive():

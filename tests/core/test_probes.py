@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereo_reproject.estimates import estimate_map
+from stereo_reproject.accuracy import SETTINGS
+from stereo_reproject.estimates import estimate_fields, estimate_map
 from stereo_reproject.metrics import noise_ratio, squared_error
 from stereo_reproject.probes import measure, place_probes, with_refined
 from stereo_reproject.refinement import (
+    as_rendered,
     choose_refined,
     estimate,
     local_noise,
@@ -219,6 +221,12 @@ def test_the_map_of_the_estimate_is_one_where_traced_and_unknown_where_no_probe_
     unknown = estimate_map(Refinement(pixels), frame.holes)
     assert np.isnan(unknown[~frame.holes]).all()
     assert (unknown[frame.holes] == 1.0).all()
+
+
+def test_what_was_rendered_whole_has_no_interval_where_nothing_is_known_of_its_noise():
+    whole = Refinement(np.ones(SIZE, bool), estimate=as_rendered(None), whole=True)
+    fields = estimate_fields(whole, SETTINGS["balanced"])
+    assert (fields["noise_ratio"], fields["low"], fields["high"], fields["kept"]) == (1.0, None, None, True)
 
 
 def test_a_frame_that_is_mostly_without_noise_has_worst_tiles():

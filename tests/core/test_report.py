@@ -329,3 +329,14 @@ def test_a_view_layer_without_its_share_is_a_defect(report):
     broken = [{**LAYERS[0], "rerendered": None}]
     with pytest.raises(StereoReprojectError, match=r"layers\.rerendered"):
         check_report({**report, "layers": broken})
+
+
+@pytest.mark.parametrize(
+    ("rendered", "words"), [(37, "37 of 64 samples in 2.5 s"), (None, "an unknown number of 64 samples in 2.5 s")]
+)
+def test_table_says_what_a_time_limit_left(report, rendered, words):
+    limited = {**report, "time_limit": 2.5, "samples_rendered": rendered}
+    check_report(limited)
+    assert words in format_report_table(limited).splitlines()[0]
+    with pytest.raises(StereoReprojectError, match="samples_rendered"):
+        check_report({**limited, "samples_rendered": "some"})

@@ -21,6 +21,9 @@ MODULE = "bl_ext.user_default.stereo_reproject"
 LIMIT = 240.0
 """Seconds after which something that is waited for will never come."""
 
+REDRAWS = 10
+"""How often Blender has drawn what is to be drawn, at least: more often than anything takes to settle."""
+
 facts: dict = {"steps": []}
 seen: dict = {}
 """What later steps compare with."""
@@ -83,6 +86,12 @@ def until(condition, what):
         if time.monotonic() - start > LIMIT:
             raise StuckError(what)
         yield 0.2
+
+
+def redrawn():
+    """However slow that is: Blender draws each time after its events."""
+    since = turns["count"]
+    yield from until(lambda: turns["count"] - since > REDRAWS, "the window stood still")
 
 
 def scroll(kind, region_type, wheel):
@@ -238,6 +247,19 @@ def set_the_convergence_and_undo_it():
     facts["undone"] = bpy.context.scene.camera.data.stereo.convergence_distance == distance
 
 
+def open_an_image_editor():
+    """With a plain picture: what is rendered next is drawn where one eye was drawn before."""
+    render, cycles = bpy.context.scene.render, bpy.context.scene.cycles
+    kept = render.resolution_percentage, cycles.samples
+    render.resolution_percentage, cycles.samples = 10, 1
+    bpy.ops.render.render()
+    render.resolution_percentage, cycles.samples = kept
+    area = area_of("PROPERTIES")
+    area.type = "IMAGE_EDITOR"
+    area.spaces.active.image = bpy.data.images["Render Result"]
+    yield 1.0
+
+
 def preview():
     scene = bpy.context.scene
     if PREVIEW:
@@ -245,12 +267,28 @@ def preview():
     seen["before"] = values()
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
     yield from until(lambda: jobs().running() is None, "the preview never ended")
-    yield 2.0
+    yield from redrawn()
     facts["preview"] = dict(results().report["fractions"]) if results().report else None
     facts["fill"] = results().report["fill"] if results().report else None
     facts["result"] = [image.name for image in bpy.data.images if image.type == "RENDER_RESULT" and image.has_data]
     facts["unchanged_by_preview"] = values() == seen["before"]
     shoot("preview")
+    space = area_of("IMAGE_EDITOR").spaces.active
+    facts["drawn_in_stereo"] = space.show_stereo_3d
+    space.show_stereo_3d = False
+    yield from redrawn()
+    shoot("flat")
+    space.show_stereo_3d = True
+    region = region_of("IMAGE_EDITOR", "WINDOW")
+    facts["editor"] = [region.x, region.y, region.width, region.height]
+
+
+def show_it_large():
+    area_of("IMAGE_EDITOR").type = "PROPERTIES"
+    with bpy.context.temp_override(window=window()):
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+    yield from until(lambda: area_of("IMAGE_EDITOR"), "no Image Editor was opened")
+    yield 1.0
 
 
 def look_at_the_pictures():
@@ -273,6 +311,16 @@ def animate():
     yield from until(lambda: jobs().running() is None, "the animation never ended")
     yield 1.0
     facts["animation"] = sorted(path.name for path in (FOLDER / "shots").glob("shot_[0-9]*"))
+    player = FOLDER / "player"
+    player.write_text('#!/bin/sh\necho "$@" >"$0.told"\n', encoding="utf-8")
+    player.chmod(0o755)
+    paths = bpy.context.preferences.filepaths
+    paths.animation_player_preset, paths.animation_player = "CUSTOM", str(player)
+    press("F11", ctrl=True)
+    told = player.with_name("player.told")
+    yield from until(lambda: told.exists() and told.stat().st_size, "View Animation has played nothing")
+    facts["played"] = Path(told.read_text(encoding="utf-8").strip()).name
+    facts["stereoscopy"] = scene.render.use_multiview
 
 
 def warp_on_the_gpu():
@@ -302,7 +350,9 @@ STEPS = (
     cancel_with_the_button,
     cancel_in_another_window,
     set_the_convergence_and_undo_it,
+    open_an_image_editor,
     preview,
+    show_it_large,
     look_at_the_pictures,
     animate,
     warp_on_the_gpu,

@@ -14,6 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bpy
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,6 +32,9 @@ PLATFORMS = {"linux": "linux_x64", "win32": "windows_x64", "darwin": "macos_arm6
 
 SAME_MASK, SAME_COLOUR = 5e-4, 1e-3
 """What is promised of the GPU and numpy: the share of pixels that differ in the mask, and how far colours may."""
+
+FRINGES = 0.001
+"""Mean difference of a channel of the Image Editor between stereo and one eye, at least; most of it is background."""
 
 PICTURES = ["panel", "output", "checked", "running", "cancelled", "preview", "result", "holes"]
 
@@ -96,6 +101,25 @@ def test_a_preview_becomes_the_render_result(facts):
     assert facts["unchanged_by_preview"]
 
 
+def drawn_in_the_image_editor(facts, name):
+    """What a screenshot has there, (H, W, 3)."""
+    x, y, width, height = facts["editor"]
+    image = bpy.data.images.load(str(SEEN / f"{name}.png"))
+    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)
+    bpy.data.images.remove(image)
+    return pixels[y : y + height, x : x + width, :3]
+
+
+def test_the_pair_is_drawn_in_stereo_where_one_eye_was_drawn_before(facts):
+    """Red is the left eye's, green and blue are the other's: with stereo off, they alone change."""
+    assert facts["drawn_in_stereo"]
+    stereo, flat = (drawn_in_the_image_editor(facts, name) for name in ("preview", "flat"))
+    assert flat.std() > 0.03, "a picture with something to see"
+    red, *others = np.abs(stereo - flat).mean(axis=(0, 1))
+    assert red < 0.1 * min(others)
+    assert min(others) > FRINGES
+
+
 def test_the_fill_and_its_reason_fit_this_blender(facts):
     method, reason = facts["fill"]["method"], facts["fill"]["reason"]
     assert method == "packed" if facts["osl"] else (method in ("card", "full") and "without OSL" in reason)
@@ -109,6 +133,11 @@ def test_a_picture_is_shown_in_the_image_editor(facts):
 
 def test_an_animation_is_written(facts):
     assert facts["animation"] == ["shot_0001_L.png", "shot_0001_R.png", "shot_0002_L.png", "shot_0002_R.png"]
+
+
+def test_view_animation_plays_it_without_stereoscopy(facts):
+    assert facts["played"] == "shot_0001_L.png"
+    assert not facts["stereoscopy"]
 
 
 def test_switching_the_extension_off_under_way_and_on_again(facts):

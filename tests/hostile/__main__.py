@@ -25,6 +25,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from .case import Case, Row, load_row, row_names
+from .program import CASE_MARK, end_all
 
 CASE_SECONDS = 900.0
 """A case that takes longer has failed. Its own runs have limits of their own, so none should."""
@@ -80,11 +81,15 @@ class _Attempt:
         with contextlib.suppress(OSError):
             os.killpg(self._process.pid or 0, signal.SIGKILL)
         self._process.join()
+        # A case that was ended has not ended its runs.
+        end_all(CASE_MARK, str(self.folder))
 
 
 def _try(case: Case, folder: Path, answer: Connection) -> None:
     os.setpgid(0, 0)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.chdir(folder)
+    os.environ[CASE_MARK] = str(folder)
     error = ""
     try:
         case.check(folder)
@@ -179,8 +184,15 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     return arguments
 
 
+def _interrupt(_signum: int, _frame: object) -> None:
+    raise KeyboardInterrupt
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parse(argv)
+    # A script that starts it in the background has switched the first of them off.
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(signum, _interrupt)
     rows = _chosen(arguments.rows, arguments.match)
     if arguments.list:
         for row in rows:

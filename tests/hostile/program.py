@@ -50,6 +50,9 @@ UNFINISHED = re.compile(r"\.stereo_reproject-|\.tmp$|\.tmp\.|\.claim\.|^run-")
 MARK = "STEREO_REPROJECT_HOSTILE_RUN"
 """An environment variable by which a run's processes are found, whoever their parent is by then."""
 
+CASE_MARK = "STEREO_REPROJECT_HOSTILE_CASE"
+"""The same of a case: its folder."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -203,6 +206,16 @@ class Run:
         words = [_read(pid, "cmdline").replace(b"\0", b" ").decode("utf-8", "replace") for pid in alive]
         self.kill()
         return words
+
+
+def end_all(name: str, value: str) -> None:
+    """End every process whose environment has this variable, and what it has started meanwhile."""
+    wanted = os.fsencode(f"{name}={value}")
+    while alive := [pid for pid in _processes() if wanted in _read(pid, "environ").split(b"\0")]:
+        for pid in alive:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        time.sleep(0.01)
 
 
 def _processes() -> Iterator[int]:

@@ -300,8 +300,8 @@ def test_an_earlier_result_is_replaced(tmp_path, small_scene):
 
 
 AWKWARD = [
-    "with a space",
     "Räume und Größen",
+    "back\\slash",
     "per%cent %04d",
     "#hash ###",
     "{brace} {blend_name}",
@@ -312,7 +312,7 @@ AWKWARD = [
 
 @pytest.mark.parametrize("name", AWKWARD)
 def test_a_folder_with_an_awkward_name(tmp_path, small_scene, name):
-    """Blender reads more into some of them: frame numbers, path templates, tiles."""
+    """Blender reads more into some of them: frame numbers, path templates, tiles, separators."""
     (tmp_path / name).mkdir()
     blend = save(small_scene, tmp_path / name / f"{name}.blend")
     run = render(blend, tmp_path / name / "out", "--quiet", "--fill", "packed")

@@ -46,13 +46,35 @@ def scene(tmp_path):
     return scene
 
 
-@pytest.mark.parametrize("method", ["packed", "card"])
-def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method):
+def scrambled_at_no_distance(scene):
+    """All pixels have one sequence of random numbers."""
+    scene.cycles.sampling_pattern, scene.cycles.scrambling_distance = "TABULATED_SOBOL", 0.0
+
+
+def guided(scene):
+    """All pixels sample by what all have learned."""
+    scene.cycles.use_guiding, scene.cycles.guiding_training_samples = True, 2
+
+
+@pytest.mark.parametrize(
+    ("method", "change"),
+    [
+        ("packed", None),
+        ("card", None),
+        ("packed", scrambled_at_no_distance),
+        ("packed", guided),
+    ],
+)
+def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method, change):
     """Were their noise alike, (a - b)^2 would say that there is less of it, and every warp would seem wrong."""
     everything = np.ones(SIZE[::-1], bool)
+    if change is not None:
+        change(scene)
     with working_scene(scene, SceneOverrides(samples=4)) as working:
         renderer = BlenderRenderer(working, tmp_path)
         traced = tone(renderer.trace(method, "right", everything, twice=everything)[COLOUR_PASS])
+        # These are to be as good as the mean of many pixels.
+        working.cycles.scrambling_distance = 1.0
         others = [tone(renderer.trace("full", "right", everything)[COLOUR_PASS]) for _ in range(2)]
     once, again = traced[: everything.size], traced[everything.size :]
     # The true colour cancels in both differences, and what they share is what the two traces share.

@@ -42,7 +42,7 @@ PACKAGES = ("bpy", "numpy", "scipy", "matplotlib")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    signal.signal(signal.SIGTERM, _interrupt)
+    be_interruptible()
     try:
         options = parse(arguments)
         check_charts()
@@ -57,6 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         print("interrupted; finished runs are kept, and the same command goes on", file=sys.stderr)
         return 128 + (error.args[0] if error.args else signal.SIGINT)
+
+
+def be_interruptible() -> None:
+    """End in order on these signals, also where Ctrl-C is ignored, as in the background of a script."""
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(signum, _interrupt)
 
 
 def _interrupt(signum: int, _frame: FrameType | None) -> None:

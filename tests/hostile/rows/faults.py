@@ -384,7 +384,12 @@ def _folders() -> Iterator[tuple[str, Fault, Callable[[Path], None], tuple[str, 
     yield "the work folder loses its pid", _pid_goes, _nothing, ()
     yield "claims are removed", _claims_go, _nothing, ()
     yield "files of runs are removed", _runs_go, _nothing, ()
-    yield "a folder takes a frame's place", _a_folder_in_a_frame_s_place, _that_folder_goes, ("is a folder",)
+    yield (
+        "a folder takes a frame's place",
+        _a_folder_in_a_frame_s_place,
+        _that_folder_goes,
+        ("is a folder", "Is a directory"),
+    )
     yield "a folder takes the report's place", _a_folder_in_the_report_s_place, _that_report_goes, ()
     yield "a finished frame is damaged", _earlier_frame_damaged, _nothing, ()
     yield "a finished frame's record is removed", _earlier_record_goes, _nothing, ()
@@ -408,9 +413,9 @@ def cases() -> Iterator[Case]:
         yield Case(words, functools.partial(_under_way, fault, cure, said))
     for words, fault in _processes():
         yield Case(words, functools.partial(_under_way, fault, _nothing, ()))
-    for child, signum in (("worker", signal.SIGINT), ("writer", signal.SIGTERM), ("heartbeat", signal.SIGINT)):
+    for child, signum in (("worker", signal.SIGINT), ("writer", signal.SIGTERM), ("worker", signal.SIGHUP)):
         check = functools.partial(_stopped_and_interrupted, child, signum)
-        yield Case(f"{child} is stopped, and then the program interrupted", check)
+        yield Case(f"{child} is stopped, and then {signal.Signals(signum).name}", check)
     for size in ("300k", "1m", "8m"):
         yield Case(f"a drive of {size} fills", functools.partial(_drive_fills, size))
     yield Case("a drive has no more names", _names_run_out)

@@ -1,0 +1,99 @@
+"""Pairs that were rendered and could not be handed over: where they lie, and how they are looked at."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from pathlib import Path
+
+import bpy
+
+from ..stereo_reproject.errors import StereoReprojectError
+from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata, write_stereo
+from ..stereo_reproject.work_folder import flush
+from .pictures import show_image
+from .run import Run
+
+BOTH = "stereo.exr"
+
+_kept: list[Path] = []
+"""The folders of those that nobody has opened yet."""
+
+
+def kept_pair() -> Path | None:
+    """The folder of the last one that nobody has opened yet."""
+    return next((folder for folder in reversed(_kept) if folder.is_dir()), None)
+
+
+def keep_files(run: Run) -> Path | None:
+    """Put a finished pair where it stays: beside the .blend that it is of, or else where temporary files go.
+
+    Returns the folder, or None if there is no pair. Raises OSError if it can be kept nowhere.
+    """
+    if not run.holds_pair:
+        return None
+    folder = None
+    if run.beside is not None:
+        with contextlib.suppress(OSError):
+            folder = _copied(run, run.beside)
+    if folder is None:
+        folder = _new_folder(run, run.temporary)
+        for path in sorted(run.folder.iterdir()):
+            # On the same drive, and so without any room on it.
+            path.rename(folder / path.name)
+    _kept.append(folder)
+    return folder
+
+
+def _copied(run: Run, place: Path) -> Path:
+    folder = _new_folder(run, place)
+    try:
+        for path in sorted(run.folder.iterdir()):
+            shutil.copy2(path, folder / path.name)
+            flush(folder / path.name)
+    except OSError:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
+
+
+def _new_folder(run: Run, place: Path) -> Path:
+    for number in range(1, 1000):
+        folder = place / f"{run.name}_stereo_pair{'' if number == 1 else f'_{number}'}"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder
+    raise FileExistsError(f"all names of kept pairs are taken in {place}")
+
+
+class STEREO_REPROJECT_OT_open_kept(bpy.types.Operator):
+    """Open the pair that could not be handed over to Blender, as an image with both eyes"""
+
+    bl_idname = "stereo_reproject.open_kept"
+    bl_label = "Open Kept Stereo Pair"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        cls.poll_message_set("Every pair was handed over: it is the Render Result")
+        return kept_pair() is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        folder = kept_pair()
+        assert folder is not None
+        try:
+            path = folder / BOTH
+            if not path.exists():
+                eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
+                write_stereo(path, eyes, metadata=read_metadata(folder / f"{VIEWS[0]}.exr"))
+            image = bpy.data.images.load(str(path))
+        except (StereoReprojectError, OSError, RuntimeError) as error:
+            self.report({"ERROR"}, f"The pair in {folder} cannot be opened: {' '.join(str(error).split())}")
+            return {"CANCELLED"}
+        _kept.remove(folder)
+        shown = show_image(image)
+        self.report(
+            {"INFO"}, f"{path}" if shown else f"{path} is the image {image.name!r}: choose it in an Image Editor"
+        )
+        return {"FINISHED"}

@@ -1,0 +1,86 @@
+"""Play a stereo animation whose eyes are files of their own, also where the scene's Stereoscopy is off.
+
+Blender's own View Animation looks for the files that the scene's settings would give a plain render, and finds none.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..stereo_reproject.blender.scene import changed
+from ..stereo_reproject.exr import VIEWS
+
+VIEWING = "View Stereo Animation (Ctrl F11)"
+
+_keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+
+
+def needs_our_player(scene: bpy.types.Scene) -> bool:
+    """Whether Blender's own View Animation looks for other files than a stereo animation's."""
+    render = scene.render
+    return not render.use_multiview and render.image_settings.views_format == "INDIVIDUAL"
+
+
+def _first_file(scene: bpy.types.Scene, view: str) -> Path:
+    """Where the scene's output settings put the first frame, or a movie: of a view, or with an empty name of none."""
+    suffix = next((one.file_suffix for one in scene.render.views if one.name == view), "")
+    return Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start, view=suffix)))
+
+
+class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
+    """Play the stereo animation that was rendered to the scene's output path"""
+
+    bl_idname = "render.stereo_reproject_view_animation"
+    bl_label = "View Stereo Animation"
+
+    unless_plain: bpy.props.BoolProperty(
+        name="Unless Plain",
+        description="Leave it to Blender's own View Animation where that finds its files",
+        default=False,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        scene = context.scene
+        if self.unless_plain and (not needs_our_player(scene) or _first_file(scene, "").exists()):
+            return {"PASS_THROUGH"}
+        return self.execute(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = context.scene
+        apart = scene.render.image_settings.views_format == "INDIVIDUAL"
+        path = _first_file(scene, VIEWS[0] if apart else "")
+        if not path.exists():
+            self.report({"ERROR"}, f"There is no stereo animation to play: {path} does not exist, render it first")
+            return {"CANCELLED"}
+        views = scene.render.views
+        shown = next((k for k, view in enumerate(views) if view.name == VIEWS[0]), views.active_index)
+        # Blender's player takes the active view's files, and none but with Stereoscopy.
+        with changed(scene.render, use_multiview=True), changed(views, active_index=shown):
+            try:
+                return set(bpy.ops.render.play_rendered_anim())
+            except RuntimeError as error:
+                self.report({"ERROR"}, " ".join(str(error).removeprefix("Error: ").split()))
+                return {"CANCELLED"}
+
+
+def add_key() -> None:
+    """Have Blender's own key for it play a stereo animation where it would find nothing."""
+    keys = bpy.context.window_manager.keyconfigs.addon
+    if keys is None:
+        # Without a window.
+        return
+    keymap = keys.keymaps.new(name="Screen", space_type="EMPTY")
+    item = keymap.keymap_items.new(
+        RENDER_OT_stereo_reproject_view_animation.bl_idname, type="F11", value="PRESS", ctrl=True
+    )
+    item.properties.unless_plain = True
+    _keys.append((keymap, item))
+
+
+def remove_key() -> None:
+    while _keys:
+        keymap, item = _keys.pop()
+        keymap.keymap_items.remove(item)

@@ -1,0 +1,121 @@
+"""Files that others may have made or damaged, read only where they are what ours are; and what survives a power cut."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import stat
+import sys
+from io import BufferedReader
+from pathlib import Path
+
+KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFLNK: "a link",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+JUNCTION = 0xA0000003
+"""IO_REPARSE_TAG_MOUNT_POINT of the Windows API."""
+
+CANNOT_FLUSH = {errno.EINVAL, errno.EBADF, errno.EACCES, errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
+"""Errors of drives that flush no folders, and of folders that may not be opened for it."""
+
+
+class UnusableFileError(OSError):
+    """No regular file, or one larger than any of ours: it is not read. strerror says which."""
+
+
+def open_regular(path: Path, *, follow: bool = False) -> BufferedReader:
+    """Open a regular file for reading; with follow, one that a link leads to. Raises OSError and UnusableFileError.
+
+    Whatever else is there is not even opened: that may wait forever (a named pipe), or do something (a device).
+    """
+    try:
+        _check_regular(path.stat() if follow else path.lstat(), path)
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        raise UnusableFileError(errno.ELOOP, "it is a link in a circle", str(path)) from error
+    not_through_links = 0 if follow else getattr(os, "O_NOFOLLOW", 0)
+    # It may have become something else since.
+    more = not_through_links | getattr(os, "O_NONBLOCK", 0)
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | more))  # noqa: SIM115
+    try:
+        _check_regular(os.fstat(file.fileno()), path)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _check_regular(found: os.stat_result, path: Path) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kind = KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
+        raise UnusableFileError(errno.EINVAL, f"it is {kind}", str(path))
+
+
+def read_small(path: Path, most: int) -> bytes:
+    """Return what a regular file of at most so many bytes holds. Raises OSError and UnusableFileError."""
+    with open_regular(path) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise UnusableFileError(errno.EFBIG, f"it is larger than {most} bytes", str(path))
+    return content
+
+
+def is_regular(path: Path) -> bool:
+    """Whether a regular file is there, and no link to one."""
+    with contextlib.suppress(OSError):
+        return stat.S_ISREG(path.lstat().st_mode)
+    return False
+
+
+def leads_elsewhere(path: Path) -> bool:
+    """Whether a folder is a link to another one, or a junction as Windows has them."""
+    with contextlib.suppress(OSError):
+        found = path.lstat()
+        return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION
+    return False
+
+
+def flush(path: Path) -> None:
+    """Have a file on the disk, and not only on its way there."""
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
+
+
+def flush_folder(folder: Path) -> None:
+    """Have on the disk what a folder's files are called, as far as the system lets one ask for that. Raises OSError."""
+    if sys.platform == "win32":
+        return
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in CANNOT_FLUSH:
+            raise
+
+
+def write_new(path: Path, text: str) -> None:
+    """Make a file that is on the disk, name and content, when this is back. Raises FileExistsError where there is
+    something already, and OSError, after which nothing is there."""
+    file = path.open("x", encoding="ascii")
+    try:
+        with file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        flush_folder(path.parent)
+    except OSError:
+        # On a full disk there is room for a name, but not for what the file holds.
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+        raise

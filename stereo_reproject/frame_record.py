@@ -1,0 +1,86 @@
+"""The record of a finished frame, and its reading from JSON that may be anything."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import PurePath, PurePosixPath, PureWindowsPath
+from typing import Any
+
+RECORD_SCHEMA = 1
+
+RECORD_BYTES = 1 << 22
+"""What a record takes at most: ours are of some thousand bytes."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A finished frame. files have their size in bytes and their SHA-256, by name; settings and scene are fingerprints,
+    run is the token of the run that rendered it, and figures what an animation's report tells of it."""
+
+    frame: int
+    files: Mapping[str, Mapping[str, Any]]
+    settings: str
+    scene: Mapping[str, str]
+    run: str
+    figures: Mapping[str, Any]
+    schema: int = RECORD_SCHEMA
+
+
+def read_record(read: Any) -> Record:
+    """A record from JSON, each field of its own kind; of the figures only that they have names, for whoever uses them
+    looks at them (`animation_figures`). Raises ValueError, which says what is wrong with it."""
+    if not isinstance(read, dict) or read.keys() != {field.name for field in fields(Record)}:
+        raise ValueError("it has not the fields of a record")
+    for name, is_as_it_should_be in _KINDS.items():
+        if not is_as_it_should_be(read[name]):
+            raise ValueError(f"its field {name!r} is not as it should be")
+    outside = next((name for name in read["files"] if not is_confined(name)), None)
+    if outside is not None:
+        raise ValueError(f"it names {outside!r}, which is no file in its folder")
+    return Record(**read)
+
+
+def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
+    """Whether a name, with / between folders, leads to something below the folder that it is taken from.
+
+    A backslash parts folders on Windows alone, but a journal may be read there: .. is none between backslashes either.
+    """
+    path: PurePath = PureWindowsPath(name) if windows else PurePosixPath(name)
+    parts = re.split(r"[/\\]", name)
+    in_place = not path.is_absolute() and not path.drive and not path.root
+    return in_place and "\0" not in name and not {"", ".", ".."} & set(parts) and not (windows and ":" in name)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, dict) and all(map(_is_text, value.values()))
+
+
+def _are_files(value: Any) -> bool:
+    return isinstance(value, dict) and bool(value) and all(map(_is_checksum, value.values()))
+
+
+def _is_checksum(value: Any) -> bool:
+    known = isinstance(value, dict) and value.keys() == {"bytes", "sha256"}
+    return known and _is_count(value["bytes"]) and _is_text(value["sha256"])
+
+
+_KINDS: dict[str, Callable[[Any], bool]] = {
+    "schema": lambda value: _is_count(value) and value == RECORD_SCHEMA,
+    "frame": _is_count,
+    "files": _are_files,
+    "settings": _is_text,
+    "scene": _are_texts,
+    "run": _is_text,
+    "figures": lambda value: isinstance(value, dict),
+}

@@ -1,0 +1,38 @@
+"""What lies in folders, each looked at once: of a million files, few are there."""
+
+from __future__ import annotations
+
+import os
+import unicodedata
+from pathlib import Path
+
+
+class Listing:
+    """Folders as they are when they are first asked about."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, set[str] | None] = {}
+
+    def may_hold(self, path: Path) -> bool:
+        """False where there was nothing under this path. Drives differ in whether capital letters and the ways to write
+        an accent make two names of one; here they make none, and whoever has to know looks at the file."""
+        folder, name = os.path.split(path)
+        if folder not in self._names:
+            self._names[folder] = _names_in(folder)
+        names = self._names[folder]
+        return names is None or _plain(name) in names
+
+
+def _names_in(folder: str) -> set[str] | None:
+    """None where the folder cannot be looked at."""
+    try:
+        with os.scandir(folder or os.curdir) as entries:
+            return {_plain(entry.name) for entry in entries}
+    except (FileNotFoundError, NotADirectoryError):
+        return set()
+    except OSError:
+        return None
+
+
+def _plain(name: str) -> str:
+    return name.lower() if name.isascii() else unicodedata.normalize("NFC", name).casefold()
