@@ -1,6 +1,7 @@
 """The worker's own side of a run."""
 
 import json
+import os
 import threading
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from stereo_reproject import supervisor, worker
 from stereo_reproject.animation_settings import AnimationSettings
+from stereo_reproject.blender.opening import open_session
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, save_image
@@ -92,3 +94,20 @@ def test_frames_rendered_without_strict_are_those_of_a_strict_run(run, tmp_path,
     for strict, rendered in ((False, 1), (True, 0), (False, 0)):
         told = run("animate", files=(), animation=frames, strict=strict)
         assert told[-1][1]["report"]["rendered"] == rendered
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are POSIX's")
+def test_a_file_that_was_replaced_by_a_pipe_is_not_waited_for(tmp_path):
+    """Between the command line's look at it and Blender's."""
+    pipe = tmp_path / "wall.blend"
+    os.mkfifo(pipe)
+    # Whoever reads it finds its end, so that this test ends in either case.
+    writer = threading.Thread(target=lambda: os.close(os.open(pipe, os.O_WRONLY)))
+    writer.start()
+    try:
+        with pytest.raises(BadInputError, match="no regular file"):
+            open_session(pipe, supervisor.Session())
+    finally:
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        writer.join()
+        os.close(reader)

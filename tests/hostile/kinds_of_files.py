@@ -21,6 +21,7 @@ from tests.hostile.odd_runs import (
     render_beside,
 )
 from tests.hostile.program import Run, run_program, start_program
+from tests.hostile.rows._privileges import without_powers
 
 UNREADABLE = "cannot be read"
 
@@ -102,17 +103,10 @@ def _check_kind(prepare: Prepare, statuses: tuple[int, ...], words: tuple[str, .
     render_beside(folder, statuses, *words)
 
 
-def _as_nobody() -> None:
-    if os.geteuid() == 0:
-        os.setgid(65534)
-        os.setuid(65534)
-
-
 def _check_forbidden(path: Path, folder: Path) -> None:
     shutil.copyfile(path, folder / MAIN)
     (folder / MAIN).chmod(0)
-    folder.chmod(0o777)
-    with start_program("render", folder / MAIN, "--output", folder / "out", *OPTIONS, prepare=_as_nobody) as run:
+    with start_program("render", folder / MAIN, "--output", folder / "out", *OPTIONS, prepare=without_powers) as run:
         assert_ended(run.end(), REFUSED, UNREADABLE)
 
 
@@ -120,9 +114,8 @@ def _check_closed(path: Path, folder: Path) -> None:
     (folder / "closed").mkdir()
     shutil.copyfile(path, folder / "closed" / MAIN)
     (folder / "closed").chmod(0)
-    folder.chmod(0o777)
     arguments = ("render", folder / "closed" / MAIN, "--output", folder / "out", *OPTIONS)
-    with start_program(*arguments, prepare=_as_nobody) as run:
+    with start_program(*arguments, prepare=without_powers) as run:
         assert_ended(run.end(), REFUSED, UNREADABLE)
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import shutil
+import signal
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from tests.hostile import byte_damage
@@ -13,7 +16,8 @@ from tests.hostile.blends import DONE, EITHER, REFUSED
 from tests.hostile.case import Case
 from tests.hostile.kinds_of_files import Prepare
 from tests.hostile.linked_files import DEEPER, LIBRARY, MAIN
-from tests.hostile.odd_runs import GIGABYTE, render_beside
+from tests.hostile.odd_runs import GIGABYTE, OPTIONS, render_beside
+from tests.hostile.program import assert_interrupted, assert_nothing_left, start_program
 
 
 def cases(sets: Path) -> Iterator[Case]:
@@ -68,7 +72,6 @@ def _libraries(sets: Path) -> Iterator[Case]:
     yield _case(sets, "of camera, mesh and world, missing", "parts", _gone(), EITHER)
     for name, make in {
         "a folder": Path.mkdir,
-        "a FIFO": os.mkfifo,
         "a device": lambda path: path.symlink_to("/dev/zero"),
         "a link to itself": lambda path: path.symlink_to(path.name),
         "empty": Path.touch,
@@ -81,12 +84,33 @@ def _libraries(sets: Path) -> Iterator[Case]:
     }.items():
         # Whatever it is, its objects are missing, and that is said.
         yield _case(sets, f"is {name}", "linked", _instead(make), EITHER)
+    yield Case("library: is a FIFO, and an interrupt ends the run", partial(_check_fifo, sets / "linked"))
     yield _case(sets, "is the file itself", "linked", _renamed(LIBRARY, MAIN), EITHER)
     yield _case(sets, "is the file itself, from its library", "nested", _renamed(DEEPER, MAIN, LIBRARY), EITHER)
     yield _case(sets, "is its own library", "nested", _renamed(DEEPER, LIBRARY, LIBRARY), EITHER)
     yield _case(sets, "has no name", "linked", _renamed(LIBRARY, ""), EITHER)
     yield _case(sets, "is its folder", "linked", _renamed(LIBRARY, "."), EITHER)
     yield _case(sets, "has a byte that is no UTF-8 in its name", "linked", _in_odd_bytes, EITHER)
+
+
+def _check_fifo(linked: Path, folder: Path) -> None:
+    """Blender waits for what the FIFO may say, without an end; whoever asked for the run can end it."""
+    shutil.copyfile(linked / MAIN, folder / MAIN)
+    os.mkfifo(folder / LIBRARY)
+    with start_program("render", folder / MAIN, "--output", folder / "out", *OPTIONS) as run:
+        says_nothing = run.wait_for(lambda: _writer_of(folder / LIBRARY))
+        run.process.send_signal(signal.SIGINT)
+        outcome = run.end()
+        os.close(says_nothing)
+    assert_interrupted(outcome, signal.SIGINT)
+    assert_nothing_left(folder, MAIN, LIBRARY)
+
+
+def _writer_of(fifo: Path) -> int | None:
+    """The writing end of a FIFO that somebody reads; None as long as nobody does."""
+    with contextlib.suppress(OSError):
+        return os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
+    return None
 
 
 def _of_the_future(path: Path) -> bytes:

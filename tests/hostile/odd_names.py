@@ -525,7 +525,7 @@ def _(scene, name):
     statuses=EITHER,
 )
 def _(scene, folder):
-    add_file_output(scene, folder)
+    add_file_output(scene, f"//out/{folder}/" if folder == ENCODING.decode() else folder)
 
 
 @each(

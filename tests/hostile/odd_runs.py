@@ -26,7 +26,7 @@ from tests.hostile.program import (
 OPTIONS = ("--accuracy", "draft")
 
 GIGABYTE = 1 << 30
-MEMORY = {resource.RLIMIT_AS: 12 * GIGABYTE}
+MEMORY = {resource.RLIMIT_AS: 6 * GIGABYTE}
 """A count that was damaged must not fill the machine's memory."""
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from tests.hostile.blends import DONE, EITHER, REFUSED, blends_of, private_folder
 from tests.hostile.case import Case
 from tests.hostile.odd_records import DEEP, LONG, damaged, odd_fields
-from tests.hostile.odd_runs import assert_ended
+from tests.hostile.odd_runs import MEMORY, assert_ended
 from tests.hostile.program import Outcome, assert_done, names_in, run_program
 
 TITLE = "damaged journals and claims"
@@ -34,7 +34,7 @@ SECONDS = 240.0
 TOKEN = "0123456789abcdef"
 """Of a run that never was."""
 
-Damage = Callable[[Path], None]
+Damage = Callable[[Path], object]
 """What a case does to the folder of frames."""
 
 
@@ -70,7 +70,7 @@ def whole_frames() -> Whole:
 def animate(folder: Path, *options: str) -> Outcome:
     """Render what is missing of the frames in the folder."""
     output = ("--output", folder / "frames", "--resume")
-    return run_program("animate", folder / "shot.blend", *output, *OPTIONS, *options, timeout=SECONDS)
+    return run_program("animate", folder / "shot.blend", *output, *OPTIONS, *options, timeout=SECONDS, limits=MEMORY)
 
 
 def cases() -> Iterable[Case]:
@@ -180,7 +180,7 @@ def _assert_nothing_lost(folder: Path, before: Before, outcome: Outcome, *, whol
 
 def _writing(name: str, content: bytes) -> Damage:
     """The file of this name in the journal has this content."""
-    return lambda frames: (frames / "journal" / name).write_bytes(content) and None
+    return lambda frames: (frames / "journal" / name).write_bytes(content)
 
 
 def _without_frame(files: Iterable[str], then: Damage) -> Damage:
@@ -228,7 +228,7 @@ def _outside(path: Path) -> Path:
 
 
 def _odd_places(
-    kind: str, name: str, first: Damage, statuses: tuple[int, ...] = DONE, **how: tuple[str, ...]
+    kind: str, name: str, first: Damage, statuses: tuple[int, ...] = DONE, options: tuple[str, ...] = ()
 ) -> Iterator[Case]:
     """In the journal, something else is called as a file of it."""
     for what, make in PLACES.items():
@@ -239,9 +239,10 @@ def _odd_places(
             _clear(path)
             make(path)
 
-        # What is no file of ours may be left where it is, and then stands in the way of a record.
-        own = EITHER if kind in ("record", "unfinished file") else statuses
-        yield _case(f"{kind} is {what}", damage, statuses=own, **how)
+        # What is no file of ours may be left where it is, and then stands in the way of one.
+        in_the_way = kind in ("record", "unfinished file") or "folder" in what
+        own = EITHER if in_the_way else statuses
+        yield _case(f"{kind} is {what}", damage, statuses=own, options=options)
 
 
 def _more_records(whole: Whole) -> Iterator[Case]:
@@ -398,7 +399,7 @@ def _movies() -> Iterator[Case]:
             _writing(name_of(frames), content)(frames)
 
         yield _case(f"movie's note: {what}", damage, statuses=REFUSED, words=("no movie of these frames",), **how)
-    yield from _odd_places("movie's note", name_of(whole_frames().frames), lambda _: None, EITHER, **how)
+    yield from _odd_places("movie's note", name_of(whole_frames().frames), lambda _: None, EITHER, ("--movie",))
     yield _case("movie's note: another, a FIFO", lambda frames: os.mkfifo(frames / "journal" / "movie-0.json"), **how)
 
 
@@ -443,9 +444,7 @@ def _frames(files: tuple[str, ...]) -> Iterator[Case]:
         yield _case(f"frame is {what}", instead(files[0], make), statuses=EITHER)
         yield _case(f"report is {what}", instead("animation.json", make), statuses=EITHER)
     for what, content in {"empty": b"", "NULs": bytes(1164), "cut": b"\x89PNG", "longer": bytes(5_000_000)}.items():
-        yield _case(f"frame: {what}", lambda frames, content=content: (frames / files[0]).write_bytes(content) and None)
-    yield _case("frame: the other eye's", lambda frames: shutil.copyfile(frames / files[1], frames / files[0]) and None)
+        yield _case(f"frame: {what}", lambda frames, content=content: (frames / files[0]).write_bytes(content))
+    yield _case("frame: the other eye's", lambda frames: shutil.copyfile(frames / files[1], frames / files[0]))
     for what, content in {"empty": b"", "lists in lists": b"[" * DEEP, "NULs": bytes(100)}.items():
-        yield _case(
-            f"report: {what}", lambda frames, content=content: (frames / "animation.json").write_bytes(content) and None
-        )
+        yield _case(f"report: {what}", lambda frames, content=content: (frames / "animation.json").write_bytes(content))
