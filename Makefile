@@ -8,6 +8,7 @@
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
 # make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
+# make objects    what scenes of many objects cost Blender, and what a pair adds to that; some minutes
 # make clean      remove everything that the others made, environments included
 #
 # Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
@@ -25,6 +26,7 @@ SCENES ?= ../shared/scenes
 BENCH_OPTIONS ?=
 COVERAGE_OPTIONS ?=
 SPENDING_OPTIONS ?=
+OBJECTS_OPTIONS ?=
 
 INSTALLED := $(VENV)/.installed
 TEST_INSTALLED := $(VENV)/.test-installed
@@ -33,7 +35,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test gui-test lint lint-tools extension bench coverage spending preview clean
+.PHONY: demo test gui-test lint lint-tools extension bench coverage spending preview objects clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -67,6 +69,9 @@ spending: $(TEST_INSTALLED)
 
 preview: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/preview.py --scenes "$(SCENES)"
+
+objects: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/many_objects.py $(OBJECTS_OPTIONS)
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .hypothesis .ruff_cache
