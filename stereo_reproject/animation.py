@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -283,12 +284,20 @@ def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReproje
 
 def _is_gone(folder: Path, error: Exception) -> bool:
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
-    there = folder.is_dir() and (folder / JOURNAL).is_dir()
+    there = _is_folder(folder / JOURNAL)
     if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
         # Whoever removes it may be at it just now, and its files go first.
         time.sleep(GOING_SECONDS)
-        there = folder.is_dir() and (folder / JOURNAL).is_dir()
+        there = _is_folder(folder / JOURNAL)
     return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except OSError as error:
+        # What may not be looked at any more is not gone.
+        return not isinstance(error, (FileNotFoundError, NotADirectoryError))
 
 
 def _is_full(folder: Path, error: Exception) -> bool:

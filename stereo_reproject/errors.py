@@ -22,7 +22,13 @@ class OutputError(BadInputError):
 LIMITED = "if its memory is limited (ulimit -v), allow it more"
 """What may help a program that has met with its limit, in words."""
 
-NO_ROOM_FOR_A_LIBRARY = ("failed to map segment", "Cannot allocate memory", "cannot allocate memory")
+NO_ROOM_FOR_A_LIBRARY = (
+    "failed to map segment",
+    "cannot map zero-fill pages",
+    "cannot change memory protections",
+    "Cannot allocate memory",
+    "cannot allocate memory",
+)
 """What the C libraries of Linux and macOS say when there is none."""
 
 NAME_BYTES = 63

@@ -38,6 +38,15 @@ class UnusableFileError(OSError):
     """No regular file, or one larger than any of ours: it is not read. strerror says which."""
 
 
+def is_missing(path: Path) -> bool:
+    """Whether there is nothing: what may not be looked at, in a folder that has been shut, is not missing."""
+    try:
+        path.lstat()
+    except OSError as error:
+        return isinstance(error, (FileNotFoundError, NotADirectoryError))
+    return False
+
+
 def open_regular(path: Path, *, follow: bool = False) -> BufferedReader:
     """Open a regular file for reading; with follow, one that a link leads to. Raises OSError and UnusableFileError.
 

@@ -43,6 +43,7 @@ from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
 from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
+from .files import is_missing
 from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
@@ -227,7 +228,7 @@ def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
         raise
     except StereoReprojectError as error:
         # Blender makes folders that are missing, but no log.
-        if job.command == "animate" or worker.log.exists():
+        if job.command == "animate" or not is_missing(worker.log):
             raise
         folder = tempfile.gettempdir() if job.output is None else job.output
         raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error

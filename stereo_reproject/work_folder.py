@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError, StereoReprojectError
-from .files import flush, flush_folder, leads_elsewhere, put_in_place, read_small
+from .files import flush, flush_folder, is_missing, leads_elsewhere, put_in_place, read_small
 from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
@@ -157,7 +157,7 @@ def _remove_tree(folder: Path, *, seconds: float = REMOVAL_SECONDS) -> None:
     # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
     while True:
         shutil.rmtree(folder, ignore_errors=True)
-        if not folder.exists() or time.monotonic() > deadline:
+        if is_missing(folder) or time.monotonic() > deadline:
             return
         time.sleep(RETRY_SECONDS)
 

@@ -446,6 +446,9 @@ def test_what_stands_in_the_way_of_writing_is_one_line(tmp_path):
     assert "cannot be written (cannot write frame 3: no codec)" in said
     gone = str(failed_output(tmp_path / "gone", OSError(errno.ENOENT, "No such file")))
     assert gone == f"{tmp_path / 'gone'} is gone, with the frames that were in it"
+    # As good as shut, also for root.
+    shut = str(failed_output(tmp_path / ("x" * 300), StereoReprojectError("no file")))
+    assert "cannot be written (no file)" in shut
 
 
 @pytest.mark.parametrize(

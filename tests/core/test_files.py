@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from stereo_reproject import files
+from stereo_reproject import files, work_folder
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.files import made_in, put_in_place, sync
+from stereo_reproject.files import is_missing, made_in, put_in_place, sync
 from stereo_reproject.plain_paths import check_names
 
 
@@ -71,6 +71,17 @@ def test_macos_has_a_file_on_the_disk_and_not_in_the_drives_memory(tmp_path, mon
     with (tmp_path / "file").open("w") as file:
         sync(file.fileno())
     assert asked == ([51, "fsync"] if network_drive else [51])
+
+
+def test_what_may_not_be_looked_at_is_not_missing(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "dangling").symlink_to("nowhere")
+    missing = [name for name in ("file", "dangling", "none", "file/none", "x" * 300) if is_missing(tmp_path / name)]
+    assert missing == ["none", "file/none"]
+
+
+def test_a_work_folder_that_may_not_be_looked_at_is_left_alone(tmp_path):
+    work_folder._remove_tree(tmp_path / ("x" * 300), seconds=0.0)
 
 
 def test_what_macos_puts_beside_a_file_is_none_that_was_made(tmp_path):
