@@ -28,7 +28,7 @@ LIMIT = 0.4
 SAMPLES = 1 << 15
 """So many that without the limit a picture would take half a minute."""
 
-ADAPTIVE_FROM = 64
+ADAPTIVE_FROM = 128
 """Samples that each pixel has with the threshold of this test."""
 
 ALIKE = 1.3
@@ -48,7 +48,7 @@ def scene(tmp_path):
     return scene
 
 
-@pytest.mark.parametrize("threshold", [None, 0.01])
+@pytest.mark.parametrize("threshold", [None, 0.002])
 def test_traced_with_the_samples_of_the_source(scene, tmp_path, threshold):
     """To the bit: a render of as many samples, without the limit, is what the limit has left."""
     scene.cycles.use_adaptive_sampling = threshold is not None
@@ -79,7 +79,7 @@ def test_traced_with_the_samples_of_the_source(scene, tmp_path, threshold):
 def test_the_peer_has_it_too_and_the_report_says_so(scene, tmp_path):
     with working_scene(scene, SceneOverrides()) as working:
         limited = [render_views(working, ("right",), tmp_path, seed=k).views["right"][COLOUR_PASS] for k in (5, 6)]
-    report, _ = render_files(scene, StereoSettings(fill="packed", compare=True), tmp_path)
+    report, _ = render_files(scene, StereoSettings(fill="packed", compare=True), tmp_path, files=())
     assert report["samples"] == SAMPLES
     assert report["time_limit"] == pytest.approx(LIMIT)
     assert 8 <= report["samples_rendered"] < SAMPLES
@@ -99,7 +99,7 @@ def test_a_limit_that_is_not_reached(scene, tmp_path):
 def test_tiles_have_samples_of_their_own(scene, tmp_path):
     """Nobody knows with how many a pixel is to be traced: the other eye is rendered whole, with the limit."""
     scene.cycles.use_auto_tile, scene.cycles.tile_size = True, 16
-    report, _ = render_files(scene, StereoSettings(), tmp_path)
+    report, _ = render_files(scene, StereoSettings(), tmp_path, files=())
     assert report["fill"]["method"] == "full"
     assert TILED in report["fill"]["reason"]
     assert report["samples_rendered"] is None
