@@ -164,6 +164,7 @@ def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
     """
     eye = scene.camera
     plain = eye.data
+    assert isinstance(plain, bpy.types.Camera)
     if not is_animated(plain):
         yield plain
         return

@@ -2,7 +2,7 @@
 
     python tests/bench/many_objects.py [--runs 3] [--counts 1000 3000 10000 20000] [KIND ...]
 
-The scenes are made up: small cubes before the camera, 64 x 36 pixels with one sample, so that next to nothing is traced.
+The scenes are made up: small cubes before the camera, 64 x 36 pixels with one sample: next to nothing is traced.
 Processor time is told, of all threads, because a machine may be busy; medians. Of Blender's own: *load* of the file,
 *copy* of the scene with its evaluation, *first* and *later* plain render call of that copy (Cycles syncs in the first).
 Of ours: *plan* (all that the renderer finds out before the source), *packed* (what a packed render takes over a later
@@ -170,7 +170,7 @@ def _parents(scene: bpy.types.Scene, count: int) -> None:
         item = _object(k, count, mesh, scene.collection)
         if k % 20:
             item.parent, item.location = last, (0.01, 0.0, 0.0)
-        item.modifiers.new("bevel", "BEVEL").width = 0.002
+        item.modifiers.new("bevel", "BEVEL")
         if k % 3 == 0:
             item.modifiers.new("smooth", "SUBSURF").show_viewport = False
         last = item
