@@ -2,7 +2,7 @@
 
     python tests/bench/many_objects.py [--runs 3] [--counts 1000 3000 10000 20000] [KIND ...]
 
-The scenes are made up: small cubes before the camera, 64 x 36 pixels with one sample: hardly anything is traced.
+The scenes are made up: small cubes before the camera, 64 x 36 pixels with one sample: next to nothing is traced.
 Processor time is told, of all threads, because a machine may be busy; medians. Of Blender's own: *load* of the file,
 *copy* of the scene with its evaluation, *first* and *later* plain render call of that copy (Cycles syncs in the first).
 Of ours: *plan* (all that the renderer finds out before the source), *packed* (what a packed render takes over a later
