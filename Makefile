@@ -10,6 +10,7 @@
 # make hostile    try to break it, in some 1000 ways (docs/reliability.md); HOSTILE_OPTIONS="options --match size" for
 #                 some of them; an hour
 # make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
+# make objects    what scenes of many objects cost Blender, and what a pair adds to that; some minutes
 # make clean      remove everything that the others made, environments included
 #
 # Each sets itself up. The environment is .venv; for another Python:  make test PYTHON=python3.11 VENV=.venv-3.11
@@ -28,6 +29,7 @@ BENCH_OPTIONS ?=
 COVERAGE_OPTIONS ?=
 SPENDING_OPTIONS ?=
 HOSTILE_OPTIONS ?=
+OBJECTS_OPTIONS ?=
 
 INSTALLED := $(VENV)/.installed
 TEST_INSTALLED := $(VENV)/.test-installed
@@ -36,7 +38,7 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test gui-test lint lint-tools extension bench coverage spending hostile preview clean
+.PHONY: demo test gui-test lint lint-tools extension bench coverage spending hostile preview objects clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
@@ -73,6 +75,9 @@ hostile: $(TEST_INSTALLED)
 
 preview: $(TEST_INSTALLED)
 	@$(VENV)/bin/python tests/bench/preview.py --scenes "$(SCENES)"
+
+objects: $(TEST_INSTALLED)
+	@$(VENV)/bin/python tests/bench/many_objects.py $(OBJECTS_OPTIONS)
 
 clean:
 	rm -rf .venv .venv-* build dist wheels $(DEMO_OUTPUT) *.egg-info .pytest_cache .hypothesis .ruff_cache

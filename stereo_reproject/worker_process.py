@@ -172,7 +172,7 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
         # What is set for the caller's Python, or installed for a user's, is not for Blender's.
         environment = {name: value for name, value in environment.items() if not name.startswith("PYTHON")}
         environment["PYTHONNOUSERSITE"] = "1"
-    # Charts are drawn on canvases of their own; with a backend that it does not know, matplotlib is not even imported.
+    # Charts are drawn on canvases of their own, and matplotlib is not even imported with a backend unknown to it.
     environment.pop("MPLBACKEND", None)
     # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
     # libraries that an extension brings along.

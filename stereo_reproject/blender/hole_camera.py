@@ -190,7 +190,7 @@ def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
     Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
     """
     eye = scene.camera
-    plain = eye.data
+    plain: bpy.types.Camera = eye.data  # pyright: ignore[reportAssignmentType] - a camera object has no other data
     if not is_animated(plain):
         yield plain
         return

@@ -321,7 +321,7 @@ def test_of_the_scenes_output_path_only_the_beginning_of_a_name_goes_to_another_
 def test_a_file_suffix_leads_to_no_other_folder(scene, tmp_path):
     scene.render.image_settings.views_format = "INDIVIDUAL"
     scene.render.views["left"].file_suffix = "/../../L"
-    with pytest.raises(BadInputError, match="suffix .* of the view 'left' leads to another folder"):
+    with pytest.raises(BadInputError, match=r"suffix .* of the view 'left' leads to another folder"):
         render_animation(StereoSettings(), scene=scene, output=tmp_path / "out" / "frames", frames=[1])
     assert not list(tmp_path.iterdir())
 

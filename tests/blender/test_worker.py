@@ -44,7 +44,7 @@ def run(blend, tmp_path):
         job = supervisor.Job(Path(blend), tmp_path, settings, command=command, **options)
         told = []
         worker.run_job(
-            json.loads(supervisor._message(job, work)),
+            json.loads(supervisor._message(job, work, job.blend)),
             lambda event, **fields: told.append((event, fields, set(threading.enumerate()))),
         )
         return told
