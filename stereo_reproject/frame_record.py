@@ -16,7 +16,7 @@ RECORD_BYTES = 1 << 22
 
 
 NAME_BYTES, NAMES_BYTES = 255, 1023
-"""What a file's or a folder's name takes at most, and all of them with what is between: no path of Blender's has more."""
+"""What a file's or a folder's name takes at most, and all of them together: no path of Blender's has more."""
 
 
 @dataclass(frozen=True)
