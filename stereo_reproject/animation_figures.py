@@ -36,6 +36,10 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and -MOST < value < MOST
 
 
+def _is_number_or_none(value: Any) -> bool:
+    return value is None or _is_number(value)
+
+
 def _is_amount(value: Any) -> bool:
     return _is_number(value) and value >= 0
 
@@ -68,8 +72,8 @@ def _is_comparison(value: Any) -> bool:
     """None of a frame that was not compared."""
     if value is None:
         return True
-    known = isinstance(value, dict) and _is_plain(value) and _is_amount(value.get("multiview_seconds"))
-    return known and (value.get("noise_ratio") is None or _is_number(value["noise_ratio"]))
+    known = isinstance(value, dict) and _is_plain(value) and value.keys() >= {"multiview_seconds", "noise_ratio"}
+    return known and _is_amount(value["multiview_seconds"]) and _is_number_or_none(value["noise_ratio"])
 
 
 def _is_group(value: Any) -> bool:

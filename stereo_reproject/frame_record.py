@@ -15,6 +15,10 @@ RECORD_BYTES = 1 << 22
 """What a record takes at most: ours are of some thousand bytes."""
 
 
+NAME_BYTES, NAMES_BYTES = 255, 1023
+"""What a file's or a folder's name takes at most, and all of them together: no path of Blender's has more."""
+
+
 @dataclass(frozen=True)
 class Record:
     """A finished frame. files have their size in bytes and their SHA-256, by name; settings and scene are fingerprints,
@@ -51,7 +55,17 @@ def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
     path: PurePath = PureWindowsPath(name) if windows else PurePosixPath(name)
     parts = re.split(r"[/\\]", name)
     in_place = not path.is_absolute() and not path.drive and not path.root
-    return in_place and "\0" not in name and not {"", ".", ".."} & set(parts) and not (windows and ":" in name)
+    return in_place and _can_be_there(name) and not {"", ".", ".."} & set(parts) and not (windows and ":" in name)
+
+
+def _can_be_there(name: str) -> bool:
+    """Whether a drive can have a file of this name: to ask for another is an error of its own, and no answer."""
+    try:
+        encoded = os.fsencode(name)
+    except UnicodeEncodeError:
+        return False
+    longest = max(map(len, encoded.split(b"/")))
+    return b"\0" not in encoded and longest <= NAME_BYTES and len(encoded) <= NAMES_BYTES
 
 
 def _is_count(value: Any) -> bool:

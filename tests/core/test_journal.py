@@ -268,6 +268,10 @@ def test_a_record_that_names_files_elsewhere_is_none(journal, name):
         ("a.png:stream", False, True),
         ("\\\\host\\share\\a.png", False, False),
         ("C:\\a.png", False, True),
+        (f"holes/{251 * 'n'}.png", True, True),
+        (f"{252 * 'n'}.png", False, False),
+        ("/".join(600 * "n"), False, False),
+        ("\ud800.png", False, False),
     ],
 )
 def test_a_name_leads_to_something_in_the_folder_or_not(name, windows, posix):

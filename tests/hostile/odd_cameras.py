@@ -75,6 +75,8 @@ def _(scene):
 @odd("the camera is in no collection of the scene")
 def _(scene):
     camera = scene.camera
+    # Or it would not be saved.
+    camera.use_fake_user = True
     scene.collection.objects.unlink(camera)
     scene.camera = camera
 
