@@ -7,8 +7,10 @@ read, and killed at any moment in a test, without Blender.
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import stat
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +37,9 @@ GOING_SECONDS = 0.5
 
 FULL_BELOW = 1 << 20
 """Bytes free on a drive that is called full."""
+
+FULL_BELOW_FILES = 32
+"""Files for which there is room on it: two frames are in the making at a time, of half a dozen each."""
 
 
 @dataclass(frozen=True)
@@ -305,10 +310,18 @@ def _is_full(folder: Path, error: Exception) -> bool:
 
 
 def is_full(folder: Path, *, below: int = FULL_BELOW) -> bool:
-    """Whether there is hardly any room left on a folder's drive: less than so many bytes."""
+    """Whether there is hardly any room left on a folder's drive: less than so many bytes, or for too few files."""
     with contextlib.suppress(OSError):
-        return shutil.disk_usage(folder).free < below
+        return shutil.disk_usage(folder).free < below or _has_no_names(folder)
     return False
+
+
+def _has_no_names(folder: Path) -> bool:
+    # Windows does not count them, and some drives have no limit.
+    if sys.platform == "win32":
+        return False
+    drive = os.statvfs(folder)
+    return drive.f_files > 0 and drive.f_favail < FULL_BELOW_FILES
 
 
 def spelled(frames: Iterable[int]) -> str:

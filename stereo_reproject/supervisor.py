@@ -45,8 +45,10 @@ from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
 from .files import is_missing
 from .interrupts import Interrupts, RunInterruptedError
+from .journal import JOURNAL
 from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
+from .runs import Runs
 from .settings import StereoSettings
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
@@ -192,6 +194,10 @@ def run_animation(
                 continue
             animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
             on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
+        finally:
+            if job.output is not None:
+                # Whoever is killed before it has a heartbeat leaves its files in the journal.
+                Runs(job.output / JOURNAL).clear(own="")
 
 
 def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:

@@ -16,6 +16,7 @@ from stereo_reproject.animation import (
     FramePlan,
     FramesTold,
     failed_output,
+    is_full,
     plan_frames,
     publish_frame,
     render_frames,
@@ -449,6 +450,16 @@ def test_what_stands_in_the_way_of_writing_is_one_line(tmp_path):
     # As good as shut, also for root.
     shut = str(failed_output(tmp_path / ("x" * 300), StereoReprojectError("no file")))
     assert "cannot be written (no file)" in shut
+
+
+@pytest.mark.skipif(os.name != "posix", reason="counts files as POSIX has it")
+@pytest.mark.parametrize(("files", "free", "full"), [(400, 3, True), (400, 300, False), (0, 0, False)])
+def test_a_drive_without_room_for_further_files_is_full(tmp_path, monkeypatch, files, free, full):
+    real = os.statvfs(tmp_path)
+    facts = [*real]
+    facts[5:8] = files, free, free
+    monkeypatch.setattr(os, "statvfs", lambda _: os.statvfs_result(facts))
+    assert is_full(tmp_path, below=0) is full
 
 
 @pytest.mark.parametrize(

@@ -296,6 +296,21 @@ def test_failure_is_one_line_and_leaves_nothing(place, capsys, behaviour, status
 
 
 @posix
+def test_of_a_killed_blender_nothing_stays_in_the_journal(place, capsys):
+    journal = place / "out" / "journal"
+    journal.mkdir(parents=True)
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        pass
+    facts = json.dumps({"machine": work_folder.machine(), "pid": gone.pid})
+    (journal / f"run-{'a' * 16}").write_text(f"{facts}\n{0:020}")
+    (journal / f".run-{'b' * 16}.tmp").write_text("{")
+    (journal / "0001.json").write_text("{}")
+    assert animate(place, "--frames", "1-3", behaviour="segmentation fault") == 1
+    assert [path.name for path in journal.iterdir()] == ["0001.json"]
+    assert "SIGSEGV" in capsys.readouterr().err
+
+
+@posix
 @pytest.mark.parametrize(
     ("command", "output", "words"),
     [
