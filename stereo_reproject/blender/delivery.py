@@ -172,6 +172,8 @@ def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.
         yield empty
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
+        # The camera was moved there too.
+        return_to_own_frame(scene, frame)
 
 
 @contextmanager
@@ -182,7 +184,6 @@ def _copy_at(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
         yield bpy.data.scenes[name]
     finally:
         bpy.data.scenes.remove(bpy.data.scenes[name])
-        return_to_own_frame(scene, frame)
 
 
 def deliver_composited(
