@@ -2,6 +2,7 @@
 that quietly did not run."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,16 @@ SHARED_SCENES_ABSENT = "shared scenes absent"
 MARKERS_OF_FOLDER = {"blender": ("blender",), "render": ("blender", "render"), "gui": ("gui",)}
 # In CI a skipped test with one of these markers is a failure: there Blender is installed, or the run is worth nothing.
 MUST_RUN_IN_CI = "blender"
+
+
+def pytest_configure() -> None:
+    """Have the runs that tests start listen to signals, also where `make test` was started to ignore them: in the
+    background of a script, or with nohup. Children inherit what is ignored, but not what is handled by doing nothing.
+    """
+    for name in ("SIGINT", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+PROMISED = {
+    "options": 299,
+    "files": 279,
+    "paths": 299,
+    "names": 158,
+    "kills": 39,
+    "faults": 19,
+    "claims": 88,
+    "scenes": 88,
+    "scripts": 1,
+}
+"""How many cases a row has at least: those of the first round, and 100 more in each of the first four."""
+
 ROWS_FOLDER = Path(__file__).with_name("rows")
 
 
@@ -34,7 +47,7 @@ def row_names() -> list[str]:
 
 def load_row(name: str) -> Row:
     """The row of a module in `rows`: its TITLE, SEEN_BEFORE and cases(). Raises ValueError where two cases share a
-    name, for then a failure would not say which it is."""
+    name, for then a failure would not say which it is, and where there are fewer than promised."""
     module = importlib.import_module(f"tests.hostile.rows.{name}")
     found: Iterable[Case] = module.cases()
     cases = tuple(found)
@@ -42,4 +55,6 @@ def load_row(name: str) -> Row:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ValueError(f"row {name} has several cases called {', '.join(map(repr, twice))}")
+    if len(cases) < PROMISED[name]:
+        raise ValueError(f"row {name} has {len(cases)} cases, and {PROMISED[name]} are promised")
     return Row(name, module.TITLE, module.SEEN_BEFORE, cases)

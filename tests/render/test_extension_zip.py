@@ -221,11 +221,10 @@ def test_it_neither_reaches_into_the_network_nor_changes_the_import_path(archive
     assert {name: what for name, what in found.items() if what} == {}
 
 
-def test_its_manifest_says_where_help_is_and_what_it_is_permitted(archive):
+def test_its_manifest_says_what_it_is_permitted(archive):
     with zipfile.ZipFile(archive) as content:
         manifest = tomllib.loads(content.read("blender_manifest.toml").decode("utf-8"))
     assert manifest["permissions"]["files"]
-    assert manifest["website"].startswith("https://")
 
 
 def test_it_is_installed_and_enabled_without_a_warning(blender, installation):
