@@ -10,7 +10,7 @@ import bpy
 
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata, write_stereo
-from ..stereo_reproject.work_folder import flush
+from ..stereo_reproject.files import flush
 from .pictures import show_image
 from .run import Run
 

@@ -79,7 +79,9 @@ class Run:
         self.report: dict[str, Any] | None = None
         self.error: StereoReprojectError | None = None
         # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
-        self._place = work_folder(temporary_folder(), ())
+        self.temporary = temporary_folder()
+        """Where temporary files went when it started."""
+        self._place = work_folder(self.temporary, ())
         self._files = self._place.__enter__()
         self._written = written
         self._pair = animation is None
@@ -108,11 +110,6 @@ class Run:
     @property
     def folder(self) -> Path:
         return self._files / "result"
-
-    @property
-    def temporary(self) -> Path:
-        """Where temporary files went when it started."""
-        return self._files.parent
 
     @property
     def holds_pair(self) -> bool:

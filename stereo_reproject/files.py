@@ -9,8 +9,12 @@ import os
 import stat
 import sys
 import time
+from collections.abc import Callable
 from io import BufferedReader
 from pathlib import Path
+from typing import TypeVar
+
+Result = TypeVar("Result")
 
 KINDS = {
     stat.S_IFDIR: "a folder",
@@ -27,7 +31,7 @@ JUNCTION = 0xA0000003
 CANNOT_FLUSH = {errno.EINVAL, errno.EBADF, errno.EACCES, errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
 """Errors of drives that flush no folders, and of folders that may not be opened for it."""
 
-HELD_SECONDS = 2.0
+HELD_BY_OTHERS_SECONDS = 2.0
 RETRY_SECONDS = 0.05
 
 APPLE_DOUBLE = "._"
@@ -143,10 +147,22 @@ def put_in_place(made: Path, place: Path) -> Path:
 
     On Windows a scanner, an indexer or a viewer may hold either file for a moment, and nobody can rename it meanwhile.
     """
-    deadline = time.monotonic() + HELD_SECONDS
+    return _once_let_go(lambda: made.replace(place))
+
+
+def remove(path: Path) -> None:
+    """Remove a file, if it is there. Raises OSError.
+
+    On Windows nobody can while another process reads it, as other runs read claims.
+    """
+    _once_let_go(lambda: path.unlink(missing_ok=True))
+
+
+def _once_let_go(act: Callable[[], Result]) -> Result:
+    deadline = time.monotonic() + HELD_BY_OTHERS_SECONDS
     while True:
         try:
-            return made.replace(place)
+            return act()
         except PermissionError:
             if sys.platform != "win32" or time.monotonic() >= deadline:
                 raise

@@ -42,8 +42,8 @@ class Interrupts:
 
     One that has been held back for HELD_SECONDS is raised wherever the main thread is: in a call that hangs, for it
     would have come to `check` otherwise. So whatever is half done is undone by those that it is raised through. When
-    that hangs as well, the process ends after CLEANING_SECONDS. (Windows lets no one tear a thread out of a call: there
-    it ends in this last way.)
+    that hangs as well, the process ends after CLEANING_SECONDS. (Windows lets no one tear a thread out of a call: a run
+    that hangs there in a drive ends when the drive answers.)
     """
 
     def __init__(self) -> None:

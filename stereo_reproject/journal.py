@@ -35,7 +35,16 @@ from pathlib import Path
 from typing import Any
 
 from .errors import BadInputError
-from .files import UnusableFileError, is_regular, leads_elsewhere, open_regular, read_small, write_new
+from .files import (
+    UnusableFileError,
+    flush_folder,
+    is_regular,
+    leads_elsewhere,
+    open_regular,
+    read_small,
+    remove,
+    write_new,
+)
 from .frame_record import RECORD_BYTES, Record, read_record
 from .report import to_json, write_json
 from .runs import CLAIM, TOKEN, Runs
@@ -118,6 +127,7 @@ class Journal:
     def make(self) -> None:
         """Raises OSError, and BadInputError where a link is in its place: what dead runs have left is removed there."""
         self.folder.mkdir(exist_ok=True)
+        flush_folder(self.frames_folder)
         if leads_elsewhere(self.folder):
             raise BadInputError(f"{self.folder} is a link to another folder: remove it, or name another for the frames")
 
@@ -176,7 +186,7 @@ class Journal:
 
     def forget(self, frame: int) -> None:
         """Remove a frame's record: its files are about to be replaced. Raises OSError."""
-        self._record_path(frame).unlink(missing_ok=True)
+        remove(self._record_path(frame))
 
     def write(self, record: Record) -> None:
         """Raises OSError."""
@@ -236,7 +246,7 @@ class Journal:
             return None
         if any(self.runs.lives(self._holder(other)) for _, other in self._claims(frame) if other != path):
             # What was there when we looked had been given free since, and was claimed anew under another number.
-            path.unlink(missing_ok=True)
+            remove(path)
             return None
         return number
 
@@ -256,7 +266,7 @@ class Journal:
             for _, path in self._claims(frame):
                 # What else is called so is not ours to remove.
                 if is_regular(path):
-                    path.unlink(missing_ok=True)
+                    remove(path)
 
     def note_movie(self, path: Path) -> None:
         """Remember a movie of the frames, best before it is put in its place. Raises OSError."""

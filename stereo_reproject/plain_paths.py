@@ -16,11 +16,15 @@ from pathlib import Path
 
 from .errors import BadInputError
 
-MOST_BYTES = 199 if sys.platform == "win32" else 600
-"""Of a folder's path: Blender keeps 1023 of a file's, on Windows 259, and ours add folders and names to it."""
+UNIT = "characters" if sys.platform == "win32" else "bytes"
+"""What names and paths are limited by."""
+
+MAX_FOLDER_LENGTH = 199 if sys.platform == "win32" else 600
+"""Of a folder's path, in UNIT: Blender keeps 1023 bytes of a file's, Windows 259 characters, and ours add folders and
+names to it."""
 
 MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
-"""Where the system does not say: bytes of a name, of a path, and of one on Windows."""
+"""Where the system does not say: the longest name, path, and path on Windows, in UNIT."""
 
 NOT_ON_WINDOWS = re.compile(
     r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3]) *(\.|$)',
@@ -44,7 +48,13 @@ def misread(path: str | os.PathLike[str]) -> str | None:
         name.encode("utf-8")
     except UnicodeEncodeError:
         return "Blender takes no names that are not UTF-8"
-    return f"Blender takes no paths of {len(name.encode())} bytes" if len(name.encode()) > MOST_BYTES else None
+    length = _length(name)
+    return f"Blender takes no paths of {length} {UNIT}" if length > MAX_FOLDER_LENGTH else None
+
+
+def _length(name: str) -> int:
+    """How much of a limit a name takes up, in UNIT."""
+    return len(name.encode("utf-16-le", "surrogatepass")) // 2 if sys.platform == "win32" else len(os.fsencode(name))
 
 
 @contextmanager
@@ -92,25 +102,27 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         if sys.platform == "win32" and NOT_ON_WINDOWS.search(name):
             raise BadInputError(f"{folder}: Windows has no files called {name!r}: change the name in the output path")
-        length, whole = len(os.fsencode(name)), len(os.fsencode(folder / name))
+        length, whole = _length(name), _length(str(folder / name))
         if length > most_of_name:
             raise BadInputError(
-                f"{folder}: a name of {length} bytes is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
+                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
                 " shorten the name at the end of the output path"
             )
         if whole > most_of_path:
             raise BadInputError(
-                f"{folder}: a path of {whole} bytes is longer than the {most_of_path} that fit: shorten it"
+                f"{folder}: a path of {whole} {UNIT} is longer than the {most_of_path} that fit: shorten it"
             )
 
 
 def _limits(folder: Path) -> tuple[int, int]:
-    """The most bytes of a name, and of a path, that the drive of a folder takes."""
+    """The longest name, and path, that the drive of a folder takes, in UNIT."""
     there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
     if there is None or not hasattr(os, "pathconf"):
         return MOST_OF_NAME, WINDOWS_MOST
     try:
         # One byte of a path is for its end.
-        return os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
+        name, path = os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
     except (OSError, ValueError):
         return MOST_OF_NAME, MOST_OF_PATH
+    # Some shared folders say 0, and -1 is for no limit.
+    return name if name > 0 else MOST_OF_NAME, path if path > 0 else MOST_OF_PATH

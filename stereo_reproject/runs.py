@@ -15,7 +15,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StereoReprojectError
-from .files import UnusableFileError, flush, flush_folder, is_regular, put_in_place, read_small
+from .files import (
+    UnusableFileError,
+    flush,
+    flush_folder,
+    is_regular,
+    leads_elsewhere,
+    put_in_place,
+    read_small,
+    remove,
+)
 from .work_folder import is_running, machine
 from .worker_process import module_command, worker_environment
 
@@ -81,22 +90,25 @@ class Runs:
     def clear(self, own: str) -> None:
         """Remove what dead runs have left. own is the caller's token, who has nothing half-made either.
 
-        Claims and unfinished files stay as long as any run lives, for one that was thought dead may wake up.
+        Claims and unfinished files stay as long as any run lives, for one that was thought dead may wake up. In a
+        folder that is a link nothing is removed: what it leads to may be anybody's.
         """
+        if leads_elsewhere(self._folder):
+            return
         # Listed before the runs are: whatever appears later is of a run that is there by then.
         with contextlib.suppress(OSError):
             left = [path for path in self._folder.iterdir() if _is_left_over(path)]
             others = self._tokens() - {own}
             dead = {token for token in others if not self.lives(token)}
             for path in [*map(self.path, dead), *(left if dead == others else ())]:
-                path.unlink(missing_ok=True)
+                remove(path)
 
     def any_lives(self, *, but: str) -> bool:
         """Whether any run is at work, but for this one. Raises OSError."""
         return any(token != but and self.lives(token) for token in self._tokens())
 
     def _tokens(self) -> set[str]:
-        """Of the runs that have a file. Raises OSError."""
+        """Return the tokens of the runs that have a file. Raises OSError."""
         found = ((RUN_FILE.fullmatch(path.name), path) for path in self._folder.iterdir())
         return {match[1] for match, path in found if match and is_regular(path)}
 

@@ -61,6 +61,7 @@ WORK_PREFIX = ".stereo_reproject-"
 REMOVAL_SECONDS = 2.0
 RETRY_SECONDS = 0.05
 PID_BYTES = 4096
+MAX_PID = (1 << 32) - 1
 # A work folder without a pid may belong to a run that is just starting, on another machine.
 NAMELESS_SECONDS = 60.0
 
@@ -130,6 +131,8 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
             raise
     else:
         created.append(folder)
+        # Its name, too, is to be there after a power cut.
+        flush_folder(folder.parent)
 
 
 def _check_names_free(output: Path, files: Sequence[str]) -> None:
@@ -225,7 +228,7 @@ def machine() -> str:
 def is_running(pid: int) -> bool:
     """Whether a process of this machine lives; never oneself, whose number may have been a dead one's before."""
     # In a container the number of a dead run is soon one's own.
-    if pid <= 0 or pid == os.getpid():
+    if not 0 < pid <= MAX_PID or pid == os.getpid():
         return False
     if sys.platform == "win32":
         import ctypes
@@ -284,14 +287,15 @@ def publish(
             if source == made / files[-1]:
                 # After a power cut, too, it stands beside nothing but what it vouches for.
                 flush_folder(output)
-            put_in_place(source, destination)
+            # Before it is done: whoever interrupts a slow drive may do so between the move and what comes after it.
             moved.append((source, destination))
+            put_in_place(source, destination)
             between_steps()
         flush_folder(output)
     except BaseException as error:
         for source, destination in reversed(moved):
             with contextlib.suppress(OSError):
-                destination.replace(source)
+                put_in_place(destination, source)
         if isinstance(error, OSError):
             raise _failed_write(output, error) from error
         raise

@@ -22,6 +22,7 @@ from ..passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ..pixel_filter import sample_offsets
 from .effects import has_grease_pencil, is_animated, uses_output
 from .motion import vector_pass_asked_for
+from .readers import what_reads
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
 from .scene import changed, evaluated, rendered_layer
@@ -32,6 +33,32 @@ UPWARDS_FROM = (5, 0, 0)
 
 BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
 """What stands in the shader for the pixel filter's offsets."""
+
+PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
+"""How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
+share their random numbers: both traces of a probe would have one noise, and seem to have none."""
+
+OF_RENDER = (
+    "resolution_x",
+    "resolution_y",
+    "resolution_percentage",
+    "use_border",
+    "pixel_aspect_x",
+    "pixel_aspect_y",
+)
+"""Render settings that a packed picture has of its own."""
+
+OF_CAMERA = ("type", "custom_mode", "shift_x", "shift_y", "stereo.convergence_mode")
+"""Properties of the camera's data that are others in it."""
+
+OTHERS = frozenset(
+    (
+        *(f"render.{name}" for name in OF_RENDER),
+        *(f"camera.data.{name}" for name in OF_CAMERA),
+        *(f"cycles.{name}" for name in PACKED_SAMPLING),
+    )
+)
+"""All of them, as drivers name them."""
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
@@ -57,7 +84,7 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
         # A custom camera's rays end at that distance, a perspective camera's at that depth.
         "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
     }
-    return next((reason for reason, blocks in checks.items() if blocks), None)
+    return next((reason for reason, blocks in checks.items() if blocks), None) or what_reads(scene, OTHERS)
 
 
 def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
@@ -151,7 +178,7 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
         restored.callback(rendered_layer(scene).update)
         packed = restored.enter_context(_lens_to_set(scene))
         restored.enter_context(changed(scene.render, **size, **whole))
-        restored.enter_context(changed(scene.cycles, pixel_filter_type="BOX"))
+        restored.enter_context(changed(scene.cycles, **PACKED_SAMPLING))
         restored.enter_context(_set_camera(packed, target, (width, height), table, bytecode))
         yield table
 
@@ -163,8 +190,7 @@ def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
     Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
     """
     eye = scene.camera
-    plain = eye.data
-    assert isinstance(plain, bpy.types.Camera)
+    plain: bpy.types.Camera = eye.data  # pyright: ignore[reportAssignmentType] - a camera object has no other data
     if not is_animated(plain):
         yield plain
         return

@@ -8,7 +8,7 @@ import pytest
 
 from stereo_reproject import files, work_folder
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.files import is_missing, made_in, put_in_place, sync
+from stereo_reproject.files import is_missing, made_in, put_in_place, remove, sync
 from stereo_reproject.plain_paths import check_names
 
 
@@ -39,9 +39,31 @@ def test_windows_waits_for_whoever_holds_a_file(tmp_path, monkeypatch, held):
 
 def test_windows_does_not_wait_for_ever(tmp_path, monkeypatch, held):
     monkeypatch.setattr(sys, "platform", "win32")
-    monkeypatch.setattr(files, "HELD_SECONDS", 0.0)
+    monkeypatch.setattr(files, "HELD_BY_OTHERS_SECONDS", 0.0)
     with pytest.raises(PermissionError):
         put_in_place(tmp_path / "made", tmp_path / "place")
+
+
+@pytest.mark.parametrize(("platform", "waits"), [("win32", True), ("linux", False)])
+def test_a_file_that_another_run_reads_is_removed_once_that_lets_go(tmp_path, monkeypatch, platform, waits):
+    """Removing is refused there, too, while a file is open."""
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(files, "RETRY_SECONDS", 0.001)
+    (tmp_path / "claim").write_text("")
+    unlink, refused = os.unlink, iter([True, True, False])
+
+    def held_twice(path, **where):
+        if next(refused):
+            raise PermissionError(13, "held", str(path))
+        unlink(path, **where)
+
+    monkeypatch.setattr(os, "unlink", held_twice)
+    if waits:
+        remove(tmp_path / "claim")
+    else:
+        with pytest.raises(PermissionError):
+            remove(tmp_path / "claim")
+    assert (tmp_path / "claim").exists() is not waits
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])

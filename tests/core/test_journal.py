@@ -328,8 +328,12 @@ def test_a_link_is_no_journal(tmp_path):
     frames.mkdir()
     journal = Journal(frames)
     journal.folder.symlink_to(outside, target_is_directory=True)
+    claim = outside / "0001.claim.1"
+    claim.write_text("0" * 16)
     with pytest.raises(BadInputError, match="is a link to another folder"):
         journal.make()
+    journal.runs.clear(own="")
+    assert claim.read_text() == "0" * 16
 
 
 # What there is of a frame

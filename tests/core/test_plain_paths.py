@@ -9,7 +9,7 @@ import pytest
 
 from stereo_reproject import plain_paths
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.plain_paths import MOST_BYTES, check_names, misread, plain_blend, plain_path
+from stereo_reproject.plain_paths import MAX_FOLDER_LENGTH, check_names, misread, plain_blend, plain_path
 from stereo_reproject.work_folder import work_folder
 
 BACKSLASH = "back\\slash"
@@ -26,7 +26,7 @@ def test_most_names_are_read_as_they_stand(tmp_path, name):
 
 
 def long_folder(folder):
-    while len(os.fsencode(folder)) <= MOST_BYTES:
+    while len(os.fsencode(folder)) <= MAX_FOLDER_LENGTH:
         folder /= "d" * 200
     return folder
 
@@ -83,3 +83,11 @@ def test_names_that_do_not_fit_are_said_before_anything_is_made(tmp_path):
     with pytest.raises(BadInputError, match=r"a path of \d+ bytes is longer than the 4095 that fit: shorten it"):
         check_names(deep, ["n" * 200])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("says", [0, -1])
+def test_a_drive_that_does_not_say_how_long_names_may_be_takes_the_usual_ones(tmp_path, monkeypatch, says):
+    monkeypatch.setattr(os, "pathconf", lambda *_: says, raising=False)
+    check_names(tmp_path, ["n" * 255])
+    with pytest.raises(BadInputError, match="longer than the 255 that fit"):
+        check_names(tmp_path, ["n" * 256])

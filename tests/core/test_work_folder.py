@@ -124,3 +124,34 @@ def test_a_drive_that_flushes_no_folders_is_no_failure(tmp_path, monkeypatch, nu
 
     monkeypatch.setattr(os, "fsync", cannot)
     flush_folder(tmp_path)
+
+
+class TornError(Exception):
+    """A signal that comes when a slow drive has done what it was asked for."""
+
+
+@pytest.mark.parametrize("step", range(4))
+def test_a_publish_that_is_torn_after_any_move_is_undone(tmp_path, monkeypatch, step):
+    names = ("left.exr", "report.json")
+    work, output = tmp_path / "work", tmp_path / "out"
+    for folder in (work / "out", work / "old", output):
+        folder.mkdir(parents=True)
+    for name in names:
+        (work / "out" / name).write_text("new")
+        (output / name).write_text("old")
+    left = iter(range(step, -1, -1))
+
+    def torn(source, destination):
+        source.replace(destination)
+        if next(left, None) == 0:
+            raise TornError
+
+    monkeypatch.setattr(module, "put_in_place", torn)
+    with pytest.raises(TornError):
+        publish(work, output, names, between_steps=lambda: None)
+    assert {path.name: path.read_text() for path in output.iterdir()} == dict.fromkeys(names, "old")
+
+
+@pytest.mark.parametrize("pid", [0, -1, 1 << 32, 10**30])
+def test_no_process_has_such_a_number(pid):
+    assert not module.is_running(pid)
