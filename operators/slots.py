@@ -11,7 +11,7 @@ import bpy
 from .pictures import render_result
 
 NAME = "Stereo Pair"
-"""Of the slot that a pair goes to when the user's own is taken, and of those after it with a number."""
+"""Name of the slot that a pair goes to when the user's own is taken, and of those after it with a number."""
 
 _rendered: set[int] = set()
 """The slots into which anything was rendered since `watch`, by their places."""

@@ -69,7 +69,7 @@ def _are_fractions(value: Any) -> bool:
 
 
 def _is_comparison(value: Any) -> bool:
-    """None of a frame that was not compared."""
+    """Whether it is what a comparison with multiview found, or None, as for a frame that was not compared."""
     if value is None:
         return True
     known = isinstance(value, dict) and _is_plain(value) and value.keys() >= {"multiview_seconds", "noise_ratio"}

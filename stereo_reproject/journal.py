@@ -176,7 +176,7 @@ class Journal:
             return set()
 
     def doubts(self) -> list[str]:
-        """What was found of records that were passed over, in a line each, and not yet told."""
+        """Return a line for each record that was passed over since the last call: which, and why."""
         new = [line for line in self._doubts if line not in self._told]
         self._told.update(new)
         return new

@@ -14,7 +14,7 @@ class Listing:
         self._names: dict[str, set[str] | None] = {}
 
     def may_hold(self, path: Path) -> bool:
-        """False where there was nothing under this path. Drives differ in whether capital letters and the ways to write
+        """Tell whether something may have been under this path; False is certain. Drives differ in whether capital letters and the ways to write
         an accent make two names of one; here they make none, and whoever has to know looks at the file."""
         folder, name = os.path.split(path)
         if folder not in self._names:
@@ -24,7 +24,7 @@ class Listing:
 
 
 def _names_in(folder: str) -> set[str] | None:
-    """None where the folder cannot be looked at."""
+    """Return what lies in a folder by its plain names; None where it cannot be looked at."""
     try:
         with os.scandir(folder or os.curdir) as entries:
             return {_plain(entry.name) for entry in entries}

@@ -227,7 +227,8 @@ def _work_folder(job: Job) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
-    """Whatever a run fails with whose folder was removed under way, that is why. An animation says it itself."""
+    """Turn an error of a run whose output folder was removed under way into one that says so. An animation does that
+    itself."""
     try:
         yield
     except RunInterruptedError:

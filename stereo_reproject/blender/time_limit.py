@@ -96,16 +96,24 @@ def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[
     if samples is not None:
         first = cycles.sample_offset if cycles.use_sample_subset else 0
         values |= {"use_sample_subset": True, "sample_offset": first, "sample_subset_length": samples}
-        values["adaptive_threshold"] = _threshold(cycles, samples)
+        values["adaptive_threshold"] = _threshold(cycles, _samples_asked_for(scene), samples)
     with changed(cycles, **values):
         yield
 
 
-def _threshold(cycles: bpy.types.PropertyGroup, samples: int) -> float:
-    """The threshold of adaptive sampling that makes a subset of so many samples stop where the scene's own would.
+def _samples_asked_for(scene: bpy.types.Scene) -> int:
+    """Samples of the rendered view layer, which may have a number of its own."""
+    cycles, own = scene.cycles, rendered_layer(scene).samples
+    if own <= 0 or cycles.use_layer_samples == "IGNORE":
+        return cycles.samples
+    return min(own, cycles.samples) if cycles.use_layer_samples == "BOUNDED" else own
+
+
+def _threshold(cycles: bpy.types.PropertyGroup, asked: int, samples: int) -> float:
+    """The threshold of adaptive sampling that makes a subset of so many samples stop where all of them would.
 
     Cycles lowers it for a subset by the root of its share of the samples.
     """
-    threshold = cycles.adaptive_threshold or max(LEAST_THRESHOLD, 1.0 / cycles.samples)
-    before = max(_of_subset(cycles, cycles.samples), 1)
+    threshold = cycles.adaptive_threshold or max(LEAST_THRESHOLD, 1.0 / asked)
+    before = max(_of_subset(cycles, asked), 1)
     return min(threshold * math.sqrt(before / min(samples, before)), 1.0)
