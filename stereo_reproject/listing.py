@@ -14,8 +14,11 @@ class Listing:
         self._names: dict[str, set[str] | None] = {}
 
     def may_hold(self, path: Path) -> bool:
-        """Tell whether something may have been under this path; False is certain. Drives differ in whether capital letters and the ways to write
-        an accent make two names of one; here they make none, and whoever has to know looks at the file."""
+        """Tell whether something may have been under this path; False is certain.
+
+        Drives differ in whether capital letters and the ways to write an accent make two names of one; here they make
+        none, and whoever has to know looks at the file.
+        """
         folder, name = os.path.split(path)
         if folder not in self._names:
             self._names[folder] = _names_in(folder)
