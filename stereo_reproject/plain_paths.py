@@ -44,12 +44,18 @@ def misread(path: str | os.PathLike[str]) -> str | None:
     name = os.fspath(path)
     if os.sep != "\\" and "\\" in name:
         return "Blender takes the backslash in it for a separator"
-    try:
-        name.encode("utf-8")
-    except UnicodeEncodeError:
+    if not _is_utf8(name):
         return "Blender takes no names that are not UTF-8"
     length = _length(name)
     return f"Blender takes no paths of {length} {UNIT}" if length > MAX_FOLDER_LENGTH else None
+
+
+def _is_utf8(name: str) -> bool:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _length(name: str) -> int:
@@ -86,6 +92,10 @@ def plain_path(folder: Path) -> Iterator[Path]:
 def plain_blend(blend: Path) -> Iterator[Path]:
     """The path of a .blend by which Blender finds what lies beside it and above, as far as up to the folder that is to
     blame. Raises BadInputError."""
+    if not _is_utf8(blend.name):
+        # Another path of it would not do: what lies beside it is found by its own.
+        name = os.fsencode(blend).decode("ascii", "backslashreplace")
+        raise BadInputError(f"{name} cannot be opened: Blender takes no names that are not UTF-8; rename it")
     folder = next((parent for parent in blend.parents if misread(parent.name) is not None), None)
     if folder is None and misread(blend.parent) is not None:
         folder = blend.parent

@@ -91,3 +91,9 @@ def test_a_drive_that_does_not_say_how_long_names_may_be_takes_the_usual_ones(tm
     check_names(tmp_path, ["n" * 255])
     with pytest.raises(BadInputError, match="longer than the 255 that fit"):
         check_names(tmp_path, ["n" * 256])
+
+
+def test_a_blend_whose_own_name_is_no_utf8_is_one_line(tmp_path):
+    expected = r"\\xff.blend cannot be opened: .*not UTF-8; rename it"
+    with pytest.raises(BadInputError, match=expected), plain_blend(tmp_path / "\udcff.blend"):
+        pass

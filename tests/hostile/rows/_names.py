@@ -184,10 +184,24 @@ def _long_place(command: str, length: int, folder: Path) -> None:
     assert_nothing_left(folder, "work", f"work/{scene.name}", *(f"work/{name}" for name in files))
 
 
+def is_utf8(name: bytes) -> bool:
+    try:
+        name.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
 def _of_scene(name: str | bytes, folder: Path) -> None:
     """A scene of that name is rendered like any other; frames are called by the scene's output path, not by it."""
     scene = _scene(folder, name)
-    assert_done(run_program("animate", scene, "--output", folder / "out", "--frames", "1", *SMALLEST))
+    outcome = run_program("animate", scene, "--output", folder / "out", "--frames", "1", *SMALLEST)
+    if not is_utf8(os.fsencode(scene.name)):
+        # Blender opens none.
+        assert_bad_input(outcome, "not UTF-8")
+        assert_nothing_left(folder, "work", f"work/{scene.name}")
+        return
+    assert_done(outcome)
     assert_nothing_left(folder, "work", f"work/{scene.name}", "out", *(f"out/{made}" for made in ANIMATION))
 
 
