@@ -216,8 +216,11 @@ def _beside(name: str, blend: Path) -> Path:
 
 
 def _absolute(name: str) -> Path:
-    # Links stay as they are: paths in a .blend are relative to where it was opened.
-    return Path(os.path.abspath(name))  # noqa: PTH100
+    try:
+        # Links stay as they are: paths in a .blend are relative to where it was opened.
+        return Path(os.path.abspath(name))  # noqa: PTH100
+    except FileNotFoundError as error:
+        raise BadInputError(f"{name} is relative to a folder that is gone: change to another one") from error
 
 
 def _blend_file(name: str) -> Path:

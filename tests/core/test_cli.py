@@ -368,6 +368,16 @@ def test_a_library_that_finds_no_room_is_no_defect(why):
     assert "defect" not in str(told)
 
 
+@posix
+def test_a_path_relative_to_a_folder_that_is_gone_is_said(place, tmp_path, monkeypatch, capsys):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert cli.main(["render", "room.blend", "--output", str(place / "out")]) == 2
+    assert_one_line(capsys.readouterr().err, "room.blend is relative to a folder that is gone")
+
+
 def test_a_name_that_is_no_utf8_is_no_defect():
     with pytest.raises(UnicodeDecodeError) as caught:
         b"Stra\xdfe".decode()
