@@ -4,7 +4,7 @@ started. What it is told and says is in `supervisor`."""
 from __future__ import annotations
 
 import contextlib
-import importlib.util
+import importlib.machinery
 import os
 import queue
 import re
@@ -185,9 +185,12 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
 
 
 def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
+    # Not in the folder where the caller stands, in which Python looks first: anything may lie there under these names.
+    here = os.path.realpath(os.curdir)
+    path = [entry for entry in sys.path if os.path.realpath(entry or os.curdir) != here]
     for name in modules:
         with contextlib.suppress(ImportError, ValueError):
-            found = importlib.util.find_spec(name)
+            found = importlib.machinery.PathFinder.find_spec(name, path)
             if found is not None and found.origin is not None:
                 place = Path(found.origin).resolve().parent
                 yield place.parent if found.submodule_search_locations else place

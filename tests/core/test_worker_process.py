@@ -107,3 +107,11 @@ def test_frames_are_read_whatever_the_encoding_of_standard_input(encoding, tmp_p
         process.communicate(timeout=SECONDS)
     assert process.returncode == 0
     assert json.loads((tmp_path / "7.json").read_text())["status"] == 1
+
+
+def test_a_module_where_the_caller_stands_is_not_taken_for_a_library(tmp_path, monkeypatch):
+    (tmp_path / "OpenEXR.py").write_text("raise SystemExit")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    places = worker_process.worker_environment().get("PYTHONPATH", "").split(os.pathsep)
+    assert str(tmp_path) not in places
