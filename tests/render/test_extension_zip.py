@@ -184,12 +184,17 @@ def imported(node):
 
 
 def reaches_out(source):
-    """What a module uses of the network and of other ways to code that was not installed."""
+    """Ways to the network, and to code that was not installed, that a module uses.
+
+    Going through the entries of sys.path changes nothing; whatever else is done with it may.
+    """
     found = set()
-    for node in ast.walk(ast.parse(source)):
+    nodes = list(ast.walk(ast.parse(source)))
+    gone_through = [node.iter for node in nodes if isinstance(node, ast.comprehension | ast.For)]
+    for node in nodes:
         found |= imported(node) & NEVER_IMPORTED
         match node:
-            case ast.Attribute(value=ast.Name(id="sys"), attr="path"):
+            case ast.Attribute(value=ast.Name(id="sys"), attr="path") if node not in gone_through:
                 found.add("sys.path")
             case ast.ImportFrom(module="sys", names=names) if any(alias.name == "path" for alias in names):
                 found.add("sys.path")
@@ -202,6 +207,9 @@ def reaches_out(source):
     ("source", "found"),
     [
         ("import sys\nsys.path.append('x')", {"sys.path"}),
+        ("import sys\npath = sys.path", {"sys.path"}),
+        ("import sys\nfor entry in sys.path:\n    sys.path.remove(entry)", {"sys.path"}),
+        ("import sys\nfound = [entry for entry in sys.path if entry]", set()),
         ("from sys import path", {"sys.path"}),
         ("def f():\n    from urllib.request import urlopen", {"urllib"}),
         ("import http.client, socket as s", {"http", "socket"}),
