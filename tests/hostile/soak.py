@@ -1,6 +1,6 @@
 """Many frames, rendered by several processes that are killed again and again on a disk that fills twice.
 
-    python -m tests.hostile.soak [--frames 300] [--processes 3] [--kill-every 20] [--output DIR]
+    python -m tests.hostile.soak [--frames 300] [--processes 3] [--kill-every 20] [--samples N] [--output DIR]
 
 Each run is `python -m stereo_reproject animate --resume` on the same folder of one tmpfs, which takes root (or a user
 namespace) to be mounted. At random moments, every so many seconds on average, SIGKILL ends a random process of a random
@@ -8,7 +8,8 @@ run (the one that talks to the user, the one that renders, the writer, the heart
 has ended is started again. At a third and at two thirds of the frames a ballast file fills the disk until each run has
 ended with "the disk is full"; then it goes. At the end all must be as if nothing had happened: see `checks_of`. A run
 before that nothing befalls says what the frames' bytes are to be, and its processes live long enough for their memory
-and open files to be judged.
+and open files to be judged. How long a frame takes is for its samples to say: a soak that is over before anything was
+killed has failed.
 
 DIR (soak-output unless given) gets soak.json and the runs' last words. Exit status 1 if a check fails, 2 where no tmpfs
 can be mounted.
@@ -41,8 +42,10 @@ from stereo_reproject.work_folder import WORK_PREFIX
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
-OPTIONS = ["--size", "32x32", "--samples", "1", "--no-denoise", "--fill", "packed", "--accuracy", "draft"]
+OPTIONS = ["--size", "32x32", "--no-denoise", "--fill", "packed", "--accuracy", "draft"]
 
+SAMPLES = 1024
+"""By which a frame takes a second or so."""
 DISK = "64m"
 POLL_SECONDS = 0.1
 SAMPLE_SECONDS = 2.0
@@ -106,14 +109,16 @@ def _parse() -> argparse.Namespace:
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--processes", type=int, default=3)
     parser.add_argument("--kill-every", type=float, default=20.0, metavar="SECONDS", help="on average")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="of a frame, which takes the longer for them")
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--limit", type=float, metavar="SECONDS", help="after which it has failed")
     parser.add_argument("--output", type=Path, default=Path("soak-output"))
     return parser.parse_args()
 
 
-def _command(blend: Path, folder: Path, frames: int) -> list[str]:
-    arguments = [str(blend), "--output", str(folder), "--frames", f"1-{frames}", *OPTIONS, "--resume"]
+def _command(blend: Path, folder: Path, options: argparse.Namespace) -> list[str]:
+    frames, samples = f"1-{options.frames}", str(options.samples)
+    arguments = [str(blend), "--output", str(folder), "--frames", frames, "--samples", samples, *OPTIONS, "--resume"]
     return [sys.executable, "-m", "stereo_reproject", "animate", *arguments]
 
 
@@ -126,7 +131,7 @@ def _render_undisturbed(blend: Path, folder: Path, options: argparse.Namespace) 
     """The digests of the frames' files as one run makes them that nothing befalls, and its processes over time."""
     environment = _environment(folder.with_name("temporary"))
     lives: dict[tuple[int, str], Life] = {}
-    command = _command(blend, folder, options.frames)
+    command = _command(blend, folder, options)
     process = subprocess.Popen(command, env=environment, cwd=ROOT, stdout=subprocess.DEVNULL, start_new_session=True)
     began, ends = time.monotonic(), time.monotonic() + FRAME_SECONDS * options.frames + 300.0
     try:
@@ -297,7 +302,7 @@ class Soak:
         words = self.words / f"{self._number:04d}.log"
         with words.open("wb") as log:
             process = subprocess.Popen(
-                _command(self.blend, self.folder, self.options.frames),
+                _command(self.blend, self.folder, self.options),
                 env=_environment(self.folder.parent.parent / "temporary"),
                 cwd=ROOT,
                 stdin=subprocess.DEVNULL,
@@ -408,6 +413,7 @@ def checks_of(soak: Soak, wanted: dict[str, str]) -> list[Check]:
     memory, descriptors = _slopes(soak), _descriptors(soak)
     return [
         Check("in time", not soak.timed_out, f"{time.monotonic() - soak.began:.0f} of {soak.limit:.0f} s"),
+        Check("processes were killed", bool(soak.kills), f"{sum(soak.kills.values())} times"),
         Check("nothing lost", len(whole) == frames, f"{len(whole)} of {frames} frames whole by the journal"),
         Check("nothing doubled", not journal.doubts() and not again, f"recorded more than once: {again or 'none'}"),
         Check("the same bytes", not other, f"{len(made)} files, others: {other[:6] or 'none'}"),
@@ -479,6 +485,7 @@ def _tell(checks: list[Check], soak: Soak, output: Path) -> int:
         "frames": soak.options.frames,
         "processes": soak.options.processes,
         "kill_every": soak.options.kill_every,
+        "samples": soak.options.samples,
         "seed": soak.options.seed,
         "seconds": seconds,
         "kills": dict(soak.kills),
