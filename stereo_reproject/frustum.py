@@ -53,11 +53,11 @@ class Frustum:
         self._limits = np.array([side[3] for side in sides])
         self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
 
-    def may_meet(self, corners: NDArray) -> bool:
-        """False only if all corners (N, 3), in the world, of a convex body lie outside one side of the view."""
+    def may_meet(self, corners: NDArray) -> NDArray[np.bool_]:
+        """(...): False only where all corners (..., N, 3), in the world, of a convex body are beyond one side."""
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
-        return not outside.all(axis=0).any()
+        return ~outside.all(axis=-2).any(axis=-1)
 
 
 def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:

@@ -115,7 +115,9 @@ class _Claims:
             for effect in _each(shading.sharp):
                 self.sharp[effect].append(text)
             own |= shading.effects
-        self._materials[name] = self._materials.get(name, Effect(0)) | own
+        known = self._materials.get(name)
+        if known != own:
+            self._materials[name] = own if known is None else known | own
 
     def plan(self) -> EffectsPlan:
         findings = (self._finding(effect, _one_of_each_first(by.values())) for effect, by in self._by.items())

@@ -25,7 +25,7 @@ from .motion import vector_pass_asked_for
 from .readers import what_reads
 from .render import Rendered, render_views
 from .rig import FrameRegion, frame_region
-from .scene import changed, evaluated, rendered_layer
+from .scene import changed, evaluated
 from .visible import aperture_radius
 
 UPWARDS_FROM = (5, 0, 0)
@@ -174,8 +174,6 @@ def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, fol
     size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
     whole = {"use_border": False, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
     with ExitStack() as restored:
-        # Else whoever asks for the evaluated camera next is given the packed one.
-        restored.callback(rendered_layer(scene).update)
         packed = restored.enter_context(_lens_to_set(scene))
         restored.enter_context(changed(scene.render, **size, **whole))
         restored.enter_context(changed(scene.cycles, **PACKED_SAMPLING))

@@ -132,7 +132,7 @@ def is_fed(socket: bpy.types.NodeSocket, groups: Groups = ()) -> bool:
 
 def upstream(sockets: list[bpy.types.NodeSocket], groups: Groups = ()) -> Iterator[tuple[bpy.types.NodeSocket, Groups]]:
     """Each output that takes part in feeding the sockets, once, with the groups that its node is inside of."""
-    waiting = [(socket, groups) for socket in sockets]
+    waiting = [(socket, groups) for socket in sockets if socket.is_output or socket.is_linked]
     met = set()
     while waiting:
         source, inside = origin(*waiting.pop())

@@ -192,7 +192,10 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
 
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
     """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
-    return item.evaluated_get(rendered_layer(scene).depsgraph)
+    layer = rendered_layer(scene)
+    # What was set since then, for a packed render or a frame, counts.
+    layer.update()
+    return item.evaluated_get(layer.depsgraph)
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """What scenes of many objects cost Blender, and what a pair adds to that, in processor seconds.
 
-    python tests/bench/many_objects.py [--runs 3] [--counts 1000 3000 10000 20000] [KIND ...]
+    python tests/bench/many_objects.py [KIND ...] [--runs 3] [--counts 1000 3000 10000 20000]
 
 The scenes are made up: small cubes before the camera, 64 x 36 pixels with one sample: next to nothing is traced.
 Processor time is told, of all threads, because a machine may be busy; medians. Of Blender's own: *load* of the file,
