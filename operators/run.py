@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.animation_settings import AnimationSettings
+from ..stereo_reproject.animation_supervisor import run_animation
 from ..stereo_reproject.blender.devices import devices_in_use
 from ..stereo_reproject.blender.processes import UNSAVED, module_in_blender, save_copy
 from ..stereo_reproject.blender.scene import layers_to_render, scene_key
@@ -22,15 +23,7 @@ from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.exr import VIEWS
 from ..stereo_reproject.progress import Progress
 from ..stereo_reproject.settings import StereoSettings
-from ..stereo_reproject.supervisor import (
-    Event,
-    Interrupts,
-    Job,
-    RunInterruptedError,
-    Session,
-    run_animation,
-    run_worker,
-)
+from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
 from ..stereo_reproject.work_folder import remove_abandoned, work_folder
 
 POLL_SECONDS = 0.1

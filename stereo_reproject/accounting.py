@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from .effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from .effects_pass import UNKNOWN, flagged
-from .holes import Reason
 from .probes import Measured
+from .reasons import Reason
 from .refinement import CONFIDENT
 
 FROM_REASON = {

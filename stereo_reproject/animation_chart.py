@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from .chart_canvas import (
     wrapped,
     write_texts,
 )
+from .charts import draw_whole
 from .label_places import spread
 
 if TYPE_CHECKING:
@@ -55,6 +57,12 @@ LEFT, RIGHT = 0.098, 0.745
 """The axes' sides in shares of the width; the names are right of them."""
 NAME_DISTANCE = 0.185
 """Inches from one name to the next."""
+
+
+def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
+    """Write path.svg and path.png of what animation.json holds; until_whole is as `files.whole_file` has it. Raises
+    OSError."""
+    draw_whole(draw_animation, report, path, until_whole)
 
 
 def draw_animation(report: Mapping[str, Any]) -> Figure:

@@ -10,8 +10,8 @@ from typing import Any
 from .animation_figures import figures_of
 from .animation_settings import AnimationSettings
 from .errors import BadInputError
+from .files import write_json
 from .journal import Fingerprints, FrameState, Journal
-from .report import write_json
 
 ANIMATION_SCHEMA = 1
 
@@ -97,7 +97,8 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
-    from .charts import check_charts, draw_animation_chart
+    from .animation_chart import draw_animation_chart
+    from .charts import check_charts
 
     try:
         check_charts()

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .composite import warp_passes
+from .depth_steps import TEAR, Steps, disparity_of, disparity_steps
+from .empty import empty_reasons
 from .grid import Grid, build_grid
-from .holes import TEAR, Steps, disparity_of, disparity_steps, empty_reasons
 from .motion import Moving
 from .passes import DEPTH_PASS, Passes
 from .warp import Warp, forward_warp
@@ -22,7 +23,7 @@ from .warp import Warp, forward_warp
 
 @dataclass(frozen=True)
 class Carried:
-    """The source's passes as the target sees them; empty (H, W) the `holes.Reason` flags of the pixels on which nothing
+    """The source's passes as the target sees them; empty (H, W) the `reasons.Reason` flags of the pixels on which nothing
     landed. steps are the source's, where they were found on the way; by is who has carried: numpy or gpu."""
 
     passes: Passes

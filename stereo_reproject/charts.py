@@ -1,4 +1,4 @@
-"""The charts of a price list and of an animation as files.
+"""Charts as files: those of a price list, and any other that is drawn here.
 
 Only the charts use matplotlib, which is no part of the Blender extension. Drawn on canvases of their own, without
 pyplot: nothing that a caller does with matplotlib changes them, nor they it.
@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .animation_chart import draw_animation
 from .chart_canvas import BLACK, DPI, GREY, PALE
 from .errors import BadInputError
-from .report import whole_file
+from .files import whole_file
 from .stages_chart import draw_stages
 from .tradeoff_chart import draw_tradeoff
 
@@ -59,20 +58,18 @@ def _style() -> Iterator[None]:
         yield
 
 
-def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
-    """Write path.svg and path.png of what animation.json holds; until_whole is as `report.whole_file` has it. Raises
-    OSError."""
-    _draw_whole(draw_animation, report, path, until_whole)
-
-
 def draw_stages_chart(prices: Mapping[str, Any], path: Path) -> None:
     """Write path.svg and path.png of where the time goes in what tradeoff.json holds. Raises OSError."""
-    _draw_whole(draw_stages, prices, path)
+    draw_whole(draw_stages, prices, path)
 
 
-def _draw_whole(
+def draw_whole(
     draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path, until_whole: Path | None = None
 ) -> None:
+    """Write path.svg and path.png of the figure that `draw` makes of `data`; until_whole is as `whole_file` has it.
+
+    Raises OSError.
+    """
     with _style():
         figure = draw(data)
         # Several runs on the same frames may end at once.

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from .animation_report import format_animation
+from .animation_supervisor import run_animation
 from .arguments import (
     add_animate_arguments,
     add_bench_warp_arguments,
@@ -30,11 +31,12 @@ from .arguments import (
 from .bench import BenchSettings, format_bench
 from .console import PROGRAM, Console
 from .errors import BadInputError, StereoReprojectError
+from .files import to_json, write_json
 from .inspection import format_inspection
 from .interrupts import Interrupts, RunInterruptedError
-from .report import format_report_table, to_json, write_json
+from .report import format_report_table
 from .settings import StereoSettings
-from .supervisor import Event, Job, run_animation, run_worker
+from .supervisor import Event, Job, run_worker
 from .tradeoff import TRADEOFF_FILES, format_price_table
 from .work_folder import pair_files
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera, PerspectiveCamera
+from .depth_steps import Steps
 from .frustum import Lens
-from .holes import Steps
 from .risk import Contrast
 from .silhouettes import ALIKE
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
+import math
 import os
+import secrets
 import stat
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from io import BufferedReader
+from numbers import Integral, Real
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
@@ -185,3 +189,58 @@ def sync(descriptor: int) -> None:
 def made_in(folder: Path) -> list[Path]:
     """What a program has made in a folder, by name, and nothing that the system has put beside."""
     return sorted(path for path in folder.iterdir() if not path.name.startswith(APPLE_DOUBLE))
+
+
+def strict(value: Any) -> Any:
+    """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
+    if isinstance(value, Mapping):
+        return {str(name): strict(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [strict(item) for item in value]
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value) if math.isfinite(value) else None
+    if hasattr(value, "item"):
+        return strict(value.item())
+    raise TypeError(f"{type(value).__name__} has no place in JSON")
+
+
+def to_json(data: Mapping[str, Any]) -> str:
+    """`data` as strict JSON, in lines."""
+    return json.dumps(strict(data), indent=2, allow_nan=False)
+
+
+def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
+    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is as `whole_file` has it. Raises
+    OSError."""
+    text = to_json(data) + "\n"
+    with whole_file(Path(path), until_whole=until_whole) as beside:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+
+
+def beside_name(name: str) -> str:
+    """What a file is called until it is whole: unlike any other."""
+    return f".{name}.{secrets.token_hex(8)}.tmp"
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
+    """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
+
+    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; without
+    one it is the file's own.
+    """
+    # A process of another machine, on a shared drive, may have the same number.
+    beside = (until_whole or path.parent) / beside_name(path.name)
+    try:
+        yield beside
+        flush(beside)
+        put_in_place(beside, path)
+        flush_folder(path.parent)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        raise

@@ -43,10 +43,11 @@ from .files import (
     open_regular,
     read_small,
     remove,
+    to_json,
+    write_json,
     write_new,
 )
 from .frame_record import RECORD_BYTES, Record, read_record
-from .report import to_json, write_json
 from .runs import CLAIM, TOKEN, Runs
 from .settings import MAX_FRAME
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy
 from .composite import composite
 from .fill import CLEARLY_LOWER, FillChoice, SourceCost
-from .holes import Reason
 from .matching import Correction, Traced, correction_of, match, ring_of
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
+from .reasons import Reason
 from .reprojection import Reprojection
 from .tracing import Means, TargetEye
 

@@ -22,13 +22,13 @@ from .effects_pass import UNKNOWN, effects_of
 from .fill import FillChoice, SourceCost, check_fill
 from .frustum import Lens
 from .grid import Grid
-from .holes import Reason
 from .matched_eye import MatchedEye, Matcher
 from .matching import Correction
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
 from .precedent import Precedent
 from .price import WHOLE, Price, next_better, price_of
+from .reasons import Reason
 from .reprojection import Reprojection, reproject
 from .settings import StereoSettings
 from .tracing import Means, Refinement, TargetEye
@@ -81,7 +81,7 @@ class Renderer(Protocol):
 class StereoFrame:
     """A finished pair, and how it came about.
 
-    eyes by view name; reasons (H, W) are the target's `holes.Reason` flags; traced (H, W) the pixels that were traced,
+    eyes by view name; reasons (H, W) are the target's `reasons.Reason` flags; traced (H, W) the pixels that were traced,
     which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
     cost; price is what the next better accuracy would have. metadata is the renderer's. correction is how far traced
     pixels were moved to match a source of another engine. warped_by is numpy or gpu, whose name is gpu then.

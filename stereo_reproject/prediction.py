@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .accuracy import Accuracy
 from .effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from .fill import FillChoice, SourceCost, choose_fill
-from .holes import Reason
+from .reasons import Reason
 from .tracing import Means
 
 
@@ -113,7 +113,7 @@ def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
 
 
 def predict_holes(reasons: NDArray[np.uint16], scale: float) -> Holes:
-    """Shares at the picture's size, from the sketch's `holes.Reason` flags (H, W).
+    """Shares at the picture's size, from the sketch's `reasons.Reason` flags (H, W).
 
     What is disoccluded, outside or known beforehand to be beyond a warp keeps its share of the picture; a band along
     silhouettes keeps its pixels.

@@ -1,18 +1,13 @@
-"""report.json: what it must hold, how it reaches the disk whole, and the short table that a person reads."""
+"""report.json: what it must hold, and the short table that a person reads."""
 
 from __future__ import annotations
 
-import contextlib
-import json
 import math
-import secrets
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from numbers import Integral, Real
-from pathlib import Path
 from typing import Any
 
 from .errors import StereoReprojectError
-from .files import flush, flush_folder, put_in_place
 from .settings import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
 
 REPORT_SCHEMA = 1
@@ -200,61 +195,6 @@ def _check_parts(report: Mapping[str, Any]) -> None:
     for row in report.get("layers", ()):
         for name, rule in _LAYER.items():
             _check(f"layers.{name}", row.get(name), rule)
-
-
-def strict(value: Any) -> Any:
-    """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
-    if isinstance(value, Mapping):
-        return {str(name): strict(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [strict(item) for item in value]
-    if isinstance(value, (str, bool)) or value is None:
-        return value
-    if isinstance(value, Integral):
-        return int(value)
-    if isinstance(value, Real):
-        return float(value) if math.isfinite(value) else None
-    if hasattr(value, "item"):
-        return strict(value.item())
-    raise TypeError(f"{type(value).__name__} has no place in JSON")
-
-
-def to_json(data: Mapping[str, Any]) -> str:
-    """`data` as strict JSON, in lines."""
-    return json.dumps(strict(data), indent=2, allow_nan=False)
-
-
-def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
-    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is as `whole_file` has it. Raises
-    OSError."""
-    text = to_json(data) + "\n"
-    with whole_file(Path(path), until_whole=until_whole) as beside:
-        beside.write_text(text, encoding="utf-8", newline="\n")
-
-
-def beside_name(name: str) -> str:
-    """What a file is called until it is whole: unlike any other."""
-    return f".{name}.{secrets.token_hex(8)}.tmp"
-
-
-@contextlib.contextmanager
-def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
-    """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
-
-    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; without
-    one it is the file's own.
-    """
-    # A process of another machine, on a shared drive, may have the same number.
-    beside = (until_whole or path.parent) / beside_name(path.name)
-    try:
-        yield beside
-        flush(beside)
-        put_in_place(beside, path)
-        flush_folder(path.parent)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            beside.unlink()
-        raise
 
 
 def _number(value: Any, pattern: str) -> str:

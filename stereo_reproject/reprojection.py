@@ -14,16 +14,17 @@ from .accuracy import Accuracy
 from .camera import Camera, PerspectiveCamera, see_the_same
 from .carrying import Carry, carry
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
+from .depth_steps import TEAR, Steps, disparity_of, disparity_of_nearness, disparity_steps
 from .effects import Effect
 from .effects_pass import shows
 from .frustum import Lens, covered_by
 from .grid import Grid
-from .holes import TEAR, Reason, Steps, disparity_of, disparity_of_nearness, disparity_steps
 from .lookup import touches
 from .masks import dilate
 from .mirrors import Images, images_in_mirrors, seen_in_both
 from .motion import Moving
 from .passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, known_depth, seen_in_mirrors
+from .reasons import Reason
 from .refracted import seen_through
 from .risk import contrast_of, gradient_of
 from .silhouettes import differing, edge_band

@@ -15,16 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StereoReprojectError
-from .files import (
-    UnusableFileError,
-    flush,
-    flush_folder,
-    is_regular,
-    leads_elsewhere,
-    put_in_place,
-    read_small,
-    remove,
-)
+from .files import UnusableFileError, flush, flush_folder, is_regular, leads_elsewhere, put_in_place, read_small, remove
 from .work_folder import is_running, machine
 from .worker_process import module_command, worker_environment
 

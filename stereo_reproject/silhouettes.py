@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bands import bands
-from .holes import Steps
+from .depth_steps import Steps
 from .masks import dilate
 from .metrics import tone
 

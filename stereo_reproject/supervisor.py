@@ -35,20 +35,17 @@ import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .animation import FAILURES_IN_A_ROW, KEPT
 from .animation_settings import AnimationSettings
 from .bench import BenchSettings
 from .errors import BadInputError, StereoReprojectError
 from .files import is_missing
 from .interrupts import Interrupts, RunInterruptedError
-from .journal import JOURNAL
 from .plain_paths import STAND_INS, plain_blend
 from .report import check_report
-from .runs import Runs
 from .settings import StereoSettings
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
@@ -142,76 +139,6 @@ def run_worker(
             superseded = superseded_by(job.files) if job.command == "render" else ()
             publish(work, job.output, files, superseded=superseded, between_steps=interrupts.check)
     return report
-
-
-def run_animation(
-    job: Job,
-    on_event: Callable[[Event], None],
-    *,
-    on_tick: Callable[[], None] = lambda: None,
-    interrupts: Interrupts | None = None,
-    command: Sequence[str] | None = None,
-) -> dict[str, Any]:
-    """`run_worker` for an animation, which goes on with the other frames when Blender ends on one of them.
-
-    It does so until several have ended one after the other without a frame that was finished in between. on_event gets
-    a warning once, however often Blender is started and finds it again.
-    """
-    animation = job.animation
-    assert animation is not None
-    done: list[int] = []
-    tell = _each_warning_once(on_event)
-    stage: Event = {}
-    crashes = 0
-
-    def watch(event: Event) -> None:
-        nonlocal stage, crashes
-        if event["event"] == "frame":
-            done.append(event["frame"])
-            crashes = 0
-        elif event["event"] == "stage":
-            stage = event
-        tell(event)
-
-    while True:
-        stage = {}
-        try:
-            return run_worker(
-                replace(job, animation=animation), watch, on_tick=on_tick, interrupts=interrupts, command=command
-            )
-        except RunInterruptedError as error:
-            raise RunInterruptedError(error.signum, KEPT) from None
-        except WorkerCrashedError as error:
-            crashes += 1
-            frame = str(stage.get("detail"))
-            if not frame.startswith(FRAME) or crashes >= FAILURES_IN_A_ROW:
-                raise
-            # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
-            existing = "resume" if animation.existing == "refuse" else animation.existing
-            animation = replace(animation, finished=tuple(done), existing=existing, goes_on=True)
-            if stage["stage"] == HANDED_OVER:
-                on_event({"event": "warning", "message": f"Blender is started again: {error}"})
-                continue
-            animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
-            on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
-        finally:
-            if job.output is not None:
-                # Whoever is killed before it has a heartbeat leaves its files in the journal.
-                Runs(job.output / JOURNAL).clear(own="")
-
-
-def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:
-    """Pass events on, but for warnings that were passed on before."""
-    said: set[str] = set()
-
-    def tell(event: Event) -> None:
-        message = str(event.get("message"))
-        if event["event"] != "warning" or message not in said:
-            on_event(event)
-        if event["event"] == "warning":
-            said.add(message)
-
-    return tell
 
 
 @contextlib.contextmanager

@@ -18,15 +18,7 @@ from .effects_pass import materials_of
 from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from .passes import COLOUR_PASS, NOISY_PASS, Passes, filtered, is_light
 from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
-from .refinement import (
-    Estimate,
-    as_rendered,
-    choose_refined,
-    estimate,
-    expected_gain,
-    local_noise,
-    stands_out,
-)
+from .refinement import Estimate, as_rendered, choose_refined, estimate, expected_gain, local_noise, stands_out
 from .reprojection import Reprojection
 from .risk import contrast_of
 

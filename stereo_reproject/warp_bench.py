@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from .accuracy import SETTINGS
 from .bench import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
+from .depth_steps import TEAR, disparity_of, disparity_steps
 from .errors import BadInputError
 from .grid import build_grid
-from .holes import TEAR, disparity_of, disparity_steps
 from .made_up import CONVERGENCE, INTEROCULAR, SCENES, eyes
 from .passes import COLOUR_PASS, DEPTH_PASS
 from .reprojection import Reprojection, reproject

@@ -9,8 +9,9 @@ from types import CodeType
 
 from .carrying import carry
 from .composite import warp_passes
+from .depth_steps import disparity_of, disparity_steps
+from .empty import empty_reasons
 from .grid import build_grid
-from .holes import disparity_of, disparity_steps, empty_reasons
 from .reprojection import Marking
 from .warp import forward_warp
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from .animation_settings import AnimationSettings
 from .errors import as_told
-from .report import strict
+from .files import strict
 from .settings import SceneOverrides, StereoSettings
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import OutputError, as_told
-from .report import write_json
+from .files import write_json
 
 
 def main() -> None:

@@ -17,10 +17,10 @@ from ..animation_settings import AnimationSettings
 from ..delivery.layouts import LAYOUTS, tagged_name
 from ..errors import BadInputError
 from ..exr import VIEWS
+from ..files import beside_name
 from ..journal import Journal
 from ..listing import Listing
 from ..plain_paths import check_names
-from ..report import beside_name
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie

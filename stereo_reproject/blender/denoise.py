@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..errors import BadInputError, StereoReprojectError
 from ..exr import read_channels, write_channels
 from ..passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
-from .scene import CYCLES, changed, rendered_layer
+from .scene import changed, rendered_layer
 
 ALBEDO, NORMAL, DEPTH = "Denoising Albedo", "Denoising Normal", "Denoising Depth"
 
@@ -27,17 +27,6 @@ GUIDES = (ALBEDO, NORMAL, DEPTH, "Denoising Specular Albedo", "Denoising Roughne
 
 CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))
 """The passes that are denoised or guide it: by our name, by Blender's, and their channels."""
-
-
-def denoises(scene: bpy.types.Scene) -> bool:
-    """Whether a working scene's layer comes out of a render denoised."""
-    asked = scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
-    return asked and has_denoiser(scene)
-
-
-def has_denoiser(scene: bpy.types.Scene) -> bool:
-    """Whether this Blender has any: one that is built without has no name for it, and renders what is noisy."""
-    return bool(scene.cycles.denoiser)
 
 
 @contextmanager

@@ -14,7 +14,8 @@ from ..camera import Camera, ray_length_per_depth
 from ..fill import SourceCost
 from ..matching import Traced
 from ..passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
-from .denoise import ALBEDO, NORMAL, denoise_pictures, has_denoiser
+from .denoise import ALBEDO, NORMAL, denoise_pictures
+from .denoiser import has_denoiser
 from .engine_support import engine_warnings, unmatched_materials
 from .hole_camera import trace_packed
 from .mask_card import trace_card

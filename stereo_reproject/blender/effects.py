@@ -9,7 +9,7 @@ from itertools import zip_longest
 import bpy
 
 from ..effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
-from .denoise import denoises
+from .denoiser import denoises
 from .instancing import brought_along
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras

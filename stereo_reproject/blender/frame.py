@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from ..accuracy import accuracy_of
 from ..estimates import effects_fields, estimate_fields, estimate_map
 from ..exr import VIEWS, write_eye, write_stereo
+from ..files import write_json
 from ..parallax import visible_parallax
 from ..passes import DEPTH_PASS, Passes
 from ..pipeline import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ..precedent import Precedent
 from ..ranges import range_warnings
-from ..report import REPORT_SCHEMA, check_report, write_json
+from ..report import REPORT_SCHEMA, check_report
 from ..settings import StereoSettings
 from ..stereo_pair import StereoPair
 from ..work_folder import DIFFERENCE, pair_files

@@ -29,8 +29,8 @@ from ..camera import (
 )
 from ..carrying import Carried
 from ..composite import passes_seen
+from ..depth_steps import TEAR
 from ..grid import CELL, Grid, build_grid
-from ..holes import TEAR
 from ..motion import Moving
 from ..passes import COLOUR_PASS, DEPTH_PASS, Passes
 from ..rectified import Shift, shift_of

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from ..bands import PIXELS
 from ..camera import OrthographicCamera
+from ..depth_steps import TEAR
 from ..grid import CELL
-from ..holes import TEAR, Reason
 from ..quads import AS_NEAR, LARGEST_AREA
+from ..reasons import Reason
 from ..rectified import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
 
 COMMON = f"""

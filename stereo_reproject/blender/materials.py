@@ -7,15 +7,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..effects import Effect
-from .node_trees import (
-    WORLD_OUTPUTS,
-    Groups,
-    depends_on_camera,
-    is_constant,
-    is_fed,
-    origin,
-    upstream,
-)
+from .node_trees import WORLD_OUTPUTS, Groups, depends_on_camera, is_constant, is_fed, origin, upstream
 from .scene import CYCLES
 
 SHARP = 0.25

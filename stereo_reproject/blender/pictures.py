@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ..errors import BadInputError
 from ..grid import CELL, Grid
-from ..holes import Reason
 from ..metrics import tone
 from ..plain_paths import plain_path
+from ..reasons import Reason
 
 COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.DISOCCLUDED: (230, 60, 50),

@@ -23,12 +23,13 @@ import numpy as np
 
 from ..charts import check_charts, draw_charts
 from ..errors import BadInputError, StereoReprojectError
+from ..files import write_json
 from ..fill import SourceCost
 from ..heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
-from ..holes import Reason
 from ..passes import MASKED_PASS, Passes
 from ..pipeline import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
-from ..report import OUTSIDE_TOTAL, write_json
+from ..reasons import Reason
+from ..report import OUTSIDE_TOTAL
 from ..settings import StereoSettings
 from ..tradeoff import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
 from .compare import Peer, render_peer

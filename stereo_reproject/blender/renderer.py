@@ -15,7 +15,8 @@ from ..effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ..fill import SourceCost
 from ..passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
-from .denoise import denoise_pictures, denoises, guided_by, left_noisy
+from .denoise import denoise_pictures, guided_by, left_noisy
+from .denoiser import denoises
 from .effects import plan_effects
 from .gpu_warp import gpu_stage
 from .hole_camera import packed_blocker, trace_packed

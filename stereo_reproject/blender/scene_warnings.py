@@ -9,7 +9,7 @@ import bpy
 from ..errors import BadInputError
 from ..settings import SceneOverrides
 from .compositor import compositor_blocker, gives_a_picture, has_compositor
-from .denoise import has_denoiser
+from .denoiser import has_denoiser
 from .engine_support import engine_warnings
 from .instancing import brought_along
 from .missing import missing_files, missing_libraries

@@ -18,15 +18,7 @@ from stereo_reproject import bands
 from stereo_reproject.blender import gpu_shaders, gpu_textures, gpu_warp
 from stereo_reproject.blender.gpu_shaders import PROGRAMS
 from stereo_reproject.camera import OrthographicCamera
-from tests.blender.gpu_cases import (
-    HAS_GPU,
-    SIZE,
-    assert_identical,
-    assert_same,
-    both,
-    pair,
-    passes_of,
-)
+from tests.blender.gpu_cases import HAS_GPU, SIZE, assert_identical, assert_same, both, pair, passes_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -8,11 +8,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from stereo_reproject.camera import OrthographicCamera, PerspectiveCamera, disparity_per_nearness
+from stereo_reproject.depth_steps import TEAR
 from stereo_reproject.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, PERSPECTIVE
-from stereo_reproject.holes import TEAR
 from stereo_reproject.parallax import ARC_MINUTE
-
-from .exact import where_they_go
+from tests.core.exact import where_they_go
 
 ROUNDINGS = 4.0
 """Roundings to float32 on the way to a position, each by half a unit in the last place of the largest number in it:

@@ -17,8 +17,7 @@ from stereo_reproject.accuracy import Accuracy
 from stereo_reproject.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
 from stereo_reproject.composite import contain
 from stereo_reproject.reprojection import reproject
-
-from .analytic import pixel_centres, pose, px_from_world, world_rays
+from tests.core.analytic import pixel_centres, pose, px_from_world, world_rays
 
 SENSOR = 36.0
 """Millimetres, as Blender's cameras have by default."""

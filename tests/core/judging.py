@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereo_reproject.camera import OrthographicCamera, PerspectiveCamera
-from stereo_reproject.holes import TEAR
+from stereo_reproject.depth_steps import TEAR
 from stereo_reproject.rectified import EDGE_TOLERANCE, MAX_STRETCH
-
-from .analytic import pixel_centres
-from .bounds import ROUNDINGS, bent, beside, coarse_misses, limits, shift_terms, spread
-from .exact import STRICT, passes_of, project, reprojected, traced, where_they_go
+from tests.core.analytic import pixel_centres
+from tests.core.bounds import ROUNDINGS, bent, beside, coarse_misses, limits, shift_terms, spread
+from tests.core.exact import STRICT, passes_of, project, reprojected, traced, where_they_go
 
 HIDDEN = 0.1
 """Share of a picture, at most, in which something stands that the source does not see, and lands before what it does:

@@ -6,9 +6,9 @@ import pytest
 from stereo_reproject.accounting import accounts
 from stereo_reproject.effects import Effect
 from stereo_reproject.effects_pass import UNKNOWN
-from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import tone
 from stereo_reproject.probes import measure, place_probes
+from stereo_reproject.reasons import Reason
 from stereo_reproject.risk import contrast_of
 
 SIZE = (10, 20)

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.delivery.anaglyph import LEFT, RIGHT, _decoded, _encoded, dubois
-
-from .movies import ffmpeg
+from tests.core.movies import ffmpeg
 
 ROUNDED = 5e-4
 """The published coefficients have three decimals."""

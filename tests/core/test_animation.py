@@ -29,9 +29,8 @@ from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectE
 from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record
 from stereo_reproject.listing import Listing
 from stereo_reproject.runs import BEAT_DIGITS, STALE_SECONDS, Runs
-
-from .clock import Clock
-from .tokens import token_of
+from tests.core.clock import Clock
+from tests.core.tokens import token_of
 
 ROOT = Path(__file__).resolve().parents[2]
 

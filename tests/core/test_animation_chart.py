@@ -10,13 +10,12 @@ import pytest
 
 from stereo_reproject.animation_report import totals
 from stereo_reproject.animation_series import REST, series_of
+from stereo_reproject.files import whole_file, write_json
 from stereo_reproject.label_places import spread
-from stereo_reproject.report import whole_file, write_json
 
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.animation_chart import MARKERS, OURS, PEER, draw_animation
-from stereo_reproject.charts import draw_animation_chart
+from stereo_reproject.animation_chart import MARKERS, OURS, PEER, draw_animation, draw_animation_chart
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -11,8 +11,7 @@ from stereo_reproject.camera import (
     target_from_source,
     target_px_from_source_px,
 )
-
-from .analytic import camera, focal_px, pixel_centres, pose, px_from_world, rotation, stereo_rig, world_rays
+from tests.core.analytic import camera, focal_px, pixel_centres, pose, px_from_world, rotation, stereo_rig, world_rays
 
 PX_TOLERANCE = 1e-9
 """Pixels: float64 geometry over a picture of some hundred pixels loses about 1e-13 per step; this leaves room."""

@@ -6,8 +6,7 @@ import pytest
 from stereo_reproject.camera import target_px_from_source_px
 from stereo_reproject.composite import composite, contain, not_numbers, warp_passes
 from stereo_reproject.warp import Warp
-
-from .analytic import pixel_centres, px_from_world, stereo_rig
+from tests.core.analytic import pixel_centres, px_from_world, stereo_rig
 
 SHAPE = (7, 9)
 

@@ -5,8 +5,8 @@ import pytest
 
 from stereo_reproject.camera import OrthographicCamera, PerspectiveCamera, ViewPlane
 from stereo_reproject.defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
+from stereo_reproject.depth_steps import disparity_steps
 from stereo_reproject.frustum import Lens
-from stereo_reproject.holes import disparity_steps
 from stereo_reproject.risk import contrast_of, gradient_of
 
 CAMERA = PerspectiveCamera(200, 100, np.eye(4), ViewPlane(-0.5, 0.5, -0.25, 0.25))

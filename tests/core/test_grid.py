@@ -5,8 +5,7 @@ import pytest
 
 from stereo_reproject.grid import CELL, build_grid, lattice_depth
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
-
-from .analytic import stereo_rig
+from tests.core.analytic import stereo_rig
 
 IPD = 0.1
 SIZES = [(16, 16), (96, 64), (97, 63), (15, 1), (1, 1), (16, 15), (33, 47)]

@@ -15,16 +15,15 @@ from hypothesis import strategies as st
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import OrthographicCamera, disparity_per_nearness
+from stereo_reproject.depth_steps import TEAR
 from stereo_reproject.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, build_grid
-from stereo_reproject.holes import TEAR
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.rectified import shift_of
 from stereo_reproject.warp import forward_warp
-
-from .analytic import Plane, Sphere, World, pixel_centres
-from .bounds import ROUNDINGS, most_in_a_cell, px_per_slope
-from .exact import Rig, examples, nothing_said, passes_of, reprojected, where_they_go
-from .judging import judged, misses
+from tests.core.analytic import Plane, Sphere, World, pixel_centres
+from tests.core.bounds import ROUNDINGS, most_in_a_cell, px_per_slope
+from tests.core.exact import Rig, examples, nothing_said, passes_of, reprojected, where_they_go
+from tests.core.judging import judged, misses
 
 THRESHOLDS = st.sampled_from([0.0, 0.25, 1.0, 3.0, 30.0])
 MODES = st.sampled_from(["off-axis", "parallel", "toe-in"])

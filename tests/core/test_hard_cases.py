@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import target_px_from_source_px
 from stereo_reproject.composite import contain
-from stereo_reproject.holes import Reason
 from stereo_reproject.parallax import parallax_angle, parallax_difference
+from stereo_reproject.reasons import Reason
 from stereo_reproject.rectified import shift_of
-
-from .analytic import Plane, Sphere, World, pixel_centres
-from .bounds import ROUNDINGS
-from .exact import STRICT, Rig, examples, nothing_said, passes_of, reprojected, where_they_go
-from .judging import judged, misses
+from tests.core.analytic import Plane, Sphere, World, pixel_centres
+from tests.core.bounds import ROUNDINGS
+from tests.core.exact import STRICT, Rig, examples, nothing_said, passes_of, reprojected, where_they_go
+from tests.core.judging import judged, misses
 
 SIZE = (93, 62)
 MODES = ["off-axis", "parallel", "toe-in"]

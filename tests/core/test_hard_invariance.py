@@ -12,11 +12,10 @@ from stereo_reproject import bands, quads, silhouettes
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import ViewPlane
 from stereo_reproject.reprojection import reproject
-
-from .analytic import Plane, Sphere, World, pixel_centres
-from .bounds import ROUNDINGS, spread
-from .exact import Rig, passes_of, reprojected
-from .judging import judged
+from tests.core.analytic import Plane, Sphere, World, pixel_centres
+from tests.core.bounds import ROUNDINGS, spread
+from tests.core.exact import Rig, passes_of, reprojected
+from tests.core.judging import judged
 
 MODES = ["off-axis", "parallel", "toe-in"]
 

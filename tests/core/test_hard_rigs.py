@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import OrthographicCamera, disparity_per_nearness
+from stereo_reproject.depth_steps import TEAR
 from stereo_reproject.grid import PERSPECTIVE
-from stereo_reproject.holes import TEAR
 from stereo_reproject.rectified import shift_of
-
-from .analytic import Plane, Sphere, World, pixel_centres, pose
-from .bounds import THIRD_DIFFERENCES, px_per_slope
-from .exact import Rig, examples, passes_of, reprojected
-from .judging import judged
+from tests.core.analytic import Plane, Sphere, World, pixel_centres, pose
+from tests.core.bounds import THIRD_DIFFERENCES, px_per_slope
+from tests.core.exact import Rig, examples, passes_of, reprojected
+from tests.core.judging import judged
 
 SIZE = (150, 90)
 MODES = ["off-axis", "parallel", "toe-in"]

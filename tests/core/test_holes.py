@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from stereo_reproject.camera import disparity_per_nearness
+from stereo_reproject.depth_steps import disparity_steps
+from stereo_reproject.empty import empty_reasons
 from stereo_reproject.grid import build_grid
-from stereo_reproject.holes import Reason, disparity_steps, empty_reasons
 from stereo_reproject.masks import dilate
+from stereo_reproject.reasons import Reason
 from stereo_reproject.warp import forward_warp
-
-from .analytic import Plane, World, camera, focal_px, pixel_centres, pose, stereo_rig
+from tests.core.analytic import Plane, World, camera, focal_px, pixel_centres, pose, stereo_rig
 
 SIZE = (120, 80)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .test_cli import DRIVER, STUB, wait_until
+from tests.core.test_cli import DRIVER, STUB, wait_until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 

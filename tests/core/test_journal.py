@@ -19,10 +19,9 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.frame_record import is_confined
 from stereo_reproject.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
 from stereo_reproject.runs import BEAT_DIGITS, Runs, machine, run_at_work
-
-from .clock import Clock
-from .strange import STRANGE, make_folder, make_huge_file
-from .tokens import token_of
+from tests.core.clock import Clock
+from tests.core.strange import STRANGE, make_folder, make_huge_file
+from tests.core.tokens import token_of
 
 posix = pytest.mark.skipif(os.name != "posix", reason="named pipes and links as POSIX has them")
 

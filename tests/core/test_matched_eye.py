@@ -7,10 +7,10 @@ import pytest
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.fill import SourceCost
-from stereo_reproject.holes import Reason
 from stereo_reproject.matched_eye import AT_ONCE, MatchedEye, foreseen_fill
 from stereo_reproject.matching import Traced
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.reasons import Reason
 from stereo_reproject.tracing import Means
 
 HEIGHT, WIDTH = 90, 120

@@ -7,8 +7,7 @@ from stereo_reproject.delivery.layouts import LAYOUTS
 from stereo_reproject.delivery.matroska import write_stereo_mode
 from stereo_reproject.delivery.stereo_mode import write_stereo_mode_of
 from stereo_reproject.errors import StereoReprojectError
-
-from .movies import described, encode, frames, refused, stereo
+from tests.core.movies import described, encode, frames, refused, stereo
 
 KINDS = {
     "ffv1.mkv": ("-c:v ffv1", "flac"),

@@ -19,8 +19,7 @@ from stereo_reproject.passes import (
     SURFACE_NORMAL_PASS,
 )
 from stereo_reproject.reprojection import reproject
-
-from .analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
+from tests.core.analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
 
 SIZE = (160, 90)
 CLIP = 0.1

@@ -6,8 +6,7 @@ import pytest
 from stereo_reproject.camera import ViewPlane
 from stereo_reproject.motion import Moving, motion_from_directions, moving, standing_still, warp_motion
 from stereo_reproject.warp import Warp
-
-from .analytic import camera, pixel_centres, pose, px_from_world, stereo_rig, world_rays
+from tests.core.analytic import camera, pixel_centres, pose, px_from_world, stereo_rig, world_rays
 
 SIZE = (13, 9)
 

@@ -8,8 +8,7 @@ from stereo_reproject.delivery.mp4 import write_st3d
 from stereo_reproject.delivery.splicing import Edit, splice
 from stereo_reproject.delivery.stereo_mode import write_stereo_mode_of
 from stereo_reproject.errors import StereoReprojectError
-
-from .movies import described, encode, frames, refused, stereo
+from tests.core.movies import described, encode, frames, refused, stereo
 
 KINDS = {
     "h264.mp4": ("-c:v libx264 -pix_fmt yuv420p", ""),

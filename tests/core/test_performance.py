@@ -750,7 +750,7 @@ def test_how_it_was_interrupted_is_in_its_status(monkeypatch, capsys, signum, st
 
 
 def test_a_bench_of_other_figures_is_strict_json(results, tmp_path):
-    from stereo_reproject.report import write_json
+    from stereo_reproject.files import write_json
 
     write_json(tmp_path / "results.json", results)
     again = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))

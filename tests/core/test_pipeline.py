@@ -14,17 +14,16 @@ from stereo_reproject.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.fill import SourceCost
 from stereo_reproject.frustum import Lens
-from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, worst_tiles
 from stereo_reproject.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.pipeline import Stopwatch, render_stereo_frame, traced_fractions
 from stereo_reproject.precedent import Precedent
+from stereo_reproject.reasons import Reason
 from stereo_reproject.reprojection import PINHOLE, reproject
 from stereo_reproject.settings import StereoSettings
 from stereo_reproject.tracing import Means
-
-from .analytic import (
+from tests.core.analytic import (
     ORTHOGRAPHIC_WIDTH,
     Plane,
     Sphere,

@@ -6,7 +6,6 @@ import pytest
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.effects import Effect
 from stereo_reproject.fill import SourceCost, choose_fill
-from stereo_reproject.holes import Reason
 from stereo_reproject.prediction import (
     Holes,
     Sketch,
@@ -19,6 +18,7 @@ from stereo_reproject.prediction import (
     shown_differently,
     sketch_accuracy,
 )
+from stereo_reproject.reasons import Reason
 
 FREE: dict[str, str | None] = {"packed": None, "card": None}
 BALANCED = SETTINGS["balanced"]

@@ -7,12 +7,11 @@ import pytest
 
 from stereo_reproject import bands, quads
 from stereo_reproject.camera import target_px_from_source_px
+from stereo_reproject.depth_steps import TEAR
 from stereo_reproject.grid import build_grid
-from stereo_reproject.holes import TEAR
 from stereo_reproject.quads import draw_quads
-
-from .analytic import Plane, World, pixel_centres
-from .exact import Rig, passes_of, reprojected
+from tests.core.analytic import Plane, World, pixel_centres
+from tests.core.exact import Rig, passes_of, reprojected
 
 SIZE = (160, 90)
 AT_ONCE = 256

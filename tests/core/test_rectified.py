@@ -13,8 +13,7 @@ from stereo_reproject.grid import CELL, build_grid, lattice_depth
 from stereo_reproject.quads import draw_quads
 from stereo_reproject.rectified import shift_of
 from stereo_reproject.warp import Warp, forward_warp, torn_quads
-
-from .analytic import camera, pixel_centres, pose, stereo_rig
+from tests.core.analytic import camera, pixel_centres, pose, stereo_rig
 
 SIZE = (93, 70)
 RECTIFIED = ["off-axis", "parallel", "orthographic parallel"]

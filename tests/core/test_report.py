@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.report import check_report, format_report_table, write_json
+from stereo_reproject.files import write_json
+from stereo_reproject.report import check_report, format_report_table
 
 COMPARE = {
     "multiview_seconds": 20.0,

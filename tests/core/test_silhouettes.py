@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereo_reproject.holes import disparity_steps
+from stereo_reproject.depth_steps import disparity_steps
 from stereo_reproject.silhouettes import differing, edge_band
 
 SIZE = (80, 120)

@@ -5,17 +5,7 @@ import pytest
 
 from stereo_reproject import refinement
 from stereo_reproject.passes import COLOUR_PASS
-from tests.bench.spending import (
-    KNOBS,
-    SHIPPED,
-    Knob,
-    Outcome,
-    StoredTracer,
-    load_pictures,
-    parse,
-    save_pictures,
-    table,
-)
+from tests.bench.spending import KNOBS, SHIPPED, Knob, Outcome, StoredTracer, load_pictures, parse, save_pictures, table
 
 
 class TurnedTooFarError(Exception):

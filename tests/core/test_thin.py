@@ -5,14 +5,14 @@ import pytest
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.camera import disparity_per_nearness, see_the_same
+from stereo_reproject.depth_steps import TEAR, disparity_steps
 from stereo_reproject.grid import build_grid
-from stereo_reproject.holes import TEAR, Reason, disparity_steps
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.reasons import Reason
 from stereo_reproject.reprojection import reproject
 from stereo_reproject.thin import FARTHEST, LEAST_COVERED, THRESHOLD, landings, thin_things
 from stereo_reproject.warp import forward_warp, narrow
-
-from .analytic import pixel_centres, px_from_world, stereo_rig
+from tests.core.analytic import pixel_centres, px_from_world, stereo_rig
 
 SIZE = (60, 40)
 CLIP = 0.1

@@ -8,8 +8,8 @@ import pytest
 
 from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.fill import SourceCost
-from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio
+from stereo_reproject.reasons import Reason
 from stereo_reproject.tracing import ROUNDS, Means, TargetEye
 
 SIZE = (160, 240)

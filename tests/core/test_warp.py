@@ -15,8 +15,7 @@ from stereo_reproject.camera import OrthographicCamera, target_px_from_source_px
 from stereo_reproject.grid import build_grid
 from stereo_reproject.parallax import ARC_MINUTE
 from stereo_reproject.warp import forward_warp
-
-from .analytic import FOCAL, camera, focal_px, pixel_centres, pose, stereo_rig
+from tests.core.analytic import FOCAL, camera, focal_px, pixel_centres, pose, stereo_rig
 
 SIZE = (93, 70)
 

@@ -13,8 +13,7 @@ import pytest
 from stereo_reproject import work_folder as module
 from stereo_reproject.files import CANNOT_FLUSH, flush_folder
 from stereo_reproject.work_folder import WORK_PREFIX, publish, remove_abandoned, work_folder
-
-from .strange import STRANGE
+from tests.core.strange import STRANGE
 
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and named pipes as POSIX has them")
 

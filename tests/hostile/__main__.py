@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from .case import Case, Row, load_row, row_names
-from .program import CASE_MARK, end_all
+from tests.hostile.case import Case, Row, load_row, row_names
+from tests.hostile.program import CASE_MARK, end_all
 
 CASE_SECONDS = 900.0
 """A case that takes longer has failed. Its own runs have limits of their own, so none should."""

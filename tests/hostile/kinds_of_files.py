@@ -12,14 +12,7 @@ from pathlib import Path
 from tests.hostile.blends import DONE, EITHER, REFUSED
 from tests.hostile.case import Case
 from tests.hostile.linked_files import MAIN
-from tests.hostile.odd_runs import (
-    GIGABYTE,
-    MEMORY,
-    OPTIONS,
-    assert_ended,
-    assert_pair_or_nothing,
-    render_beside,
-)
+from tests.hostile.odd_runs import GIGABYTE, MEMORY, OPTIONS, assert_ended, assert_pair_or_nothing, render_beside
 from tests.hostile.program import Run, run_program, start_program
 from tests.hostile.rows._privileges import without_powers
 

@@ -11,9 +11,9 @@ import pytest
 from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.pictures import COLOURS, read_png
 from stereo_reproject.exr import write_table
-from stereo_reproject.holes import Reason
 from stereo_reproject.masks import dilate
 from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.reasons import Reason
 from stereo_reproject.settings import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.work_folder import pair_files
 from tests.blender.toolbox import (

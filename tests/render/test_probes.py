@@ -8,10 +8,10 @@ from stereo_reproject.blender.frame import render_files
 from stereo_reproject.blender.pictures import COLOURS, read_png
 from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.holes import Reason
 from stereo_reproject.metrics import noise_ratio, tone
 from stereo_reproject.passes import COLOUR_PASS
 from stereo_reproject.pipeline import render_stereo_frame
+from stereo_reproject.reasons import Reason
 from stereo_reproject.settings import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,

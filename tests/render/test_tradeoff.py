@@ -14,9 +14,9 @@ from stereo_reproject.accuracy import SETTINGS
 from stereo_reproject.blender.price_list import HeuristicRenderer, RenderedSource, SharedSourceRenderer, render_prices
 from stereo_reproject.blender.renderer import BlenderRenderer
 from stereo_reproject.blender.scene import rendered_layer, working_scene
-from stereo_reproject.holes import Reason
 from stereo_reproject.passes import COLOUR_PASS, MASKED_PASS
 from stereo_reproject.pipeline import render_stereo_frame
+from stereo_reproject.reasons import Reason
 from stereo_reproject.settings import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.tradeoff import TRADEOFF_FILES, runs
 from tests.blender.toolbox import (

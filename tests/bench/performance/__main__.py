@@ -26,7 +26,7 @@ from stereo_reproject.charts import check_charts
 from stereo_reproject.cli import version
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.file_digest import file_digest
-from stereo_reproject.report import whole_file, write_json
+from stereo_reproject.files import whole_file, write_json
 from stereo_reproject.work_folder import WORK_PREFIX, work_folder
 from tests.bench.performance import paper
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Kept, Record, have_run

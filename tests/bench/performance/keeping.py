@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.report import write_json
+from stereo_reproject.files import write_json
 from tests.bench.performance.plan import Case, Run, described
 
 DONE, FAILED, LEFT_OUT = "done", "failed", "left out"

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.charts import draw_animation_chart, draw_stages_chart
+from stereo_reproject.animation_chart import draw_animation_chart
+from stereo_reproject.charts import draw_stages_chart
 from stereo_reproject.report import OUTSIDE_TOTAL
 from tests.bench.performance.paper import REPORTED
 from tests.bench.performance.plan import MULTIVIEW

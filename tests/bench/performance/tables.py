@@ -8,17 +8,7 @@ from typing import Any
 from stereo_reproject.report import OUTSIDE_TOTAL
 from stereo_reproject.tradeoff import stage_order
 from tests.bench.performance import paper
-from tests.bench.performance.cells import (
-    NONE,
-    cell,
-    megabytes,
-    seconds,
-    share,
-    size_text,
-    table,
-    times,
-    times_between,
-)
+from tests.bench.performance.cells import NONE, cell, megabytes, seconds, share, size_text, table, times, times_between
 from tests.bench.performance.plan import HOLES, MULTIVIEW, PIXELS, SAMPLES, TRIANGLES
 from tests.bench.performance.stage_tables import stage_text
 

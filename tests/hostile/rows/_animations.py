@@ -11,7 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..program import DEMO, SMALLEST, Run, assert_done, assert_nothing_left, names_in, run_program, start_program
+from tests.hostile.program import (
+    DEMO,
+    SMALLEST,
+    Run,
+    assert_done,
+    assert_nothing_left,
+    names_in,
+    run_program,
+    start_program,
+)
 
 FRAMES = 8
 OPTIONS = (*SMALLEST, "--frames", f"1-{FRAMES}")

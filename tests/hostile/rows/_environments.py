@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,
@@ -20,10 +20,10 @@ from ..program import (
     assert_one_line_or_done,
     run_program,
 )
-from . import _streams, _variables
-from ._names import ANIMATION
-from ._privileges import as_user, without_powers
-from ._variables import ANIMATE, RENDER
+from tests.hostile.rows import _streams, _variables
+from tests.hostile.rows._names import ANIMATION
+from tests.hostile.rows._privileges import as_user, without_powers
+from tests.hostile.rows._variables import ANIMATE, RENDER
 
 
 def _limited(kind: int, value: int, command: tuple[Any, ...], works: bool | None, folder: Path) -> None:

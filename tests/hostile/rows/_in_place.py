@@ -9,8 +9,8 @@ import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,
@@ -21,8 +21,8 @@ from ..program import (
     names_in,
     run_program,
 )
-from ._names import ANIMATION, COMMANDS
-from ._privileges import mount, remount, without_powers
+from tests.hostile.rows._names import ANIMATION, COMMANDS
+from tests.hostile.rows._privileges import mount, remount, without_powers
 
 OLD = b"of somebody else"
 

@@ -9,8 +9,8 @@ import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,

@@ -16,8 +16,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     Outcome,
@@ -28,8 +28,8 @@ from ..program import (
     run_program,
     start_program,
 )
-from ._names import ANIMATION
-from ._variables import ANIMATE, RENDER, Variables
+from tests.hostile.rows._names import ANIMATION
+from tests.hostile.rows._variables import ANIMATE, RENDER, Variables
 
 
 def _signals(ignored: tuple[int, ...], blocked: tuple[int, ...], command: tuple[Any, ...], folder: Path) -> None:

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,
@@ -19,8 +19,8 @@ from ..program import (
     assert_one_line_or_done,
     run_program,
 )
-from ._names import ANIMATION
-from ._privileges import mount, without_powers
+from tests.hostile.rows._names import ANIMATION
+from tests.hostile.rows._privileges import mount, without_powers
 
 Variables = Mapping[str, str | bytes | None]
 RENDER = ("render", DEMO, "--output", "out", *SMALLEST)

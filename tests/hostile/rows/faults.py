@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,
@@ -28,8 +28,18 @@ from ..program import (
     run_program,
     start_program,
 )
-from ._animations import FRAMES, OPTIONS, claimed, recorded, reference, resume, scene, start, work_folders
-from ._privileges import mount, remount, without_powers
+from tests.hostile.rows._animations import (
+    FRAMES,
+    OPTIONS,
+    claimed,
+    recorded,
+    reference,
+    resume,
+    scene,
+    start,
+    work_folders,
+)
+from tests.hostile.rows._privileges import mount, remount, without_powers
 
 TITLE = "faults under way"
 SEEN_BEFORE = 19

@@ -12,8 +12,8 @@ import subprocess
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from ..case import Case
-from ..program import (
+from tests.hostile.case import Case
+from tests.hostile.program import (
     DEMO,
     PAIR,
     SMALLEST,
@@ -27,7 +27,7 @@ from ..program import (
     run_program,
     start_program,
 )
-from ._animations import (
+from tests.hostile.rows._animations import (
     FRAMES,
     claimed,
     pictures,

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..case import Case
-from . import _environments, _in_place, _names
+from tests.hostile.case import Case
+from tests.hostile.rows import _environments, _in_place, _names
 
 TITLE = "output paths and environments"
 SEEN_BEFORE = 199

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..case import Case
-from ..program import DEMO, SMALLEST, Outcome, assert_bad_input, assert_done, names_in, run_program
-from ._animations import run_blender, shared
-from ._privileges import CLONE_NEWNET, unshare
+from tests.hostile.case import Case
+from tests.hostile.program import DEMO, SMALLEST, Outcome, assert_bad_input, assert_done, names_in, run_program
+from tests.hostile.rows._animations import run_blender, shared
+from tests.hostile.rows._privileges import CLONE_NEWNET, unshare
 
 TITLE = "scripts and the network"
 SEEN_BEFORE = 0
