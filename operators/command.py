@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..stereo_reproject.blender.devices import devices_in_use
-from ..stereo_reproject.blender.processes import module_in_blender
-from ..stereo_reproject.cli import Host, main
+from ..stereo_reproject.blender.commands.processes import module_in_blender
+from ..stereo_reproject.blender.scene.devices import devices_in_use
+from ..stereo_reproject.programs.cli import Host, main
 
 COMMAND = "stereo_reproject"
 
 
 def run_command(arguments: Sequence[str]) -> int:
     """What Blender calls with what follows the command's name; the exit status."""
-    host = Host(f"blender --command {COMMAND}", module_in_blender("worker"), devices_in_use())
+    host = Host(f"blender --command {COMMAND}", module_in_blender("programs.worker"), devices_in_use())
     return main(arguments, host=host)

@@ -7,8 +7,8 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.price import WHOLE
-from ..stereo_reproject.report import IN_ORDER, OUTSIDE_TOTAL, more_seconds_text
+from ..stereo_reproject.pipeline.price import WHOLE
+from ..stereo_reproject.report.report import IN_ORDER, OUTSIDE_TOTAL, more_seconds_text
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of

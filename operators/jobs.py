@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import bpy
 
-from ..stereo_reproject.blender.rig import check_camera
-from ..stereo_reproject.blender.scene import camera_at, check_engine, check_layers
+from ..stereo_reproject.blender.scene.rig import check_camera
+from ..stereo_reproject.blender.scene.working import camera_at, check_engine, check_layers
 from ..stereo_reproject.errors import StereoReprojectError
-from ..stereo_reproject.progress import clock
+from ..stereo_reproject.jobs.progress import clock
 from . import slots
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .run import Run

@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 
 from ..stereo_reproject.errors import StereoReprojectError
-from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata, write_stereo
 from ..stereo_reproject.files import flush
+from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata, write_stereo
 from .pictures import show_image
 from .run import Run
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.hole_camera import missing_osl_cameras
-from ..stereo_reproject.blender.rig import frame_region
-from ..stereo_reproject.blender.scene import CYCLES, EEVEE
+from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
+from ..stereo_reproject.blender.scene.rig import frame_region
+from ..stereo_reproject.blender.scene.working import CYCLES, EEVEE
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .properties import FILLS, promise

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..stereo_reproject.accuracy import SETTINGS
-from ..stereo_reproject.settings import FILL_METHODS, INTERPOLATIONS, StereoSettings
+from ..stereo_reproject.settings.accuracy import SETTINGS
+from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, StereoSettings
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",

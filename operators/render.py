@@ -7,17 +7,17 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.animation_settings import AnimationSettings
-from ..stereo_reproject.blender.animation import ANIMATION_FILES
-from ..stereo_reproject.blender.animation_output import existing_as_set, folders_of, output_of
-from ..stereo_reproject.blender.delivery import deliver_to_result
-from ..stereo_reproject.blender.rig import frame_region
-from ..stereo_reproject.blender.scene import SMALLEST, layers_to_render
+from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
+from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
+from ..stereo_reproject.blender.output.delivery import deliver_to_result
+from ..stereo_reproject.blender.scene.rig import frame_region
+from ..stereo_reproject.blender.scene.working import SMALLEST, layers_to_render
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
-from ..stereo_reproject.exr import VIEWS, read_eye, read_metadata
-from ..stereo_reproject.progress import USUAL, Progress
-from ..stereo_reproject.settings import SceneOverrides, StereoSettings
-from ..stereo_reproject.work_folder import DIFFERENCE
+from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
+from ..stereo_reproject.jobs.progress import USUAL, Progress
+from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.settings.animation import AnimationSettings
+from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from .jobs import JobOperator
 from .pictures import show_pair
 from .results import keep_inspection, keep_pair, result_of

@@ -9,8 +9,8 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.settings import StereoSettings
-from ..stereo_reproject.work_folder import DIFFERENCE
+from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.settings.frame import StereoSettings
 from .run import Run
 
 PICTURES = {

@@ -14,17 +14,17 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.animation_settings import AnimationSettings
-from ..stereo_reproject.animation_supervisor import run_animation
-from ..stereo_reproject.blender.devices import devices_in_use
-from ..stereo_reproject.blender.processes import UNSAVED, module_in_blender, save_copy
-from ..stereo_reproject.blender.scene import layers_to_render, scene_key
+from ..stereo_reproject.blender.commands.processes import UNSAVED, module_in_blender, save_copy
+from ..stereo_reproject.blender.scene.devices import devices_in_use
+from ..stereo_reproject.blender.scene.working import layers_to_render, scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
-from ..stereo_reproject.exr import VIEWS
-from ..stereo_reproject.progress import Progress
-from ..stereo_reproject.settings import StereoSettings
-from ..stereo_reproject.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
-from ..stereo_reproject.work_folder import remove_abandoned, work_folder
+from ..stereo_reproject.images.exr import VIEWS
+from ..stereo_reproject.jobs.progress import Progress
+from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
+from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
+from ..stereo_reproject.sequence.supervisor import run_animation
+from ..stereo_reproject.settings.animation import AnimationSettings
+from ..stereo_reproject.settings.frame import StereoSettings
 
 POLL_SECONDS = 0.1
 
@@ -94,7 +94,9 @@ class Run:
                 tuple(layers_to_render(scene)),
             )
             job = Job(self._blend, output, settings, command, files=tuple(files), session=session, animation=animation)
-            self._thread = threading.Thread(target=self._work, args=(job, module_in_blender("worker")), daemon=True)
+            self._thread = threading.Thread(
+                target=self._work, args=(job, module_in_blender("programs.worker")), daemon=True
+            )
             self._thread.start()
         except BaseException:
             self._place.__exit__(None, None, None)

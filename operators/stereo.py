@@ -4,9 +4,9 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.rig import check_camera, frame_region, stereo_cameras
+from ..stereo_reproject.blender.scene.rig import check_camera, frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
-from ..stereo_reproject.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
+from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
 from .results import result_of
 
 

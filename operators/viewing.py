@@ -9,8 +9,8 @@ from pathlib import Path
 
 import bpy
 
-from ..stereo_reproject.blender.scene import changed
-from ..stereo_reproject.exr import VIEWS
+from ..stereo_reproject.blender.scene.working import changed
+from ..stereo_reproject.images.exr import VIEWS
 
 VIEWING = "View Stereo Animation (Ctrl F11)"
 

@@ -14,7 +14,7 @@ def run() -> int:
     """Run the command line and return its exit status."""
     # Imports take a moment too; until a run has begun there is nothing that would have to be cleaned up.
     signal.signal(signal.SIGINT, _leave)
-    from .cli import main
+    from .programs.cli import main
 
     status = main()
     # The outcome is settled: a late Ctrl-C must not replace it while the interpreter winds down.

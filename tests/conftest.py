@@ -11,7 +11,12 @@ TESTS = Path(__file__).resolve().parent
 SHARED_SCENES = TESTS.parents[1] / "shared" / "scenes"
 SHARED_SCENES_ABSENT = "shared scenes absent"
 
-MARKERS_OF_FOLDER = {"blender": ("blender",), "render": ("blender", "render"), "gui": ("gui",)}
+MARKERS_OF_FOLDER = {
+    "blender": ("blender",),
+    "operators": ("blender",),
+    "render": ("blender", "render"),
+    "gui": ("gui",),
+}
 # In CI a skipped test with one of these markers is a failure: there Blender is installed, or the run is worth nothing.
 MUST_RUN_IN_CI = "blender"
 

@@ -19,19 +19,19 @@ from typing import Any
 
 import bpy
 
-from ..animation_progress import Told
-from ..animation_settings import AnimationSettings
 from ..errors import BadInputError, StereoReprojectError
-from ..settings import SceneOverrides, StereoSettings
-from ..supervisor import Session
-from ..work_folder import pair_files, publish, superseded_by, work_folder
-from .animation import render_animation_files
-from .animation_output import existing_as_set
-from .frame import render_files
-from .inspection import inspect_scene
-from .processes import save_copy
-from .scene import layers_to_render, scene_key
-from .scene_warnings import warnings_ahead
+from ..jobs.supervisor import Session
+from ..jobs.work_folder import pair_files, publish, superseded_by, work_folder
+from ..sequence.progress import Told
+from ..settings.animation import AnimationSettings
+from ..settings.frame import SceneOverrides, StereoSettings
+from .commands.animation import render_animation_files
+from .commands.frame import render_files
+from .commands.inspection import inspect_scene
+from .commands.processes import save_copy
+from .output.animation_output import existing_as_set
+from .scene.warnings import warnings_ahead
+from .scene.working import layers_to_render, scene_key
 
 __all__ = (
     "BadInputError",

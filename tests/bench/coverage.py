@@ -30,7 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.settings import FILL_METHODS, SceneOverrides, StereoSettings
+from stereo_reproject.settings.frame import FILL_METHODS, SceneOverrides, StereoSettings
 from tests.bench.performance.plan import EYES
 from tests.bench.truth import GROUPS, References, Truth, binomial_interval
 
@@ -97,7 +97,7 @@ def overrides(name: str, options: argparse.Namespace) -> SceneOverrides:
 
 def measure_scene(name: str, options: argparse.Namespace) -> Iterator[Run]:
     """The runs of a scene, until as many as asked for have an estimate."""
-    from stereo_reproject.blender.scene import open_blend, working_scene
+    from stereo_reproject.blender.scene.working import open_blend, working_scene
 
     scene = open_blend(options.scenes / name / f"{name}.blend")
     with working_scene(scene, overrides(name, options)) as working, tempfile.TemporaryDirectory() as folder:
@@ -115,8 +115,8 @@ def measure_scene(name: str, options: argparse.Namespace) -> Iterator[Run]:
 def measure_run(
     name: str, working: Any, folder: Path, references: References, accuracy: str, seed: int, fill: str
 ) -> Run:
-    from stereo_reproject.blender.renderer import BlenderRenderer
-    from stereo_reproject.pipeline import colour, render_stereo_frame
+    from stereo_reproject.blender.engines.renderer import BlenderRenderer
+    from stereo_reproject.pipeline.frame import colour, render_stereo_frame
 
     settings = StereoSettings(accuracy=accuracy, fill=fill)
     working.cycles.seed = seed
@@ -136,9 +136,9 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
     """Rendered, or from the cache; enough to hold --reference-samples together, and two in each group at least."""
     import bpy
 
-    from stereo_reproject.blender.render import render_views
-    from stereo_reproject.composite import contain
-    from stereo_reproject.pipeline import colour
+    from stereo_reproject.blender.engines.render import render_views
+    from stereo_reproject.pipeline.frame import colour
+    from stereo_reproject.warp.composite import contain
 
     renders = max(math.ceil(options.reference_samples / options.samples), 2 * GROUPS)
     width, height = options.size

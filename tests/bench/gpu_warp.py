@@ -19,10 +19,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import bpy
 
-from stereo_reproject import carrying
-from stereo_reproject.bench import MODES
-from stereo_reproject.blender import gpu_textures, gpu_warp
-from stereo_reproject.made_up import eyes, room
+from stereo_reproject.blender.gpu import textures as gpu_textures
+from stereo_reproject.blender.gpu import warp as gpu_warp
+from stereo_reproject.jobs.bench import MODES
+from stereo_reproject.jobs.made_up import eyes, room
+from stereo_reproject.warp import carrying
 
 SIZE = (1920, 1080)
 

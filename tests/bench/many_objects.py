@@ -28,13 +28,13 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stereo_reproject.blender.delivery import deliver_side_by_side  # noqa: E402
-from stereo_reproject.blender.fingerprint import scene_fingerprints  # noqa: E402
-from stereo_reproject.blender.hole_camera import trace_packed  # noqa: E402
-from stereo_reproject.blender.render import render_views  # noqa: E402
-from stereo_reproject.blender.renderer import BlenderRenderer  # noqa: E402
-from stereo_reproject.blender.scene import working_scene  # noqa: E402
-from stereo_reproject.settings import SceneOverrides  # noqa: E402
+from stereo_reproject.blender.engines.hole_camera import trace_packed  # noqa: E402
+from stereo_reproject.blender.engines.render import render_views  # noqa: E402
+from stereo_reproject.blender.engines.renderer import BlenderRenderer  # noqa: E402
+from stereo_reproject.blender.output.delivery import deliver_side_by_side  # noqa: E402
+from stereo_reproject.blender.scene.fingerprint import scene_fingerprints  # noqa: E402
+from stereo_reproject.blender.scene.working import working_scene  # noqa: E402
+from stereo_reproject.settings.frame import SceneOverrides  # noqa: E402
 
 WIDTH, HEIGHT = 64, 36
 STEPS = ("load", "copy", "first", "later", "plan", "packed", "picture", "pair", "fingerprint")

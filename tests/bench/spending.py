@@ -29,16 +29,16 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from stereo_reproject import probes, refinement, shown_materials, tracing
-from stereo_reproject.accuracy import SETTINGS, Accuracy
-from stereo_reproject.composite import contain
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.fill import SourceCost
-from stereo_reproject.metrics import noise_ratio, worst_tiles
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
-from stereo_reproject.reprojection import Reprojection, reproject
-from stereo_reproject.settings import StereoSettings
-from stereo_reproject.tracing import Means, TargetEye
+from stereo_reproject.estimate import probes, refinement, shown_materials, tracing
+from stereo_reproject.estimate.tracing import Means, TargetEye
+from stereo_reproject.holes.reprojection import Reprojection, reproject
+from stereo_reproject.images.metrics import noise_ratio, worst_tiles
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
+from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
+from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.warp.composite import contain
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
 SHIPPED = SETTINGS["balanced"]
@@ -155,8 +155,8 @@ class Scene:
 
 def prepare(name: str, options: argparse.Namespace) -> Scene:
     """The scene's renders, made or from the cache, and the source warped by the cameras that it has."""
-    from stereo_reproject.blender.renderer import BlenderRenderer
-    from stereo_reproject.blender.scene import open_blend, working_scene
+    from stereo_reproject.blender.engines.renderer import BlenderRenderer
+    from stereo_reproject.blender.scene.working import open_blend, working_scene
 
     settings = StereoSettings()
     scene = open_blend(options.scenes / name / f"{name}.blend")
@@ -199,7 +199,7 @@ def make_pictures(
 
 
 def render_targets(renderer: Any, view: str) -> list[NDArray]:
-    from stereo_reproject.blender.render import render_views
+    from stereo_reproject.blender.engines.render import render_views
 
     seeds = range(REFERENCE_SEED, REFERENCE_SEED + RENDERS)
     rendered = (render_views(renderer.scene, (view,), renderer.folder, seed=seed).views[view] for seed in seeds)

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_reproject.metrics import tone
+from stereo_reproject.images.metrics import tone
 
 GROUPS = 8
 """Renders are summed by group, so that leaving out one group at a time shows how far chance moves the result."""

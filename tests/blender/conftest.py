@@ -48,7 +48,8 @@ def dispatched(monkeypatch):
 def untried():
     """As if no one had asked for the GPU yet."""
 
-    from stereo_reproject.blender import gpu_textures, gpu_warp
+    from stereo_reproject.blender.gpu import textures as gpu_textures
+    from stereo_reproject.blender.gpu import warp as gpu_warp
 
     def forget():
         gpu_warp._tried.cache_clear()

@@ -2,7 +2,7 @@
 
 import bpy
 
-from stereo_reproject.blender.scene import open_blend
+from stereo_reproject.blender.scene.working import open_blend
 from tests.blender.toolbox import (
     Material,
     add,

@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_reproject.camera import Camera
-from stereo_reproject.exr import read_render
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, Passes
+from stereo_reproject.images.exr import read_render
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, Passes
+from stereo_reproject.views.camera import Camera
 
 EYES = ("left", "right")
 

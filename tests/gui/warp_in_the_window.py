@@ -16,14 +16,14 @@ def agreement(package):
     def module(name):
         return importlib.import_module(f"{package}.{name}")
 
-    gpu_warp, made_up = module("blender.gpu_warp"), module("made_up")
+    gpu_warp, made_up = module("blender.gpu.warp"), module("jobs.made_up")
     found = {"device": gpu_warp.usable()}
     passes, invalid = made_up.room(*SIZE), np.zeros(SIZE[::-1], bool)
-    for mode in module("bench").MODES:
-        options = {"accuracy": module("accuracy").SETTINGS["balanced"], "invalid": invalid}
+    for mode in module("jobs.bench").MODES:
+        options = {"accuracy": module("settings.accuracy").SETTINGS["balanced"], "invalid": invalid}
         ours, numpys = (
-            module("reprojection").reproject(passes, *made_up.eyes(*SIZE, mode), carry=carry, **options)
-            for carry in (gpu_warp.carry, module("carrying").carry)
+            module("holes.reprojection").reproject(passes, *made_up.eyes(*SIZE, mode), carry=carry, **options)
+            for carry in (gpu_warp.carry, module("warp.carrying").carry)
         )
         told = (ours.reasons == 0) & (numpys.reasons == 0)
         apart = np.abs(ours.passes["Combined"] - numpys.passes["Combined"])[told]

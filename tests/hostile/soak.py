@@ -37,8 +37,8 @@ from typing import Any
 
 import numpy as np
 
-from stereo_reproject.journal import JOURNAL, Journal, checksum
-from stereo_reproject.work_folder import WORK_PREFIX
+from stereo_reproject.jobs.work_folder import WORK_PREFIX
+from stereo_reproject.sequence.journal import JOURNAL, Journal, checksum
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"

@@ -20,7 +20,7 @@ SIZE = (96, 54)
 SAMPLES = 4
 FRAMES = (1, 2)
 
-WORKER = "stereo_reproject.worker"
+WORKER = "stereo_reproject.programs.worker"
 ORIGINS = f"""
 import importlib.util, json
 print(json.dumps({{name: importlib.util.find_spec(name).origin for name in ({WORKER!r}, "OpenEXR")}}))

@@ -16,10 +16,10 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from stereo_reproject.blender.pictures import read_png
-from stereo_reproject.blender.scene import open_blend
-from tests.core.movies import frames as movie_frames
-from tests.core.movies import stereo
+from stereo_reproject.blender.output.pictures import read_png
+from stereo_reproject.blender.scene.working import open_blend
+from tests.delivery.movies import frames as movie_frames
+from tests.delivery.movies import stereo
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
@@ -40,7 +40,8 @@ posix = pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them
 # The real entry point, whose worker is watched.
 DRIVER = """
 import sys
-from stereo_reproject import __main__, worker_process
+from stereo_reproject.jobs import worker_process
+from stereo_reproject import __main__
 watching = sys.argv.pop(1)
 worker_process.own_worker = lambda: [sys.executable, "-c", watching]
 sys.exit(__main__.run())
@@ -49,8 +50,8 @@ sys.exit(__main__.run())
 WATCHING = """
 import os, signal, time
 from pathlib import Path
-from stereo_reproject import worker
-from stereo_reproject.blender import frame_maker
+from stereo_reproject.programs import worker
+from stereo_reproject.blender.commands import frame_maker
 
 render = frame_maker.BlenderFrameMaker.render
 folder = Path(os.environ["NOTES"])

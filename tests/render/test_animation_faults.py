@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from stereo_reproject.journal import JOURNAL
+from stereo_reproject.sequence.journal import JOURNAL
 from tests.render.test_command_line import DEMO, environment, workers_of
 from tests.render.test_command_line import Run as Ended
 
@@ -183,7 +183,7 @@ def test_without_its_writer_it_goes_on_with_the_other_frames(blend, expected, tm
     process = start(blend, folder, f"1-{FRAMES}")
     wait_for(process, lambda: finished_frames(folder))
     (worker,) = children(process.pid)
-    writer = next(pid for pid in children(worker) if b"stereo_reproject.writer" in command_line(pid))
+    writer = next(pid for pid in children(worker) if b"stereo_reproject.programs.writer" in command_line(pid))
     os.kill(writer, signal.SIGKILL)
     ended = end(process, folder)
     assert ended.status in (0, 1), ended

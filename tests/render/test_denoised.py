@@ -4,14 +4,14 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject import thin
-from stereo_reproject.blender.frame import render_files
-from stereo_reproject.blender.rig import stereo_cameras
-from stereo_reproject.blender.scene import evaluated
-from stereo_reproject.exr import read_eye
-from stereo_reproject.metrics import noise_ratio, squared_error, tone
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.commands.frame import render_files
+from stereo_reproject.blender.scene.rig import stereo_cameras
+from stereo_reproject.blender.scene.working import evaluated
+from stereo_reproject.holes import thin
+from stereo_reproject.images.exr import read_eye
+from stereo_reproject.images.metrics import noise_ratio, squared_error, tone
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
     add_cube,
@@ -78,7 +78,7 @@ def test_both_eyes_come_out_denoised(scene, tmp_path):
 
 
 def test_no_seam_shows_around_what_was_traced(scene, tmp_path):
-    from stereo_reproject.blender.pictures import COLOURS, read_png
+    from stereo_reproject.blender.output.pictures import COLOURS, read_png
 
     plain = render_plain(scene, tmp_path, seed=11, views=("right",))["right"][COLOUR_PASS]
     larger = []

@@ -4,15 +4,15 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.eevee import renderer_of
-from stereo_reproject.blender.frame import render_files
-from stereo_reproject.blender.render import render_views
-from stereo_reproject.blender.scene import open_blend, working_scene
+from stereo_reproject.blender.commands.frame import render_files
+from stereo_reproject.blender.engines.eevee import renderer_of
+from stereo_reproject.blender.engines.render import render_views
+from stereo_reproject.blender.scene.working import open_blend, working_scene
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.metrics import border_step, tone
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.images.metrics import border_step, tone
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
     Material,
@@ -148,14 +148,14 @@ def test_eevee_does_not_denoise(room, tmp_path):
 
 
 def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.matched_eye.match", lambda _picture, traced, *_, **__: traced.colour)
+    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.match", lambda _picture, traced, *_, **__: traced.colour)
     frame, plain = render(room, tmp_path)
     assert seam(frame.eyes["right"][COLOUR_PASS], plain, frame.reasons > 0) > WITHOUT
     assert frame.correction.mean < 0.05
 
 
 def test_the_second_eye_of_a_simple_scene_is_eevees_own(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.matched_eye.AT_ONCE", 1000.0)
+    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.AT_ONCE", 1000.0)
     frame, plain = render(room, tmp_path, "auto")
     assert frame.fill.method == "full"
     assert frame.fill.reason.startswith("a second EEVEE render")

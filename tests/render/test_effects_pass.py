@@ -7,16 +7,16 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.blender import render
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.rig import stereo_cameras
-from stereo_reproject.blender.scene import open_blend, rendered_layer, working_scene
-from stereo_reproject.effects import Effect
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.reprojection import reproject
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.engines import render
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.rig import stereo_cameras
+from stereo_reproject.blender.scene.working import open_blend, rendered_layer, working_scene
+from stereo_reproject.holes.reprojection import reproject
+from stereo_reproject.images.effects import Effect
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
     add_camera,

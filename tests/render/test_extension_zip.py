@@ -139,7 +139,7 @@ def assert_done_by_what_is_installed(facts, blender):
     assert len(facts["workers"]) > 0
     extensions = (blender.user / "extensions").resolve()
     for worker in facts["workers"]:
-        package, library = (Path(worker[name]).resolve() for name in ("stereo_reproject.worker", "OpenEXR"))
+        package, library = (Path(worker[name]).resolve() for name in ("stereo_reproject.programs.worker", "OpenEXR"))
         assert package.is_relative_to(extensions / "user_default" / "stereo_reproject")
         assert library.is_relative_to(extensions / ".local")
     assert facts["temporary files"] == []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.core.openjd_job import run_job, typed
+from tests.farm.openjd_job import run_job, typed
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"

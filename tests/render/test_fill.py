@@ -12,13 +12,13 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.mask_card import trace_card
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.rig import stereo_cameras
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.masks import dilate
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.settings import SceneOverrides
+from stereo_reproject.blender.engines.mask_card import trace_card
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.rig import stereo_cameras
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.masks import dilate
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.toolbox import (
     FINEST_FILTER,
     Material,

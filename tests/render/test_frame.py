@@ -8,14 +8,14 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from stereo_reproject.blender.frame import render_files
-from stereo_reproject.blender.pictures import COLOURS, read_png
-from stereo_reproject.exr import write_table
-from stereo_reproject.masks import dilate
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.reasons import Reason
-from stereo_reproject.settings import ACCURACIES, SceneOverrides, StereoSettings
-from stereo_reproject.work_folder import pair_files
+from stereo_reproject.blender.commands.frame import render_files
+from stereo_reproject.blender.output.pictures import COLOURS, read_png
+from stereo_reproject.images.exr import write_table
+from stereo_reproject.images.masks import dilate
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.jobs.work_folder import pair_files
+from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
     add_camera,

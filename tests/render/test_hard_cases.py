@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.metrics import tone
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.pipeline import StereoFrame
+from stereo_reproject.images.metrics import tone
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.pipeline.frame import StereoFrame
+from stereo_reproject.settings.accuracy import SETTINGS
 from tests.blender.toolbox import colour
 from tests.render import hard_scenes
 from tests.render.ruler import TARGET, measured_noise_ratio, on_screen, plain_renders, render_frame

@@ -9,12 +9,12 @@ from pathlib import Path
 import bpy
 import pytest
 
-from stereo_reproject.blender.inspection import inspect_scene
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import open_blend, working_scene
-from stereo_reproject.effects import Effect
-from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.commands.inspection import inspect_scene
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import open_blend, working_scene
+from stereo_reproject.images.effects import Effect
+from stereo_reproject.pipeline.frame import render_stereo_frame, traced_fractions
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import empty_scene, mirror_before_wall
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -4,13 +4,13 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject import reprojection
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.metrics import squared_error
-from stereo_reproject.passes import COLOUR_PASS, LENGTH_PASS, REFLECTANCE_PASS
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.holes import reprojection
+from stereo_reproject.images.metrics import squared_error
+from stereo_reproject.images.passes import COLOUR_PASS, LENGTH_PASS, REFLECTANCE_PASS
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
     add_camera,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.pipeline import render_stereo_frame, traced_fractions
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline.frame import render_stereo_frame, traced_fractions
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import Material, add_camera, add_plane, colour, diffuse, empty_scene, set_background
 from tests.render import hard_scenes
 from tests.render.ruler import TARGET, measured_noise_ratio, on_screen, plain_renders, render_frame

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.settings import SceneOverrides
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.toolbox import add_camera, empty_scene, set_background
 
 

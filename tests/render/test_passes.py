@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.passes import cryptomatte_of, filtered
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.settings import SceneOverrides, StereoSettings
-from stereo_reproject.silhouettes import ALIKE
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.holes.silhouettes import ALIKE
+from stereo_reproject.images.passes import cryptomatte_of, filtered
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import keyframes, render_plain, rms
 from tests.render.every_pass import AOVS, LAYER, LIGHT_GROUP, every_pass
 

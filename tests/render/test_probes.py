@@ -4,15 +4,15 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from stereo_reproject.blender.frame import render_files
-from stereo_reproject.blender.pictures import COLOURS, read_png
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.metrics import noise_ratio, tone
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.reasons import Reason
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.commands.frame import render_files
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.output.pictures import COLOURS, read_png
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.metrics import noise_ratio, tone
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
     add_camera,

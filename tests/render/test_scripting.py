@@ -14,8 +14,8 @@ from stereo_reproject.blender.api import (
     render_animation,
     render_frame,
 )
-from stereo_reproject.blender.frame import render_pair
-from stereo_reproject.work_folder import DIFFERENCE, FILES
+from stereo_reproject.blender.commands.frame import render_pair
+from stereo_reproject.jobs.work_folder import DIFFERENCE, FILES
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene
 
@@ -70,7 +70,7 @@ def test_a_failed_frame_leaves_nothing_and_the_scene_as_it_was(folder, monkeypat
         raise StereoReprojectError("forced")
 
     before = everything()
-    monkeypatch.setattr("stereo_reproject.blender.frame.write_grid", fails)
+    monkeypatch.setattr("stereo_reproject.blender.commands.frame.write_grid", fails)
     with pytest.raises(StereoReprojectError, match="forced"):
         render_frame(folder / "out", StereoSettings(accuracy="draft"))
     assert everything() == before

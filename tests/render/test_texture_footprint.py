@@ -13,12 +13,12 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.hole_camera import trace_packed
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.metrics import tone
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.settings import SceneOverrides
+from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.metrics import tone
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.toolbox import (
     Material,
     add_camera,

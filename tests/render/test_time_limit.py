@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.frame import render_files
-from stereo_reproject.blender.render import render_views
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working_scene
-from stereo_reproject.blender.time_limit import COUNTS, TILED, without_time_limit
-from stereo_reproject.metrics import tone
-from stereo_reproject.passes import COLOUR_PASS, cryptomatte_of
-from stereo_reproject.settings import SceneOverrides, StereoSettings
+from stereo_reproject.blender.commands.frame import render_files
+from stereo_reproject.blender.engines.render import render_views
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.engines.time_limit import COUNTS, TILED, without_time_limit
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.images.metrics import tone
+from stereo_reproject.images.passes import COLOUR_PASS, cryptomatte_of
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     add_camera,
     add_plane,

@@ -10,15 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.blender.price_list import HeuristicRenderer, RenderedSource, SharedSourceRenderer, render_prices
-from stereo_reproject.blender.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import rendered_layer, working_scene
-from stereo_reproject.passes import COLOUR_PASS, MASKED_PASS
-from stereo_reproject.pipeline import render_stereo_frame
-from stereo_reproject.reasons import Reason
-from stereo_reproject.settings import ACCURACIES, SceneOverrides, StereoSettings
-from stereo_reproject.tradeoff import TRADEOFF_FILES, runs
+from stereo_reproject.blender.commands.price_list import (
+    HeuristicRenderer,
+    RenderedSource,
+    SharedSourceRenderer,
+    render_prices,
+)
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import rendered_layer, working_scene
+from stereo_reproject.images.passes import COLOUR_PASS, MASKED_PASS
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
+from stereo_reproject.tradeoff.cases import TRADEOFF_FILES, runs
 from tests.blender.toolbox import (
     Material,
     add_camera,

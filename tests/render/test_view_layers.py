@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.api import render_animation
-from stereo_reproject.blender.delivery import deliver_composited
-from stereo_reproject.blender.frame import render_files, render_pair
-from stereo_reproject.blender.pictures import read_png
-from stereo_reproject.exr import _read_parts, read_eye, read_metadata
-from stereo_reproject.passes import COLOUR_PASS
-from stereo_reproject.report import format_report_table
-from stereo_reproject.settings import StereoSettings
+from stereo_reproject.blender.commands.frame import render_files, render_pair
+from stereo_reproject.blender.output.delivery import deliver_composited
+from stereo_reproject.blender.output.pictures import read_png
+from stereo_reproject.images.exr import _read_parts, read_eye, read_metadata
+from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.report.report import format_report_table
+from stereo_reproject.settings.frame import StereoSettings
+from tests.blender.scene.test_compositor import add_file_output, over
 from tests.blender.snapshot import everything
-from tests.blender.test_compositor import add_file_output, over
 from tests.blender.toolbox import (
     add_camera,
     add_compositor,
@@ -195,7 +195,7 @@ def test_linear_files_know_nothing_of_display(scene, tmp_path, change, shows):
 
 def test_multiview_is_compared_with_all_its_layers(scene, tmp_path):
     """What a layer costs is in the peer's seconds too."""
-    from stereo_reproject.blender.compare import render_peer
+    from stereo_reproject.blender.commands.compare import render_peer
 
     scene.view_layers["Lit"].samples = 64 * SAMPLES
     alone, all_of_them = (render_peer(scene, StereoSettings(), tmp_path, layers=layers) for layers in (None, LAYERS))

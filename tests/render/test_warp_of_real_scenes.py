@@ -4,16 +4,17 @@ import bpy  # noqa: F401 - there is no gpu before it
 import numpy as np
 import pytest
 
-from stereo_reproject import carrying, pipeline
-from stereo_reproject.accuracy import SETTINGS
-from stereo_reproject.blender import gpu_warp
 from stereo_reproject.blender.api import StereoSettings, render_frame
-from stereo_reproject.blender.scene import open_blend
-from stereo_reproject.reprojection import reproject
-from stereo_reproject.settings import SceneOverrides
+from stereo_reproject.blender.gpu import warp as gpu_warp
+from stereo_reproject.blender.scene.working import open_blend
+from stereo_reproject.holes.reprojection import reproject
+from stereo_reproject.pipeline import frame as pipeline
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.warp import carrying
 from tests.bench.performance.plan import EYES
-from tests.blender.gpu_cases import HAS_GPU, assert_keeps_its_promise
-from tests.core.analytic import pose
+from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
+from tests.warp.analytic import pose
 
 SCENES = (
     "living-room",

@@ -3,8 +3,8 @@
 import bpy
 import pytest
 
-from stereo_reproject.blender import gpu_warp
 from stereo_reproject.blender.api import StereoSettings, render_frame
+from stereo_reproject.blender.gpu import warp as gpu_warp
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene
 
 HAS_GPU = bpy.app.version >= (5, 2)

@@ -14,9 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from stereo_reproject.arguments import add_render_arguments, overrides_of
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.settings import EYES
+from stereo_reproject.programs.arguments import add_render_arguments, overrides_of
+from stereo_reproject.settings.frame import EYES
 
 
 def main() -> None:
@@ -34,8 +34,8 @@ def main() -> None:
 
 
 def _measured(options: argparse.Namespace) -> dict[str, object]:
-    from stereo_reproject.blender.render import render_views
-    from stereo_reproject.blender.scene import open_blend, working_scene
+    from stereo_reproject.blender.engines.render import render_views
+    from stereo_reproject.blender.scene.working import open_blend, working_scene
 
     scene = open_blend(Path(options.scene))
     with working_scene(scene, overrides_of(options)) as working, tempfile.TemporaryDirectory() as folder:

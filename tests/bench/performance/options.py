@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
-from stereo_reproject.settings import ACCURACIES
+from stereo_reproject.settings.frame import ACCURACIES
 from tests.bench.performance.plan import QUICK, Plan
 
 QUICK_SECONDS = 270.0

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.animation_chart import draw_animation_chart
-from stereo_reproject.charts import draw_stages_chart
-from stereo_reproject.report import OUTSIDE_TOTAL
+from stereo_reproject.report.report import OUTSIDE_TOTAL
+from stereo_reproject.sequence.chart import draw_animation_chart
+from stereo_reproject.tradeoff.charts import draw_stages_chart
 from tests.bench.performance.paper import REPORTED
 from tests.bench.performance.plan import MULTIVIEW
 

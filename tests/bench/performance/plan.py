@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from stereo_reproject import made_up
-from stereo_reproject.bench import CARRIERS, MODES
-from stereo_reproject.file_digest import file_digest
-from stereo_reproject.settings import StereoSettings
+from stereo_reproject.blender.scene.file_digest import file_digest
+from stereo_reproject.jobs import made_up
+from stereo_reproject.jobs.bench import CARRIERS, MODES
+from stereo_reproject.settings.frame import StereoSettings
 
 MULTIVIEW = "multiview"
 METHODS = ("card", "packed")

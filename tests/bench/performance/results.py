@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.report import OUTSIDE_TOTAL
-from stereo_reproject.tradeoff import stage_order
+from stereo_reproject.report.report import OUTSIDE_TOTAL
+from stereo_reproject.tradeoff.cases import stage_order
 from tests.bench.performance.fits import fitted
 from tests.bench.performance.keeping import DONE, Record
 from tests.bench.performance.plan import (

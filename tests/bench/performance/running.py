@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.bench import CARRIERS
-from stereo_reproject.warp_bench import LEFT_TO_NUMPY
+from stereo_reproject.jobs.bench import CARRIERS
+from stereo_reproject.jobs.warp_bench import LEFT_TO_NUMPY
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Record
 from tests.bench.performance.plan import MULTIVIEW, Run
 

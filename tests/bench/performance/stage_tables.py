@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stereo_reproject.warp_profile import STEPS
+from stereo_reproject.jobs.warp_profile import STEPS
 from tests.bench.performance import paper
 from tests.bench.performance.cells import NONE, cell, milliseconds, share, size_text, table, times
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stereo_reproject.report import OUTSIDE_TOTAL
-from stereo_reproject.tradeoff import stage_order
+from stereo_reproject.report.report import OUTSIDE_TOTAL
+from stereo_reproject.tradeoff.cases import stage_order
 from tests.bench.performance import paper
 from tests.bench.performance.cells import NONE, cell, megabytes, seconds, share, size_text, table, times, times_between
 from tests.bench.performance.plan import HOLES, MULTIVIEW, PIXELS, SAMPLES, TRIANGLES

@@ -44,7 +44,7 @@ def main() -> None:
 def _make(options: argparse.Namespace) -> dict[str, int]:
     import bpy
 
-    from stereo_reproject.blender.scene import open_blend
+    from stereo_reproject.blender.scene.working import open_blend
 
     scene = open_blend(options.scene)
     bpy.ops.file.make_paths_absolute()

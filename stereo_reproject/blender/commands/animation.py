@@ -1,0 +1,336 @@
+"""The frames of a scene, one after the other, into the files that the scene's own output settings ask for.
+
+Which frames, and that each is rendered once, is `animation`'s; `frame_maker` renders them and has them written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import asdict, replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...delivery.layouts import LAYOUTS
+from ...errors import BadInputError, StereoReprojectError
+from ...files import flush, flush_folder, put_in_place
+from ...jobs.supervisor import Session
+from ...jobs.work_folder import work_folder
+from ...sequence.frames import FramePlan, failed_output, plan_frames, render_frames, spelled
+from ...sequence.journal import Fingerprints, FrameState, Journal, digest
+from ...sequence.progress import AnimationProgress, Told
+from ...sequence.report import report_path, write_animation_report
+from ...sequence.runs import run_at_work
+from ...sequence.writer_process import WriterOrder
+from ...settings.animation import AnimationSettings
+from ...settings.frame import SceneOverrides, StereoSettings
+from ..output.animation_output import Output, output_of
+from ..output.frame_writer import holes_name
+from ..output.movie import movie_files, movie_warnings, try_movie, write_movie
+from ..scene.fingerprint import scene_fingerprints
+from ..scene.rig import frame_region
+from ..scene.warnings import scene_warnings
+from ..scene.working import changed, scene_frames
+from .frame_maker import Belonging, BlenderFrameMaker
+
+ANIMATION_FILES = ("left.exr", "right.exr")
+"""What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
+
+MANY_FRAMES = 20_000
+"""Frames of which it is said that they are planned: from then on it takes seconds."""
+
+
+def render_animation_files(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    options: AnimationSettings,
+    work: Path,
+    blend: Path,
+    session: Session,
+    *,
+    files: Sequence[str] = (),
+    told: Told | None = None,
+) -> dict[str, Any]:
+    """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
+
+    A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`, left in work/out; work is
+    a private folder; blend and session are the file that the scene is in, as it was saved, for the writer to open.
+    Returns the animation's report, and raises BadInputError and StereoReprojectError; frames that are
+    finished stay.
+    """
+    # `warnings_ahead` has said these, before the first frame.
+    said = scene_warnings(scene, settings.scene)
+    told = _also_kept(told or Told(), said)
+    for_movie_alone = scene.render.is_movie_format and options.output is None
+    _say_many(scene, options, told)
+    options, output = output_of(scene, options)
+    journal = Journal(output.folder, output.name)
+    if not (for_movie_alone and options.existing == "resume"):
+        # What was known of such a movie went with the frames that it was made of.
+        _check_movies(scene, options, output, journal)
+    wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
+    with _folder_for(output.folder, work) as private, ExitStack() as stack:
+        stack.enter_context(_told_of_output(output.folder))
+        _make_journal(journal)
+        stack.callback(journal.remove_empty)
+        token = stack.enter_context(run_at_work(journal.runs))
+        there = all(path.exists() for path in _movies_of(scene, options, output))
+        plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
+        for doubt in journal.doubts():
+            told.warn(doubt)
+        _say_plan(plan, options, told)
+        if options.movie is not None and plan.todo:
+            _try_movie(scene, settings, Path(options.movie), output, private / "tried")
+        failed, last = dict(options.skip), None
+        if plan.todo:
+            progress = AnimationProgress(plan, len(output.files), told, failed)
+            order = _order(blend, session, output, options, private)
+            belonging = Belonging(journal, wanted, token, output.half_floats)
+            keeps_last = bool(files)
+            with closing(
+                BlenderFrameMaker(
+                    scene, settings, options, order, belonging, work, told.on_stage, keeps_last=keeps_last
+                )
+            ) as maker:
+                try:
+                    render_frames(plan, journal, wanted, token, maker, progress.told)
+                except StereoReprojectError:
+                    with contextlib.suppress(OSError):
+                        if failed or journal.records():
+                            write_animation_report(journal, wanted, options, failed, said)
+                    raise
+                last = maker.leave(work / "out")
+        told.on_stage("write", "")
+        report = write_animation_report(journal, wanted, options, failed, said)
+        _check_all_rendered(failed, len(output.files))
+        movies = _movie(scene, options, output, journal, told)
+        if for_movie_alone:
+            _remove_waiting(journal, output, movies[0], token)
+    if for_movie_alone:
+        with contextlib.suppress(OSError):
+            output.folder.rmdir()
+    written = [*([] if for_movie_alone else output.all_files), *movies]
+    done = {"rendered": len(plan.todo), "there_already": sorted(plan.kept), "last": last}
+    done["movies"] = [str(path) for path in movies]
+    return {**report, "files": [str(path) for path in written], **done}
+
+
+def _also_kept(told: Told, said: list[str]) -> Told:
+    """The same, with its warnings kept for the report as well; each is said once, of however many frames it is."""
+
+    def warn(text: str) -> None:
+        if text not in said:
+            said.append(text)
+            told.warn(text)
+
+    return replace(told, warn=warn)
+
+
+def _make_journal(journal: Journal) -> None:
+    try:
+        journal.make()
+    except FileExistsError as error:
+        raise BadInputError(
+            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames:"
+            " move it, or choose another folder"
+        ) from error
+
+
+def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Told) -> None:
+    told.on_stage("plan", "")
+    frames = scene_frames(scene) if options.frames is None else options.frames
+    if len(frames) >= MANY_FRAMES and not options.goes_on:
+        told.note(f"plans {len(frames)} frames, which takes a moment")
+
+
+def _plan(
+    journal: Journal,
+    output: Output,
+    wanted: Fingerprints,
+    options: AnimationSettings,
+    told: Told,
+    *,
+    movies_are_there: bool,
+) -> FramePlan:
+    untouched = {*options.skip, *options.finished}
+    files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
+    for frame, paths in files.items() if options.holes else ():
+        paths.append(output.folder / holes_name(journal, frame))
+    looked = count(1)
+    plan = plan_frames(
+        journal,
+        files,
+        wanted,
+        options.existing,
+        on_look=lambda _: told.on_stage("plan", f"{next(looked)} of {len(files)} frames looked at"),
+    )
+    if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
+        there = output.all_files[0]
+        raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
+    return plan
+
+
+def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
+    if failed:
+        frame, why = next(iter(failed.items()))
+        raise StereoReprojectError(f"{len(failed)} of {frames} frames failed ({spelled(failed)}); frame {frame}: {why}")
+
+
+@contextmanager
+def _told_of_output(folder: Path) -> Iterator[None]:
+    """What goes wrong with the files of an animation in this folder, in a line."""
+    try:
+        yield
+    except OSError as error:
+        raise failed_output(folder, error) from error
+
+
+@contextmanager
+def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
+    """A private folder on the same drive as the frames: within the run's own where that lies there."""
+    if frames.is_dir() and (work / os.pardir).samefile(frames):
+        private = work / "frames"
+        private.mkdir(exist_ok=True)
+        yield private
+    else:
+        with work_folder(frames, ()) as beside:
+            yield beside / "tmp"
+
+
+def _settings_digest(settings: StereoSettings, output: Output) -> str:
+    fields = asdict(replace(settings, compare=False, scene=replace(settings.scene, frame=None)))
+    return digest({"settings": fields, "output": output.values})
+
+
+def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
+    """The scene's fingerprints, to which it is nothing what size, samples and seed it has itself where those are
+    overridden, and so among the settings. Another Blender renders another picture of it, too."""
+    with ExitStack() as changes:
+        if overrides.size is not None:
+            size = {"resolution_x": 1920, "resolution_y": 1080, "resolution_percentage": 100}
+            changes.enter_context(changed(scene.render, **size))
+        if overrides.samples is not None:
+            changes.enter_context(changed(scene.cycles, samples=1))
+            changes.enter_context(changed(scene.eevee, taa_render_samples=1))
+            for layer in scene.view_layers:
+                changes.enter_context(changed(layer, samples=0))
+        if overrides.seed is not None:
+            changes.enter_context(changed(scene.cycles, seed=0))
+        prints = scene_fingerprints(scene)
+    return {"Blender": ".".join(map(str, bpy.app.version[:2])), **prints}
+
+
+def _say_plan(plan: FramePlan, options: AnimationSettings, told: Told) -> None:
+    by_state: dict[FrameState, list[int]] = {}
+    for frame, state in plan.todo.items():
+        by_state.setdefault(state, []).append(frame)
+    if plan.kept and not options.goes_on:
+        told.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
+        if FrameState.MISSING in by_state:
+            told.note(f"to be rendered: {spelled(by_state[FrameState.MISSING])}")
+    for state in (FrameState.DAMAGED, FrameState.UNKNOWN, FrameState.OTHER_SETTINGS):
+        if options.existing != "overwrite" and state in by_state:
+            told.note(f"rendered again, for being {state.value}: {spelled(by_state[state])}")
+    others = [frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE]
+    if others:
+        told.warn(f"kept, for Overwrite is off, though not of the scene and settings as they are: {spelled(others)}")
+
+
+def _order(blend: Path, session: Session, output: Output, options: AnimationSettings, private: Path) -> WriterOrder:
+    return WriterOrder(
+        blend=str(blend),
+        # The writer renders nothing.
+        session=replace(session, devices=None),
+        private=str(private),
+        folder=str(output.folder),
+        name=output.name,
+        output=options.output,
+        layout=options.layout,
+        file_format=options.file_format,
+    )
+
+
+def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
+    """Where the movie of all frames belongs; or several, or none."""
+    return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
+
+
+def _check_movies(scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal) -> None:
+    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames."""
+    if options.existing == "overwrite":
+        return
+    how = "switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it"
+    for path in _movies_of(scene, options, output):
+        try:
+            in_the_way = path.exists() and not journal.knows_movie(path)
+        except OSError as error:
+            raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
+        if in_the_way:
+            what = "is there already and is no movie of these frames"
+            raise BadInputError(f"{path} {what}: {how}, another name keeps it")
+
+
+def _movie(
+    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, told: Told
+) -> list[Path]:
+    """The movie of all frames, in its place; or several, or none."""
+    if options.movie is None:
+        return []
+    path = Path(options.movie)
+    told.on_stage("movie", "")
+    for warning in movie_warnings(path, output.movie_layout):
+        told.warn(warning)
+    with work_folder(path.parent, ()) as beside:
+        made = write_movie(
+            scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
+        )
+        for movie in made:
+            # Without it the next run does not know the movie, and says so.
+            with contextlib.suppress(OSError):
+                journal.note_movie(movie)
+        return [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
+
+
+def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:
+    region = frame_region(scene.render)
+    width, height = settings.scene.size or (region.width, region.height)
+    layout = LAYOUTS[output.movie_layout or "individual"]
+    with work_folder(path.parent, ()):
+        pass
+    try_movie(scene, path, layout.across * width, layout.down * height, folder)
+
+
+def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> None:
+    """Remove the frames that only waited for their movie, and what is known of them; the report stays beside the movie.
+    Nothing of it while another run than one's own is at work there, and nothing that is not of this animation."""
+    if journal.runs.any_lives(but=own):
+        return
+    with contextlib.suppress(OSError):
+        for kind in (".json", ".png", ".svg"):
+            report = report_path(journal).with_suffix(kind)
+            if report.exists():
+                report.replace(movie.with_name(f"{movie.stem}_animation{kind}"))
+        for path in output.all_files:
+            path.unlink(missing_ok=True)
+        shutil.rmtree(journal.folder, ignore_errors=True)
+
+
+def _put_in_place(made: Path, destination: Path) -> Path:
+    """Move a finished file on the same drive to where it belongs, where it appears whole."""
+    flush(made)
+    try:
+        placed = put_in_place(made, destination)
+        flush_folder(destination.parent)
+        return placed
+    except OSError as error:
+        spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
+        with contextlib.suppress(OSError):
+            made.replace(spare)
+        where = f"the new one is {spare.name}" if spare.exists() else "the new one is lost"
+        raise BadInputError(f"{destination} cannot be replaced ({error.strerror}): {where}") from error

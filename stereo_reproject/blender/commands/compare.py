@@ -1,0 +1,127 @@
+"""The peer, in the same run: Blender's own multiview, and the target eye once more with another seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.metrics import noise_ratio, rmse, worst_tiles
+from ...pipeline.frame import colour
+from ...pipeline.stereo_pair import StereoPair
+from ...settings.frame import StereoSettings
+from ...warp.composite import contain
+from ..engines.render import render_views
+from ..engines.renderer import shifted_seed
+from ..output.delivery import deliver_side_by_side
+from ..output.pictures import read_png
+from ..scene.working import CYCLES, rendered_layer, working_scene
+
+PEER_SEED = 3_000_017
+"""Added to the scene's seed for the peer: noise that ours has must not be measured as agreement."""
+
+AGAIN_SEED = 2_000_003
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Blender's multiview: engine and seconds, its target eye (H, W, 4), and that eye once more with another seed."""
+
+    engine: str
+    seconds: float
+    reference: NDArray[np.float32]
+    again: NDArray[np.float32]
+
+    @property
+    def noise_rmse(self) -> float:
+        return rmse(self.again, self.reference)
+
+    def judge(self, ours: NDArray[np.float32]) -> dict[str, float]:
+        """How far a target eye (H, W, 4) is from the peer's, as `metrics` has it."""
+        return {
+            "rmse": rmse(ours, self.reference),
+            "noise_ratio": noise_ratio(ours, self.reference, self.again),
+            "worst_tiles": worst_tiles(ours, self.reference, self.again),
+        }
+
+
+def render_peer(
+    scene: bpy.types.Scene, settings: StereoSettings, folder: Path, *, layers: Sequence[str] | None = None
+) -> Peer:
+    """Render the peer, in a scene copy of its own, so that it finds nothing synced by ours.
+
+    It has all these view layers, or the first alone; the first is what it is judged by.
+    """
+    target = settings.target
+    with working_scene(scene, settings.scene) as peer:
+        engine, seed = peer.render.engine, peer.cycles.seed
+        main = rendered_layer(peer).name
+        _use_layers(peer, layers or [main])
+        both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
+        _use_layers(peer, [main])
+        again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
+    reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
+    return Peer(engine, both.seconds, reference, repeated)
+
+
+def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
+    for layer in scene.view_layers:
+        layer.use = layer.name in names
+
+
+def compare_with_multiview(
+    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
+) -> tuple[dict[str, Any], NDArray[np.float32]]:
+    """The `compare` part of the report, and multiview's target eye (H, W, 4).
+
+    Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
+    """
+    peer = render_peer(scene, settings, folder, layers=list(pair.frames))
+    ours = colour(pair.main_frame.eyes[settings.target])
+    flip, noise_flip = _flips(scene, settings, ours, peer, folder)
+    fields = {
+        "multiview_seconds": peer.seconds,
+        "speedup": peer.seconds / pair.seconds["total"],
+        "noise_rmse": peer.noise_rmse,
+        **_told_of_noise(peer.judge(ours), peer.engine),
+        "flip": flip,
+        "noise_flip": noise_flip,
+    }
+    return fields, peer.reference
+
+
+def _told_of_noise(judged: Mapping[str, float], engine: str) -> dict[str, Any]:
+    """What `Peer.judge` has found, and why there is no ratio to the noise, if there is none."""
+    if judged["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(judged["noise_ratio"])):
+        return dict(judged)
+    why = "two plain renders are the same, without noise to compare with"
+    if engine != CYCLES:
+        why = "EEVEE renders the same noise each time, and has none to compare with"
+    return {**judged, "noise_ratio": None, "worst_tiles": None, "no_noise": why}
+
+
+def _flips(
+    scene: bpy.types.Scene, settings: StereoSettings, ours: NDArray[np.float32], peer: Peer, folder: Path
+) -> tuple[float | None, float | None]:
+    """Mean FLIP of ours and of the repeated render, each against the reference; None where FLIP is not installed."""
+    try:
+        import flip_evaluator
+    except ImportError:
+        return None, None
+
+    def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Two pictures as people see them, through the scene's view transform."""
+        pair = folder / "seen.png"
+        deliver_side_by_side(scene, {"left": left, "right": right}, pair, frame=settings.scene.frame)
+        return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
+
+    reference, repeated = seen(peer.reference, peer.again)
+    _, test = seen(peer.reference, ours)
+    flip, noise_flip = (float(flip_evaluator.evaluate(reference, picture, "LDR")[1]) for picture in (test, repeated))
+    return flip, noise_flip

@@ -1,0 +1,221 @@
+"""Renders an animation's frames, one after the other, and has each written while the next is rendered."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...errors import StereoReprojectError, as_told
+from ...images.denoising import LEAST_LEFT
+from ...images.exr import VIEWS, write_eye
+from ...jobs.memory import give_back_freed
+from ...jobs.supervisor import FRAME, HANDED_OVER
+from ...pipeline.frame import colour
+from ...pipeline.precedent import Precedent
+from ...pipeline.stereo_pair import StereoPair
+from ...sequence.frames import blamed_on_output, failed_output
+from ...sequence.journal import Fingerprints, Journal, Record, digest
+from ...sequence.writer_process import WriterOrder, WriterProcess, WrittenFrame
+from ...settings.animation import AnimationSettings
+from ...settings.frame import StereoSettings
+from ...trace.fill import SourceCost
+from ..output.pictures import write_hole_mask
+from ..scene.working import WorkingScenes, camera_at
+from .compare import compare_with_multiview
+from .frame import render_pair, value_warnings
+from .processes import module_in_blender
+
+OF_A_FRAME = (
+    "size",
+    "samples",
+    "time_limit",
+    "samples_rendered",
+    "accuracy",
+    "seconds",
+    "fractions",
+    "fill",
+    "warp",
+    "estimate",
+    "correction",
+    "layers",
+    "memory",
+)
+"""What of a pair's report an animation's has for each frame."""
+
+ALIKE = 24
+"""Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
+
+RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_target")
+"""The stages that render, or denoise what was rendered: the rest is what is done beside."""
+
+
+@dataclass(frozen=True)
+class Belonging:
+    """What the frames of a run have in common: their journal, their fingerprints, the run's own token, and whether they
+    are written as half floats."""
+
+    journal: Journal
+    wanted: Fingerprints
+    token: str
+    half_floats: bool
+
+
+class AgreedPrecedent(Precedent):
+    """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
+
+    block is what is different where something else may be found. Raises OutputError.
+    """
+
+    def __init__(self, belonging: Belonging, layer: str, block: tuple[int, str]) -> None:
+        self._journal = belonging.journal
+        of_layer = [belonging.wanted.settings, dict(belonging.wanted.scene), layer]
+        self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
+
+    def cost(self, found: SourceCost) -> SourceCost:
+        known = self._agree(self._of_layer, asdict(found))
+        return SourceCost(**known) if known.keys() == asdict(found).keys() else found
+
+    def noise_left(self, find: Callable[[], float]) -> float:
+        return float(np.clip(self._found(self._of_block, "noise_left", find), LEAST_LEFT, 1.0))
+
+    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
+        return bool(self._found(f"{self._of_layer}-gpu", "gpu_is_faster", lambda: float(find())))
+
+    def _found(self, key: str, name: str, find: Callable[[], float]) -> float:
+        known = (self._journal.found(key) or {}).get(name)
+        if known is None:
+            found = find()
+            known = self._agree(key, {name: found}).get(name, found)
+        return known
+
+    def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
+        try:
+            return self._journal.agree_on(key, values)
+        except OSError as error:
+            raise failed_output(self._journal.frames_folder, error) from error
+
+
+class BlenderFrameMaker:
+    """Renders frames with one working scene that stays, and hands them to the writer: `animation.FrameMaker`."""
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        settings: StereoSettings,
+        options: AnimationSettings,
+        order: WriterOrder,
+        belonging: Belonging,
+        work: Path,
+        on_stage: Callable[[str, str], None],
+        *,
+        keeps_last: bool,
+    ) -> None:
+        """work is a private folder for what passes between the stages of a frame; order says how they are written.
+        keeps_last is whether the last frame's eyes are asked for in the end."""
+        self._scene, self._settings, self._options = scene, settings, options
+        self._belonging, self._on_stage = belonging, on_stage
+        self._work, self._private = work, Path(order.private)
+        self._scenes = WorkingScenes(scene)
+        self._writer = WriterProcess(order, module_in_blender("programs.writer"))
+        self._writer.start()
+        self._keeps_last = keeps_last
+        self._last: tuple[int, StereoPair | None] | None = None
+
+    def render(self, frame: int, claim: int) -> None:
+        try:
+            self._render(frame, claim)
+        except Exception as error:
+            # Whatever one frame meets with, the others may be spared, with a scene that is set up anew.
+            self._scenes.close()
+            raise blamed_on_output(self._belonging.journal.frames_folder, as_told(error)) from error
+
+    def _render(self, frame: int, claim: int) -> None:
+        start = time.perf_counter()
+        where = f"{FRAME}{frame}"
+        self._on_stage("prepare", where)
+        of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
+        pair, report = render_pair(
+            self._scene,
+            of_this,
+            self._work,
+            on_stage=lambda stage: self._on_stage(stage, where),
+            scenes=self._scenes,
+            precedents=lambda layer: AgreedPrecedent(self._belonging, layer, self._block_of(frame)),
+        )
+        figures = {key: report[key] for key in OF_A_FRAME if key in report}
+        figures["multiview_seconds"] = report["predicted_speedup"] * report["seconds"]["total"]
+        figures["warnings"] = [*report["warnings"], *value_warnings(pair, half=self._belonging.half_floats)]
+        folder = self._hand_out(frame, pair)
+        figures["wall_seconds"] = wall = time.perf_counter() - start
+        figures["beside_seconds"] = wall - sum(report["seconds"].get(stage, 0.0) for stage in RENDERING)
+        if self._is_compared(frame):
+            self._on_stage("compare", where)
+            self._scenes.close()
+            compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
+            # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:
+            # it syncs each frame of an animation anew, unless Persistent Data is on.
+            figures["compare"] = {**compared, "synced_anew": True}
+        record = {
+            "frame": frame,
+            "settings": self._belonging.wanted.settings,
+            "scene": dict(self._belonging.wanted.scene),
+            "run": self._belonging.token,
+            "figures": figures,
+        }
+        self._on_stage(HANDED_OVER, where)
+        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), dict(pair.metadata), record))
+        # A pair is much to hold while the next one is rendered.
+        self._last = frame, pair if self._keeps_last else None
+        del pair
+        give_back_freed()
+
+    def _hand_out(self, frame: int, pair: StereoPair) -> Path:
+        """The folder with what the writer needs of a frame."""
+        folder = self._private / f"frame-{frame}"
+        try:
+            folder.mkdir(exist_ok=True)
+            for view in VIEWS:
+                layers = pair.eyes[view]
+                write_eye(folder / f"{view}.exr", layers, view=view, metadata=pair.metadata, compressed=False)
+            if self._options.holes:
+                target = colour(pair.eyes[self._settings.target][pair.main])
+                write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
+        except (OSError, StereoReprojectError) as error:
+            raise failed_output(self._belonging.journal.frames_folder, error) from error
+        return folder
+
+    def _block_of(self, frame: int) -> tuple[int, str]:
+        """What a frame has in common with those around it: their number over ALIKE, and the camera."""
+        camera = camera_at(self._scene, frame)
+        return frame // ALIKE, camera.name_full if camera else ""
+
+    def _is_compared(self, frame: int) -> bool:
+        every = self._options.compare_every
+        return every is not None and (frame - self._scene.frame_start) % every == 0
+
+    def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
+        folder = self._belonging.journal.frames_folder
+        return [
+            (frame, blamed_on_output(folder, result) if isinstance(result, StereoReprojectError) else result)
+            for frame, result in self._writer.finished(wait=wait)
+        ]
+
+    def leave(self, folder: Path) -> int | None:
+        """Leave the last frame's eyes, if they were kept; its number, None where none was rendered here."""
+        if self._last is None:
+            return None
+        frame, pair = self._last
+        folder.mkdir(exist_ok=True)
+        for view in VIEWS:
+            if pair is not None:
+                write_eye(folder / f"{view}.exr", pair.eyes[view], view=view, metadata=pair.metadata)
+        return frame
+
+    def close(self) -> None:
+        self._scenes.close()
+        self._writer.close()

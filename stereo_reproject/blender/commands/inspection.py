@@ -1,0 +1,264 @@
+"""A scene inspected: its effects plan, and from a sketch what its pair will cost; nothing is rendered in full."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...holes.reprojection import reproject
+from ...images.denoising import Denoise, Denoising
+from ...images.effects import SEEN_DIFFERENTLY, Effect
+from ...images.effects_pass import CRYPTOMATTE
+from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from ...pipeline.frame import interpolations_of
+from ...pipeline.matched_eye import foreseen_fill
+from ...pipeline.prediction import (
+    Prediction,
+    Sketch,
+    effect_shares,
+    predict,
+    predict_holes,
+    predict_samples,
+    predict_source,
+    prediction_fields,
+    shown_differently,
+    sketch_accuracy,
+)
+from ...report.inspection import INSPECTION_SCHEMA, effects_rows
+from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
+from ...settings.frame import StereoSettings
+from ...trace.fill import SourceCost, check_fill, choose_fill
+from ...views.camera import see_the_same
+from ...warp.composite import contain
+from ..engines.eevee import EeveeRenderer, renderer_of
+from ..engines.renderer import BlenderRenderer
+from ..engines.time_limit import without_time_limit
+from ..scene.rig import frame_region
+from ..scene.warnings import first_layer_alone, scene_warnings
+from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
+from .frame import frame_facts, parallax_fields
+
+SKETCH_WIDTH = 480
+"""Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
+
+MORE_SAMPLES = 4
+"""Samples that the second render of a sketch has on top of the first one's, at most."""
+
+NO_PASSES = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
+"""Switches that are named already, or that switch no pass on."""
+
+
+def inspect_scene(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    sketch: bool = True,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """What `inspect` prints of the scene, as JSON has it; without a sketch nothing is rendered or predicted.
+
+    work is a private folder. Raises BadInputError and StereoReprojectError.
+    """
+    on_stage("plan")
+    with working_scene(scene, settings.scene) as working:
+        facts = frame_facts(scene, working, settings)
+        cycles = working.render.engine == CYCLES
+        frame_width = frame_region(working.render).full_width
+        scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
+        with renderer_of(working, work, user_scene=scene) as renderer:
+            check_fill(settings.fill, renderer.fill_blockers())
+            rows = effects_rows(renderer.plan)
+            passes = _passes(working, renderer)
+            alone = first_layer_alone(scene, "what is found and predicted is that")
+            warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
+            predicted = parallax = None
+            if sketch and isinstance(renderer, EeveeRenderer):
+                predicted = _predicted_of_eevee(renderer, settings)
+            elif sketch:
+                on_stage("sketch")
+                sketched = _render_sketch(renderer, settings, facts["samples"])
+                predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
+                parallax = _parallax(renderer, sketched[0], frame_width)
+    return {
+        **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
+        "schema": INSPECTION_SCHEMA,
+        "effects": rows,
+        "passes": passes,
+        "predicted": predicted,
+        "parallax": parallax,
+        "warnings": warnings,
+    }
+
+
+def _parallax(renderer: BlenderRenderer, sketch: Passes, frame_width: int) -> dict[str, Any] | None:
+    """Nearest and farthest parallax, in pixels of a frame of that width."""
+    sketch_width = frame_region(renderer.scene.render).full_width
+    found = parallax_fields(renderer, sketch, sketch_width)
+    for parallax in (found or {}).values():
+        parallax["pixels"] *= frame_width / sketch_width
+    return found
+
+
+def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
+    """What the source is rendered with: colour, depth, what the user has asked for, and what the plan needs."""
+    layer = rendered_layer(working)
+    asked = [*_switched_on(layer), *_switched_on(layer.cycles)] if hasattr(layer, "cycles") else _switched_on(layer)
+    ours = [CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
+    if layer.use_pass_cryptomatte_material:
+        ours = []
+    if renderer.denoise is not None:
+        ours = [*ours, "Denoising Data"]
+    names = [COLOUR_PASS, DEPTH_PASS, *asked, *(aov.name for aov in layer.aovs), *ours]
+    return list(dict.fromkeys(names))
+
+
+def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
+    switches = [prop for prop in owner.bl_rna.properties if prop.identifier.startswith("use_pass_")]
+    return [prop.name for prop in switches if prop.identifier not in NO_PASSES and getattr(owner, prop.identifier)]
+
+
+def _predicted_of_eevee(renderer: EeveeRenderer, settings: StereoSettings) -> dict[str, Any]:
+    """What a sketch costs EEVEE says little of a picture, and nothing of Cycles: a pair finds out as it is made."""
+    method, reason = foreseen_fill(settings.fill, renderer.fill_blockers(), renderer.unmatchable())
+    return {
+        "rests_on": "how it is done: what Cycles takes beside EEVEE shows as the pair is made",
+        "fill": {"method": method, "reason": reason, "seconds": None},
+        "total_seconds": None,
+        "gain": {"low": 1.0, "high": 1.0 if method == "full" else 2.0},
+    }
+
+
+def _predicted(
+    renderer: BlenderRenderer,
+    settings: StereoSettings,
+    facts: dict[str, Any],
+    scale: float,
+    rows: list[dict[str, Any]],
+    sketched: tuple[Passes, list[SourceCost], tuple[int, int]],
+) -> dict[str, Any]:
+    """The prediction; the rows of the effects get their share of the picture, and what tracing that would cost."""
+    source, costs, samples = sketched
+    reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
+    seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
+    sketch = Sketch(reasons.size, samples, (seconds[0], seconds[1]), (syncs[0], syncs[1]))
+    pixels = facts["size"][0] * facts["size"][1]
+    blockers = _blockers(renderer, settings, source)
+    called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
+    accuracy = for_size(accuracy_of(settings), pixels)
+    limit = renderer.scene.cycles.time_limit
+    rendered = predict_samples(sketch, pixels, facts["samples"], limit)
+    cost = predict_source(sketch, pixels, rendered)
+    if renderer.denoise is not None:
+        seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
+        accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
+    prediction = predict(
+        cost,
+        warp_seconds * pixels / reasons.size,
+        predict_holes(reasons, scale),
+        accuracy,
+        settings.fill,
+        blockers,
+        shown_differently(called_for, flags),
+    )
+    _add_shares(rows, effect_shares(called_for, flags), prediction, settings.fill, blockers)
+    size = list(reasons.shape[::-1])
+    what = f"sketches of {size[0]}x{size[1]} pixels with {samples[0]} and {samples[1]} samples"
+    rests_on = f"{what}, which took {sum(seconds):.1f} s"
+    if rendered < facts["samples"]:
+        rests_on += f"; the time limit of {limit:g} s ends the source after about {rendered} samples"
+    return {
+        **prediction_fields(prediction, rests_on),
+        "sketch": {"size": size, "samples": list(samples), "seconds": seconds},
+    }
+
+
+def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
+    """What denoising the sketch takes, once the denoiser is set up."""
+    denoising = Denoising(denoise)
+    denoising.of(sketch)
+    start = time.perf_counter()
+    denoising.of(sketch)
+    return time.perf_counter() - start
+
+
+def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passes) -> dict[str, str | None]:
+    depth = source[DEPTH_PASS]
+    blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
+    check_fill(settings.fill, blockers)
+    return blockers
+
+
+def _seen_differently(renderer: BlenderRenderer) -> Effect:
+    """What is called for and may look different from each eye: nothing, where both stand in the same place."""
+    if see_the_same(*renderer.cameras.values()):
+        return Effect(0)
+    return renderer.plan.called_for & SEEN_DIFFERENTLY
+
+
+def _add_shares(
+    rows: list[dict[str, Any]],
+    shares: dict[Effect, float],
+    prediction: Prediction,
+    asked: str,
+    blockers: dict[str, str | None],
+) -> None:
+    by_label = {effect.label: share for effect, share in shares.items()}
+    for row in rows:
+        share = by_label.get(row["effect"])
+        if share is not None:
+            seconds = choose_fill(asked, share, prediction.source, blockers).predicted_seconds
+            row.update(share=share, seconds_at_most=seconds)
+
+
+def _render_sketch(
+    renderer: BlenderRenderer, settings: StereoSettings, samples: int
+) -> tuple[Passes, list[SourceCost], tuple[int, int]]:
+    """The source eye as a sketch, rendered with a sample and then with a few: the passes, and both costs and counts."""
+    counts = (1, 1 + min(max(samples // 16, 1), MORE_SAMPLES))
+    costs = []
+    passes: Passes = {}
+    for count in counts:
+        renderer.scene.cycles.samples = count
+        rendered_layer(renderer.scene).samples = 0
+        with without_time_limit(renderer.scene, None):
+            passes, cost = renderer.render_source(settings.source)
+        costs.append(cost)
+    return passes, costs, counts
+
+
+def _warp_sketch(
+    renderer: BlenderRenderer, settings: StereoSettings, passes: Passes, scale: float
+) -> tuple[NDArray[np.uint16], float]:
+    """The `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
+    source, invalid = contain(passes)
+    source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
+
+    interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))
+
+    def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
+        return reproject(
+            source,
+            source_camera,
+            target_camera,
+            accuracy=accuracy,
+            invalid=invalid,
+            grid_threshold=settings.grid_threshold,
+            interpolation=interpolation,
+            colour_interpolation=colour_interpolation,
+            lens=renderer.lens,
+            volumes=renderer.volumes,
+        ).reasons
+
+    accuracy = accuracy_of(settings)
+    start = time.perf_counter()
+    warp(accuracy)
+    seconds = time.perf_counter() - start
+    return warp(sketch_accuracy(accuracy, scale)), seconds

@@ -1,0 +1,283 @@
+"""Every run of a price list on one scene, against one multiview: what `tradeoff` on the command line calls.
+
+What the runs share, they share so that each is as it would be alone. The source eye is the same for all of them, to the
+bit: it is rendered once, from a scene that nothing has synced, and every run counts its seconds. The peer and the
+heuristic mask, whose source has more passes, begin from a scene copy of their own, as unsynced as that. What only the
+first render of a process pays (reading textures, compiling the hole camera) is paid by a small render before all of
+them, and counts in none.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...errors import BadInputError, StereoReprojectError
+from ...files import write_json
+from ...images.heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
+from ...images.passes import MASKED_PASS, Passes
+from ...images.reasons import Reason
+from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
+from ...report.report import OUTSIDE_TOTAL
+from ...settings.frame import StereoSettings
+from ...trace.fill import SourceCost
+from ...tradeoff.cases import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
+from ...tradeoff.charts import check_charts, draw_charts
+from ..engines.renderer import BlenderRenderer
+from ..scene.warnings import first_layer_alone, scene_warnings
+from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
+from .compare import Peer, render_peer
+from .frame import frame_facts
+
+OnStage = Callable[[str, str], None]
+
+NOTHING_SHARED: Mapping[str, float] = MappingProxyType({})
+
+WARM_UP_WIDTH = 64
+WARM_UP_SAMPLES = 1
+WARM_UP_SPACING = 8
+"""One in so many pixels is traced to warm up."""
+
+
+def render_prices(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    *,
+    only: Sequence[str] = (),
+    on_stage: OnStage = lambda *_: None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Make the runs of one frame, all or `only` those named, and write their files into work/out.
+
+    Returns what tradeoff.json holds, and the files' names. on_stage is told each run's name, and the stage that begins
+    in it. A run that the scene cannot have is left out, and why is said. Raises BadInputError and StereoReprojectError.
+    """
+    check_charts()
+    out = work / "out"
+    out.mkdir(exist_ok=True)
+    on_stage("warm-up", "")
+    warm_up = _warm_up(scene, settings, work)
+    on_stage("multiview", "")
+    peer = render_peer(scene, settings, work)
+    facts, outcome = _render_runs(scene, settings, work, peer, chosen_runs(only), on_stage)
+    facts["warm_up_seconds"] = warm_up
+    measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
+    prices = price_list(facts, measured, outcome.rows, outcome.left_out)
+    left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
+    prices["warnings"] = scene_warnings(scene, settings.scene) + first_layer_alone(scene, "all runs are") + left_out
+    on_stage("write", "")
+    write_csv(out / "tradeoff.csv", prices)
+    write_json(out / "tradeoff.json", prices)
+    draw_charts(prices, out)
+    return prices, list(TRADEOFF_FILES)
+
+
+def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> float:
+    """Render a few pixels in every way that runs need; the seconds that it took."""
+    start = time.perf_counter()
+    with working_scene(scene, replace(settings.scene, samples=WARM_UP_SAMPLES)) as working:
+        make_small(working, WARM_UP_WIDTH)
+        renderer = BlenderRenderer(working, work)
+        source, _ = renderer.render_source(settings.source)
+        pixels = np.zeros(colour(source).shape[:2], bool)
+        pixels[::WARM_UP_SPACING, ::WARM_UP_SPACING] = True
+        for method, blocker in renderer.fill_blockers().items():
+            if not blocker:
+                renderer.trace(method, settings.target, pixels)
+    return time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class RenderedSource:
+    """The source eye that runs share: its view, what the renderer said of it, the seconds of the whole call, and the
+    samples that a time limit left."""
+
+    view: str
+    passes: Passes
+    cost: SourceCost
+    seconds: float
+    samples_rendered: int | None = None
+    uncounted: str | None = None
+
+
+@dataclass
+class _Outcome:
+    """What became of the runs: rows, and those that are left out with the reason."""
+
+    rows: list[Row] = field(default_factory=list)
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+
+    def add(self, run: Run, make: Callable[[], Row]) -> None:
+        """A run that fails must not take the others with it."""
+        try:
+            self.rows.append(make())
+        except StereoReprojectError as error:
+            self.left_out.append((run.name, str(error)))
+
+
+def _render_runs(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    work: Path,
+    peer: Peer,
+    chosen: Sequence[Run],
+    on_stage: OnStage,
+) -> tuple[dict[str, Any], _Outcome]:
+    """The facts of the scene, and the rows in the runs' order. Raises StereoReprojectError when there are none."""
+    outcome = _Outcome()
+    start = time.perf_counter()
+    with working_scene(scene, settings.scene) as working:
+        copied = time.perf_counter() - start
+        facts = frame_facts(scene, working, settings)
+        del facts["accuracy"]
+        seed = working.cycles.seed
+        on_stage("source", "")
+        source = _render_source(working, settings, work)
+        facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
+        shared = {"plan": copied, "source": source.seconds}
+        for run in chosen:
+            if run.kind != HEURISTIC:
+                # Renders leave their seed behind; each run begins with the scene's own, as it would alone.
+                working.cycles.seed = seed
+                watch = _watch(run, on_stage)
+                renderer = SharedSourceRenderer(working, work, source)
+                outcome.add(run, partial(_make, run, renderer, settings, peer, watch, shared=shared))
+    for run in chosen:
+        if run.kind == HEURISTIC:
+            watch = _watch(run, on_stage)
+            with working_scene(scene, settings.scene) as working:
+                renderer = HeuristicRenderer(working, work)
+                outcome.add(run, partial(_make, run, renderer, settings, peer, watch))
+    if not outcome.rows:
+        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
+    order = [run.name for run in chosen]
+    outcome.rows.sort(key=lambda row: order.index(row.name))
+    return facts, outcome
+
+
+def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
+    renderer = BlenderRenderer(working, work)
+    start = time.perf_counter()
+    passes, cost = renderer.render_source(settings.source)
+    seconds = time.perf_counter() - start
+    return RenderedSource(settings.source, passes, cost, seconds, renderer.samples_rendered, renderer.uncounted)
+
+
+class SharedSourceRenderer(BlenderRenderer):
+    """A renderer whose source was rendered before."""
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
+        super().__init__(scene, folder)
+        self._source = source
+        self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        assert view == self._source.view
+        # What a run does to its source must not reach the next one.
+        return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
+
+
+class HeuristicRenderer(BlenderRenderer):
+    """A renderer whose source says which of its pixels are glossy or transparent: they are not to be warped."""
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """Raises BadInputError for an engine without the light passes that tell."""
+        if self.scene.render.engine != CYCLES:
+            raise BadInputError("only Cycles has the light passes of which the mask is made")
+        with _light_passes(self.scene) as added:
+            passes, cost = super().render_source(view)
+        passes[MASKED_PASS] = heuristic_mask(passes)
+        return {name: image for name, image in passes.items() if name not in added}, cost
+
+
+@contextmanager
+def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
+    """Glossy and transmission passes switched on; yields the names of those that were not."""
+    layer = rendered_layer(scene)
+    switches = {f"use_pass_{kind}_{part}": light_pass_names(kind, part) for kind in LIGHT_PASSES for part in PARTS}
+    off = {switch: names for switch, names in switches.items() if not getattr(layer, switch)}
+    try:
+        for switch in off:
+            setattr(layer, switch, True)
+        yield {name for names in off.values() for name in names}
+    finally:
+        for switch in off:
+            setattr(layer, switch, False)
+
+
+def _watch(run: Run, on_stage: OnStage) -> Stopwatch:
+    """The run's clock, started at its plan."""
+    watch = Stopwatch(lambda stage: on_stage(run.name, stage))
+    watch.lap("plan")
+    return watch
+
+
+def _make(
+    run: Run,
+    renderer: BlenderRenderer,
+    settings: StereoSettings,
+    peer: Peer,
+    watch: Stopwatch,
+    *,
+    shared: Mapping[str, float] = NOTHING_SHARED,
+) -> Row:
+    """Make one run and measure it; `shared` are the seconds, by stage, that its own clock does not see.
+
+    Raises StereoReprojectError when it cannot be made.
+    """
+    blocker = renderer.fill_blockers().get(run.fill)
+    if blocker:
+        raise BadInputError(blocker)
+    frame = render_stereo_frame(
+        renderer,
+        run.settings(settings),
+        watch=watch,
+        accuracy=run.accuracy,
+    )
+    seconds = _seconds(frame, shared)
+    fractions = traced_fractions(frame)
+    refined = frame.refinement.fills
+    return Row(
+        name=run.name,
+        kind=run.kind,
+        accuracy=run.accuracy_name,
+        seconds=seconds,
+        speedup=peer.seconds / sum(seconds.values()),
+        **peer.judge(colour(frame.eyes[settings.target])),
+        traced=fractions.pop("rerendered"),
+        fill=frame.fill.method,
+        refine_fill=refined[-1].method if refined else None,
+        fractions=fractions,
+        estimate=_estimate(frame, run),
+    )
+
+
+def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float]:
+    """Seconds by stage, with those that are shared, and the probes told from the holes."""
+    stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
+    stages |= {name: stages[name] + seconds for name, seconds in shared.items()}
+    probe = (frame.reasons & Reason.PROBE.bit) > 0
+    hole = (frame.reasons & ~(Reason.PROBE.bit | Reason.REFINED.bit)) > 0
+    in_fill = 0 if frame.fill.method == "full" else int(probe.sum())
+    return split_probes(stages, int(hole.sum()), in_fill)
+
+
+def _estimate(frame: StereoFrame, run: Run) -> dict[str, float | None] | None:
+    estimate = frame.refinement.estimate
+    if estimate is None:
+        return None
+    return {
+        "noise_ratio": estimate.noise_ratio,
+        "low": estimate.low,
+        "high": estimate.high,
+        "promise": run.accuracy.promise,
+    }

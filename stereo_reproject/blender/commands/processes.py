@@ -1,0 +1,41 @@
+"""How another process of this Blender is started."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from ...errors import BadInputError
+from ...jobs.worker_process import PACKAGE
+
+UNSAVED = "Unsaved.blend"
+"""What Blender's path templates call a file that was never saved."""
+
+
+def module_in_blender(name: str) -> Sequence[str] | None:
+    """What runs a module of this package in this very Blender, without a window and without add-ons; None where Blender
+    is a Python module, and `worker_process.module_command` does it."""
+    if not bpy.app.binary_path:
+        return None
+    environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
+    main = f"from {PACKAGE}.{name} import main; main()"
+    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", main]
+
+
+def save_copy(folder: Path) -> Path:
+    """The open file as it is now in a folder, unsaved changes included; what it refers to is found from there too.
+
+    It is called as the file is: Blender's path templates know that name. Raises BadInputError.
+    """
+    blend = folder / (Path(bpy.data.filepath).name or UNSAVED)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True, relative_remap=True, compress=False)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise BadInputError(
+            f"no copy of the file can be saved in {folder} ({reason}): free some space there, or set another folder for"
+            " temporary files in the preferences"
+        ) from error
+    return blend

@@ -1,0 +1,104 @@
+"""Pictures denoised by Cycles' own denoiser, apart from any render: to the bit what it makes of a render of its own.
+
+Cycles denoises files for whoever renders an animation first and denoises it afterwards. It takes a view layer's
+settings, its device and its denoiser, OpenImageDenoise or OptiX, as it does after a render.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInputError, StereoReprojectError
+from ...images.exr import read_channels, write_channels
+from ...images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from ..scene.working import changed, rendered_layer
+
+ALBEDO, NORMAL, DEPTH = "Denoising Albedo", "Denoising Normal", "Denoising Depth"
+
+GUIDES = (ALBEDO, NORMAL, DEPTH, "Denoising Specular Albedo", "Denoising Roughness")
+"""All that Blender adds to a render for the sake of denoising it."""
+
+CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))
+"""The passes that are denoised or guide it: by our name, by Blender's, and their channels."""
+
+
+@contextmanager
+def left_noisy(scene: bpy.types.Scene) -> Iterator[None]:
+    """A working scene rendered without denoising, with all that it takes to denoise its pictures afterwards."""
+    layer = rendered_layer(scene)
+    with changed(scene.cycles, use_denoising=False), changed(layer.cycles, denoising_store_passes=True):
+        yield
+
+
+def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:
+    """The colours (H, W, 3), scene-linear, of pictures of one size without their noise; see `denoising.Denoise`.
+
+    scene is a working scene that Cycles renders, folder is private. Raises StereoReprojectError.
+    """
+    layer = rendered_layer(scene)
+    with tempfile.TemporaryDirectory(dir=folder) as own, changed(scene.cycles, use_denoising=True):
+        before, after = Path(own) / "noisy.exr", Path(own) / "clean.exr"
+        channels, texts = _as_layers(pictures)
+        write_channels(before, channels, texts)
+        override = bpy.context.temp_override(scene=scene, view_layer=layer)
+        try:
+            with override:  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                bpy.ops.cycles.denoise_animation(input_filepath=str(before), output_filepath=str(after))
+        except RuntimeError as error:
+            raise _failed(" ".join(str(error).split())) from error
+        if not after.exists():
+            raise BadInputError("the denoiser gave nothing back: is the disk full?")
+        clean = read_channels(after)
+    return [_of_layer(clean, name) for name in map(_layer_name, range(len(pictures)))]
+
+
+def _failed(reason: str) -> StereoReprojectError:
+    if "file" in reason.lower():
+        return BadInputError(f"the denoiser cannot pass its pictures on ({reason}): is the disk full?")
+    return StereoReprojectError(f"the denoiser failed: {reason}")
+
+
+def _layer_name(number: int) -> str:
+    return f"Picture{number}"
+
+
+def _as_layers(pictures: Sequence[Passes]) -> tuple[dict[str, NDArray], dict[str, str]]:
+    """The channels of a file that has each picture as a view layer, and the texts that Cycles looks for in it.
+
+    Cycles denoises its buffers, whose first row is the lowest, and asks for a pass that it has no use for here.
+    """
+    channels: dict[str, NDArray] = {}
+    texts: dict[str, str] = {}
+    for number, picture in enumerate(pictures):
+        name = _layer_name(number)
+        for ours, theirs, letters in CHANNELS:
+            for k, letter in enumerate(letters):
+                channels[f"{name}.{theirs}.{letter}"] = np.ascontiguousarray(picture[ours][::-1, :, k], np.float32)
+        nothing = np.zeros(picture[NOISY_PASS].shape[:2], np.float32)
+        channels.update({f"{name}.Vector.{letter}": nothing for letter in "XYZW"})
+        texts[f"cycles.{name}.samples"] = "1"
+    return channels, texts
+
+
+def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+    return np.stack([channels[f"{name}.{COLOUR_PASS}.{letter}"] for letter in "RGB"], axis=-1)[::-1]
+
+
+def guided_by(passes: Passes, *, keep: bool) -> Passes:
+    """A render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them.
+
+    Raises BadInputError where one is missing, which is how a full disk shows.
+    """
+    if not {ALBEDO, NORMAL, DEPTH} <= set(passes):
+        raise BadInputError("the render result has nothing to guide the denoiser: is the disk full?")
+    ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
+    if keep:
+        return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}
+    return {name: image for name, image in passes.items() if name not in GUIDES} | ours

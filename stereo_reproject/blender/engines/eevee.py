@@ -1,0 +1,177 @@
+"""A pair whose source EEVEE renders: the working scene is EEVEE's, and a copy of it traces the holes with Cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from ...matching.matching import Traced
+from ...trace.fill import SourceCost
+from ...views.camera import Camera, ray_length_per_depth
+from ..scene.denoiser import has_denoiser
+from ..scene.engine_support import engine_warnings, unmatched_materials
+from ..scene.working import CYCLES, rendered_layer
+from .denoise import ALBEDO, NORMAL, denoise_pictures
+from .hole_camera import trace_packed
+from .mask_card import trace_card
+from .render import Rendered
+from .renderer import BlenderRenderer, cost_of, render_target
+
+MOST_SAMPLES = 32
+"""Of a traced pixel: what is learned from the ring rests on features that have little noise, and it is a preview."""
+
+SKY = 0.99
+"""Share of the clip end's depth from which EEVEE shows sky, or what can hardly be told from it."""
+
+SPECULAR, MEAN_DEPTH = "Denoising Specular Albedo", "Denoising Depth"
+
+SEEN = ("Environment", "Emission", "Env", "Emit")
+"""Passes of the light that comes straight from what shines, as Blender 5 and as 4.5 name them."""
+
+
+@contextmanager
+def renderer_of(
+    scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None
+) -> Iterator[BlenderRenderer]:
+    """The renderer for a working scene, by its engine."""
+    if scene.render.engine == CYCLES:
+        yield BlenderRenderer(scene, folder, user_scene=user_scene)
+        return
+    renderer = EeveeRenderer(scene, folder, user_scene=user_scene)
+    try:
+        yield renderer
+    finally:
+        renderer.close()
+
+
+class EeveeRenderer(BlenderRenderer):
+    """Renders whole eyes with EEVEE, and traces with Cycles."""
+
+    foreign = True
+
+    @property
+    def warnings(self) -> list[str]:
+        return engine_warnings(self.scene)
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
+        super().__init__(scene, folder, user_scene=user_scene)
+        self._tracing: str | None = None
+        self._last: Rendered | None = None
+        self._target: Camera | None = None
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """The source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
+        passes, cost = super().render_source(view)
+        return self._sky_marked(passes), cost
+
+    def _sky_marked(self, passes: Passes) -> Passes:
+        depth = passes[DEPTH_PASS]
+        return {**passes, DEPTH_PASS: np.where(depth >= SKY * self.lens.far, np.float32(np.inf), depth)}
+
+    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        return self.cycles_blockers(deepest)
+
+    def close(self) -> None:
+        """Take the tracing scene out again."""
+        scene = None if self._tracing is None else bpy.data.scenes.get(self._tracing)
+        if scene is not None:
+            # Frees what Cycles keeps between renders.
+            scene.render.use_persistent_data = False
+            bpy.data.scenes.remove(scene)
+        self._tracing = None
+
+    def trace(
+        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
+    ) -> Passes:
+        assert twice is None, "EEVEE's pixels are not probed"
+        if method == "full":
+            return self._sky_marked(render_target(self, view, pixels, seed=self.seed))
+        scene, self._target = self._tracing_scene(), self.cameras[view]
+        seed = self._next_seed()
+        if method == "card":
+            self._last, passes = trace_card(scene, view, pixels, self.folder, seed=seed)
+        else:
+            places = np.argwhere(pixels)
+            self._last, passes = trace_packed(scene, self.cameras[view], view, places, self.folder, seed=seed)
+        # Cycles gives the mean of the rays' lengths from where they are clipped, in place of depths.
+        rows, columns = np.nonzero(pixels)
+        slant = ray_length_per_depth(self.cameras[view], columns + 0.5, rows + 0.5)
+        mean_depth = passes[MEAN_DEPTH] / np.reshape(slant, (-1, 1)) + self.lens.near
+        return {**passes, MEAN_DEPTH: mean_depth.astype(np.float32)}
+
+    def trace_cost(self) -> SourceCost:
+        assert self._last is not None
+        return cost_of(self._last)
+
+    def traced_features(self, passes: Passes) -> Traced:
+        nothing = np.zeros_like(passes[ALBEDO])
+        seen = sum((passes[name] for name in SEEN if name in passes), nothing)
+        albedo = _numbers(passes[ALBEDO] - seen)
+        depth = passes[DEPTH_PASS][:, 0]
+        known = np.isfinite(depth) & (depth > 0.0)
+        return Traced(
+            colour=_numbers(passes[COLOUR_PASS][:, :3]),
+            seen=_numbers(seen),
+            albedo=np.clip(albedo, 0.0, 1.0),
+            specular=np.clip(_numbers(passes.get(SPECULAR, nothing)), 0.0, 1.0),
+            normal=_numbers(passes[NORMAL]),
+            nearness=np.divide(1.0, depth, out=np.zeros_like(depth), where=known),
+            mean_depth=_numbers(passes[MEAN_DEPTH][:, 0]),
+            # No surface reflects more than there is: Cycles follows what is sharp to the light behind it.
+            refracts=albedo.max(axis=-1) > 1.0,
+        )
+
+    def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:
+        if not has_denoiser(self.scene):
+            return colour
+        nothing = np.zeros_like(colour)
+        picture = {NOISY_PASS: colour, ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
+        return denoise_pictures(self._tracing_scene(), [picture], self.folder)[0]
+
+    def unmatchable(self) -> str | None:
+        if self.scene.render.film_transparent:
+            return "the film is transparent, and light cannot be matched where there is none"
+        return unmatched_materials(self.scene, self.cameras.values())
+
+    def _tracing_scene(self) -> bpy.types.Scene:
+        """The copy that Cycles renders, made when it is first asked for; by name, as `working_scene` holds its own."""
+        if self._tracing is None:
+            copy = self.scene.copy()
+            self._tracing = copy.name
+            _set_up_tracing(copy)
+            rendered_layer(copy).update()
+        return bpy.data.scenes[self._tracing]
+
+
+def _set_up_tracing(scene: bpy.types.Scene) -> None:
+    cycles = scene.cycles
+    scene.render.engine = CYCLES
+    scene.driver_remove("cycles.seed")
+    cycles.samples = min(cycles.samples, MOST_SAMPLES)
+    cycles.use_denoising = False
+    # EEVEE knows nothing of it.
+    cycles.film_exposure = 1.0
+    # Of EEVEE's own pixels the denoiser has nothing to be guided by.
+    if has_denoiser(scene):
+        cycles.denoiser = "OPENIMAGEDENOISE"
+    cycles.denoising_input_passes = "RGB"
+    cycles.denoising_prefilter = "ACCURATE"
+    # EEVEE knows neither; and from a later sample on, Cycles has no depth.
+    cycles.time_limit, cycles.use_sample_subset = 0.0, False
+    # EEVEE's filter is as wide as this says, of the same shape.
+    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+    cycles.filter_width = max(scene.render.filter_size, 0.01)
+    layer = rendered_layer(scene)
+    layer.samples = 0
+    layer.use_pass_environment = layer.use_pass_emit = True
+    layer.cycles.denoising_store_passes = True
+
+
+def _numbers(values: NDArray) -> NDArray[np.float32]:
+    return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)

@@ -1,0 +1,268 @@
+"""The packed fill: one small render whose pixels are the target's holes, side by side (see hole_camera.osl)."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import StereoReprojectError
+from ...images.exr import write_table
+from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
+from ...trace.packing import Packing, pack
+from ...trace.pixel_filter import sample_offsets
+from ...views.camera import Camera, PerspectiveCamera
+from ...warp.motion import motion_from_directions
+from ..scene.effects import has_grease_pencil, is_animated, uses_output
+from ..scene.motion import vector_pass_asked_for
+from ..scene.readers import what_reads
+from ..scene.rig import FrameRegion, frame_region
+from ..scene.visible import aperture_radius
+from ..scene.working import changed, evaluated
+from .render import Rendered, render_views
+
+UPWARDS_FROM = (5, 0, 0)
+"""Version of Blender from which textures in OSL are expected to have t upwards; the shader looks for itself."""
+
+BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
+"""What stands in the shader for the pixel filter's offsets."""
+
+PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
+"""How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
+share their random numbers: both traces of a probe would have one noise, and seem to have none."""
+
+OF_RENDER = (
+    "resolution_x",
+    "resolution_y",
+    "resolution_percentage",
+    "use_border",
+    "pixel_aspect_x",
+    "pixel_aspect_y",
+)
+"""Render settings that a packed picture has of its own."""
+
+OF_CAMERA = ("type", "custom_mode", "shift_x", "shift_y", "stereo.convergence_mode")
+"""Properties of the camera's data that are others in it."""
+
+OTHERS = frozenset(
+    (
+        *(f"render.{name}" for name in OF_RENDER),
+        *(f"camera.data.{name}" for name in OF_CAMERA),
+        *(f"cycles.{name}" for name in PACKED_SAMPLING),
+    )
+)
+"""All of them, as drivers name them."""
+
+SHADER = Path(__file__).with_name("hole_camera.osl")
+
+
+def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
+    """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
+    without_osl = missing_osl_cameras(scene)
+    if without_osl is not None:
+        return without_osl
+    camera = evaluated(scene.camera, scene).data
+    checks = {
+        "the camera is orthographic": camera.type != "PERSP",
+        "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
+        and scene.cycles.rolling_shutter_type != "NONE",
+        "the lens is animated and motion blur is on": scene.render.use_motion_blur and is_animated(scene.camera.data),
+        "the lens is animated and the Vector pass is on": vector_pass_asked_for(scene)
+        and is_animated(scene.camera.data),
+        "adaptive subdivision follows the camera": _uses_adaptive_subdivision(scene),
+        "camera culling follows the camera": scene.render.use_simplify
+        and (scene.cycles.use_camera_cull or scene.cycles.use_distance_cull),
+        "a material uses Window coordinates": uses_output("ShaderNodeTexCoord", "Window"),
+        "Grease Pencil is drawn over the finished render": has_grease_pencil(scene),
+        # A custom camera's rays end at that distance, a perspective camera's at that depth.
+        "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
+    }
+    return next((reason for reason, blocks in checks.items() if blocks), None) or what_reads(scene, OTHERS)
+
+
+def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
+    """Why Cycles cannot render an OSL camera on the scene's device, whatever it shows, or None."""
+    if not _has_osl():
+        return "this Blender is built without OSL"
+    return None if _device_has_osl(scene) else "the device has no OSL cameras (only CPU and OptiX do)"
+
+
+def _corner(eye: Camera) -> float:
+    """How much longer the ray to the farthest corner of the view plane is than its depth."""
+    plane = eye.plane
+    reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
+    return float(np.linalg.norm((reach_x, reach_y, 1.0)))
+
+
+def _has_osl() -> bool:
+    import _cycles  # pyright: ignore[reportMissingImports]
+
+    return bool(_cycles.with_osl)
+
+
+def _device_has_osl(scene: bpy.types.Scene) -> bool:
+    if scene.cycles.device == "CPU":
+        return True
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    return preferences.compute_device_type in ("NONE", "OPTIX")
+
+
+def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
+    for item in scene.objects:
+        settings = getattr(item, "cycles", None)
+        if getattr(settings, "use_adaptive_subdivision", False):
+            return True
+        if any(getattr(modifier, "use_adaptive_subdivision", False) for modifier in item.modifiers):
+            return True
+    return False
+
+
+def trace_packed(
+    scene: bpy.types.Scene, target: Camera, view: str, places: NDArray[np.intp], folder: Path, *, seed: int
+) -> tuple[Rendered, Passes]:
+    """Trace the target pixels at `places` (N, 2), row and column, of which some may be the same; passes as (N, C)."""
+    packing = pack(places)
+    size = packing.width, packing.height
+    with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, *size, Path(tables)) as path:
+        write_table(path, _table(places, packing))
+        rendered = render_views(scene, (view,), folder, seed=seed)
+    flat = {name: image.reshape(-1, image.shape[2])[packing.at] for name, image in rendered.views[view].items()}
+    return rendered, _as_plain_camera_has_them(flat, target, places, frame_region(scene.render))
+
+
+def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.intp], region: FrameRegion) -> Passes:
+    """The passes (N, C) of a custom camera; those in which Cycles treats it differently are converted."""
+    assert isinstance(target, PerspectiveCamera)
+    x, y = places[:, 1] + 0.5, places[:, 0] + 0.5
+    converted = dict(flat)
+    if DEPTH_PASS in flat:
+        # The distance from it.
+        _, through = target.ray_from_px(x, y)
+        along = np.sqrt(through[0] ** 2 + through[1] ** 2 + 1.0)
+        converted[DEPTH_PASS] = (flat[DEPTH_PASS] / along[:, None]).astype(np.float32)
+    if VECTOR_PASS in flat:
+        sky = np.isposinf(flat[DEPTH_PASS][:, 0])
+        corner = (-region.left, region.full_height - region.top)
+        converted[VECTOR_PASS] = motion_from_directions(flat[VECTOR_PASS], target, x, y, sky=sky, corner=corner)
+    return converted
+
+
+def _table(places: NDArray[np.intp], packing: Packing) -> NDArray[np.float32]:
+    """(height, width, 4): target column and row of each packed pixel, -1 where there is none; then the table's own
+    row."""
+    table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
+    table[packing.at, :2] = places[:, ::-1]
+    table = table.reshape(packing.height, packing.width, 4)
+    table[..., 2] = np.arange(packing.height)[:, None]
+    return table
+
+
+@contextmanager
+def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, folder: Path) -> Iterator[Path]:
+    """The scene as the packed render needs it; yields the path on which it expects its table."""
+    assert isinstance(target, PerspectiveCamera)
+    # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
+    table = folder / "table.exr"
+    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
+    size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    whole = {"use_border": False, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+    with ExitStack() as restored:
+        packed = restored.enter_context(_lens_to_set(scene))
+        restored.enter_context(changed(scene.render, **size, **whole))
+        restored.enter_context(changed(scene.cycles, **PACKED_SAMPLING))
+        restored.enter_context(_set_camera(packed, target, (width, height), table, bytecode))
+        yield table
+
+
+@contextmanager
+def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
+    """The working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
+
+    Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
+    """
+    eye = scene.camera
+    plain: bpy.types.Camera = eye.data  # pyright: ignore[reportAssignmentType] - a camera object has no other data
+    if not is_animated(plain):
+        yield plain
+        return
+    packed = plain.copy()
+    try:
+        _set_lens(packed, evaluated(eye, scene).data)
+        eye.data = packed
+        yield packed
+    finally:
+        eye.data = plain
+        bpy.data.cameras.remove(packed)
+
+
+def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
+    """What `plain`, the evaluated camera, is in the frame that is rendered; nothing of it is animated any more."""
+    packed.animation_data_clear()
+    for name in ("clip_start", "clip_end", "lens"):
+        setattr(packed, name, getattr(plain, name))
+    for name in ("interocular_distance", "convergence_distance"):
+        setattr(packed.stereo, name, getattr(plain.stereo, name))
+    for name in ("focus_distance", "aperture_fstop", "aperture_blades", "aperture_rotation", "aperture_ratio"):
+        setattr(packed.dof, name, getattr(plain.dof, name))
+    packed.dof.use_dof = plain.dof.use_dof
+
+
+@contextmanager
+def _set_camera(
+    packed: bpy.types.Camera,
+    target: PerspectiveCamera,
+    size: tuple[int, int],
+    table: Path,
+    bytecode: str,
+) -> Iterator[None]:
+    """The camera as the hole camera, for a while."""
+    packed.custom_mode = "INTERNAL"
+    packed.custom_bytecode = bytecode
+    packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
+    plane = target.plane
+    parameters = packed.cycles_custom
+    parameters["table"] = str(table)
+    parameters["size"] = (float(size[0]), float(size[1]), 0.0)
+    parameters["plane_corner"] = (float(plane.left), float(plane.top), 0.0)
+    parameters["plane_step"] = (
+        float((plane.right - plane.left) / target.width),
+        float((plane.top - plane.bottom) / target.height),
+        0.0,
+    )
+    parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
+    parameters["near_clip"] = float(packed.clip_start)
+    parameters["aperture_size"] = aperture_radius(packed)
+    mode = packed.stereo.convergence_mode
+    # Blender would shift a custom camera's raster positions; the view plane holds the shifts already.
+    with (
+        changed(packed.stereo, convergence_mode="PARALLEL" if mode == "OFFAXIS" else mode),
+        changed(packed, type="CUSTOM", shift_x=0.0, shift_y=0.0),
+    ):
+        yield
+
+
+@cache
+def _bytecode(pixel_filter: str, width: float) -> str:
+    """The camera's shader with this pixel filter, compiled by the Blender that runs it.
+
+    Raises StereoReprojectError.
+    """
+    import _cycles  # pyright: ignore[reportMissingImports]
+
+    offsets = sample_offsets(pixel_filter, width)
+    numbers = ", ".join(f"{offset:.9g}" for offset in offsets)
+    source = SHADER.read_text(encoding="utf-8")
+    assert BOX_OFFSETS in source
+    with tempfile.TemporaryDirectory() as folder:
+        shader, compiled = Path(folder) / SHADER.name, Path(folder) / "hole_camera.oso"
+        shader.write_text(source.replace(BOX_OFFSETS, f"offsets[{offsets.size}] = {{{numbers}}}"), encoding="utf-8")
+        if not _cycles.osl_compile(str(shader), str(compiled)):
+            raise StereoReprojectError(f"Blender's OSL compiler does not take {SHADER.name}: use --fill card")
+        return compiled.read_text()

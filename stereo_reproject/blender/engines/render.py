@@ -1,0 +1,105 @@
+"""One render call: a view, or both, of a working scene, into arrays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import BadInputError, StereoReprojectError
+from ...images.exr import read_render
+from ...images.passes import Passes
+from ..scene.working import CYCLES, changed, rendered_layer
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """Passes by view name; seconds of the render call, and those of it that Cycles spent on syncing the scene.
+
+    attributes are the texts in the header of the file that Blender wrote.
+    """
+
+    views: dict[str, Passes]
+    seconds: float
+    sync_seconds: float
+    attributes: dict[str, str]
+
+
+def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *, seed: int | None = None) -> Rendered:
+    """Render these views of a scene that `working_scene` set up. Raises StereoReprojectError when Blender cannot."""
+    for view in scene.render.views:
+        view.use = view.name in views
+    path = folder / "render.exr"
+    _write_exr(scene.render, path)
+    start = time.perf_counter()
+    # The scene may stay for the next frame, whose seed must not follow from what was rendered before.
+    seeded = {} if seed is None or scene.render.engine != CYCLES else {"seed": seed}
+    try:
+        with changed(scene.cycles, **seeded):
+            result = call_render(scene, write_still=True)
+    except RuntimeError as error:
+        raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
+    if "FINISHED" not in result or not path.exists():
+        raise BadInputError("the render was cancelled, or its result could not be written: is the disk full?")
+    seconds = time.perf_counter() - start
+    layer = rendered_layer(scene).name
+    passes: dict[str, Passes] = {}
+    attributes: dict[str, str] = {}
+    for view in views:
+        passes[view], attributes = read_render(path, layer=layer, view=view)
+    path.unlink()
+    sync = cycles_seconds(attributes, layer, "synchronization")
+    # For several views, Cycles counts the other views' render time as synchronization.
+    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0, attributes)
+
+
+def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
+    settings = render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth = "32"
+    settings.exr_codec = "NONE"
+    settings.views_format = "MULTIVIEW"
+    settings.color_management = "FOLLOW_SCENE"
+    render.filepath = output_path(path)
+    render.use_overwrite = True
+    render.use_placeholder = False
+
+
+def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
+    """Blender's render operator, for this scene; what the operator returns. By `how`, write_still or animation."""
+    # Told a scene by name it would take the local one where a linked one has the same, and the context's frame.
+    with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        return set(bpy.ops.render.render(**how))
+
+
+def output_path(path: Path) -> str:
+    """The path as an output path of Blender's, which takes {...} for a template."""
+    return str(path).replace("{", "{{").replace("}", "}}")
+
+
+def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
+    """Render settings with which files are written to an output path, whatever is there or switched off."""
+    files = {"filepath": path, "use_overwrite": True, "use_placeholder": False}
+    return {**files, "save_output": True} if hasattr(render, "save_output") else files
+
+
+def cycles_seconds(attributes: Mapping[str, str], layer: str, part: str) -> float:
+    """Seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
+    return _seconds(attributes.get(f"cycles.{layer}.{part}_time", ""))
+
+
+def _seconds(text: str) -> float:
+    """'01:02.50', as Cycles writes a duration, in seconds; 0 for anything else."""
+    total = 0.0
+    for part in text.split(":"):
+        try:
+            total = 60.0 * total + float(part)
+        except ValueError:
+            return 0.0
+    return total

@@ -1,0 +1,177 @@
+"""The renderer that the pipeline asks for pictures: a working scene, rendered by Blender."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.denoising import Denoise
+from ...images.effects import Effect
+from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
+from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from ...trace.fill import SourceCost
+from ..gpu.warp import gpu_stage
+from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
+from ..scene.denoiser import denoises
+from ..scene.effects import plan_effects
+from ..scene.motion import eyes_in_motion, vector_pass_asked_for
+from ..scene.rig import stereo_cameras
+from ..scene.visible import lens_of, volume_boxes
+from ..scene.working import CYCLES, evaluated, rendered_layer
+from .denoise import denoise_pictures, guided_by, left_noisy
+from .hole_camera import packed_blocker, trace_packed
+from .mask_card import card_blocker, trace_card
+from .ray_passes import RayPasses
+from .render import Rendered, render_views
+from .time_limit import (
+    count_samples,
+    has_time_limit,
+    samples_rendered,
+    why_uncounted,
+    without_counts,
+    without_time_limit,
+)
+
+FILL_SEED = 1_000_003
+"""Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
+
+
+class BlenderRenderer:
+    """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages.
+
+    user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
+    """
+
+    foreign = False
+    gpu = staticmethod(gpu_stage)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of the scene for being rendered this way."""
+        return []
+
+    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
+        self.scene = scene
+        self.folder = folder
+        self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
+        self.lens = lens_of(scene)
+        self.plan = plan_effects(scene, user_scene=user_scene)
+        self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
+        self.seed = scene.cycles.seed
+        self.motion = eyes_in_motion(scene, self.cameras) if vector_pass_asked_for(scene) else None
+        self.metadata: dict[str, str] = {}
+        self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
+        self.denoise: Denoise | None = None
+        self._rays: RayPasses | None = None
+        if denoises(scene):
+            self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
+            self._rays = RayPasses(scene, glossy=bool(self.plan.called_for & Effect.GLOSSY))
+        self._traces = 0
+        self.samples_rendered: int | None = None
+        """Of the source, where the scene has a time limit."""
+        self.uncounted: str | None = None
+        """Why those cannot be told, if they cannot: then nothing is traced."""
+
+    @property
+    def view_dependent(self) -> tuple[str, ...]:
+        """What may look different from each eye, in words."""
+        return self.plan.view_dependent
+
+    def _noisy(self) -> AbstractContextManager[None]:
+        return nullcontext() if self.denoise is None else left_noisy(self.scene)
+
+    def _guided(self, passes: Passes) -> Passes:
+        if self._rays is None:
+            return passes
+        return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
+        ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
+        if ours_too:
+            switch_on_cryptomatte(self.scene)
+        limited = has_time_limit(self.scene)
+        if limited:
+            count_samples(self.scene)
+        with self._noisy():
+            rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        if limited:
+            self.samples_rendered = samples_rendered(self.scene, rendered, view)
+            self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
+        self.metadata.update(rendered.attributes)
+        passes = without_counts(self.scene, self._guided(rendered.views[view]))
+        if self._rays is not None:
+            passes |= self._rays.of(rendered.views[view])
+        if not ours_too:
+            return self._as_asked_for(passes), cost_of(rendered)
+        layer = rendered_layer(self.scene).name
+        ours = {
+            EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
+            MATERIAL_PASS: material_pass(passes),
+        }
+        known = {name: image for name, image in ours.items() if image is not None}
+        return {**self._as_asked_for(passes), **known}, cost_of(rendered)
+
+    def _as_asked_for(self, passes: Passes) -> Passes:
+        """The passes without the materials' cryptomatte, if the user has not asked for it."""
+        if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
+            return passes
+        return {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
+
+    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        if self.scene.render.engine != CYCLES:
+            return dict.fromkeys(("packed", "card"), "the scene renders with EEVEE")
+        return self.cycles_blockers(deepest)
+
+    def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
+        """`fill_blockers` of whatever traces the scene with Cycles."""
+        return {
+            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
+            "card": self.uncounted or card_blocker(self.scene),
+        }
+
+    def trace(
+        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
+    ) -> Passes:
+        masks = [pixels] if twice is None else [pixels, twice]
+        # A whole render of the eye is one as the user asks for, with the limit.
+        enough = has_time_limit(self.scene) and method != "full"
+        with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
+            if method == "packed":
+                places = np.concatenate([np.argwhere(mask) for mask in masks])
+                seed = self._next_seed()
+                traced = trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=seed)[1]
+            else:
+                apart = [self._trace_whole(method, view, mask) for mask in masks]
+                traced = {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
+        return self._guided(traced)
+
+    def _trace_whole(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
+        seed = self._next_seed()
+        if method == "card":
+            return trace_card(self.scene, view, pixels, self.folder, seed=seed)[1]
+        return render_target(self, view, pixels, seed=seed)
+
+    def _next_seed(self) -> int:
+        """A seed that no render of this frame has had: noise that is there already must not come twice."""
+        self._traces += 1
+        return shifted_seed(self.seed, FILL_SEED * self._traces)
+
+
+def cost_of(rendered: Rendered) -> SourceCost:
+    return SourceCost(rendered.seconds, rendered.sync_seconds)
+
+
+def render_target(renderer: BlenderRenderer, view: str, pixels: NDArray[np.bool_], *, seed: int) -> Passes:
+    """A plain render of the view, as (N, C) of the given pixels."""
+    rendered = render_views(renderer.scene, (view,), renderer.folder, seed=seed)
+    return {name: image[pixels] for name, image in rendered.views[view].items()}
+
+
+def shifted_seed(seed: int, by: int) -> int:
+    """Another seed that Blender's property takes."""
+    return (seed + by) % (1 << 31)

@@ -1,0 +1,119 @@
+"""A scene with a time limit: its source is rendered with it, and its holes with the samples that the source came to.
+
+Cycles gives the whole limit to each view and each view layer (and to each tile of a picture beyond its tile size), so
+plain multiview has it for each eye. For the few pixels of a packed picture it would never end: they would be traced
+with all samples, which is neither what the source has nor what was asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...images.passes import Passes, cryptomatte_of
+from ...images.sample_count import sample_count
+from ..scene.cryptomatte import switch_on_cryptomatte
+from ..scene.rig import frame_region
+from ..scene.working import CYCLES, changed, rendered_layer
+from .render import Rendered, cycles_seconds
+
+COUNTS = "Debug Sample Count"
+OURS = "stereo_reproject_sample_count"
+"""Property of a working scene's view layer: that it was us who switched the sample count on."""
+
+HEADER_SECONDS = 0.02
+"""Error of the seconds in a file's header, which have two decimals."""
+
+LEAST_THRESHOLD = 0.001
+"""Of adaptive sampling where Cycles chooses the threshold by the samples."""
+
+UNCOUNTED = "the time limit ended the source after a number of samples that cannot be told"
+TILED = "the time limit ends each tile of a large picture after samples of its own"
+
+
+def has_time_limit(scene: bpy.types.Scene) -> bool:
+    return scene.render.engine == CYCLES and scene.cycles.time_limit > 0.0
+
+
+def count_samples(scene: bpy.types.Scene) -> None:
+    """Have a working scene rendered with what `samples_rendered` asks for, from now on."""
+    switch_on_cryptomatte(scene)
+    layer = rendered_layer(scene)
+    if scene.cycles.use_adaptive_sampling and not layer.cycles.pass_debug_sample_count:
+        layer.cycles.pass_debug_sample_count = layer[OURS] = True
+
+
+def without_counts(scene: bpy.types.Scene, passes: Passes) -> Passes:
+    """The passes without the sample count, if the user has not asked for it."""
+    return {name: image for name, image in passes.items() if name != COUNTS or OURS not in rendered_layer(scene)}
+
+
+def samples_rendered(scene: bpy.types.Scene, rendered: Rendered, view: str) -> int | None:
+    """The samples that a render with a time limit came to: those that were asked for where it was not reached.
+
+    None where they cannot be told.
+    """
+    name = rendered_layer(scene).name
+    asked = _of_subset(scene.cycles, int(rendered.attributes.get(f"cycles.{name}.samples", scene.cycles.samples)))
+    if cycles_seconds(rendered.attributes, name, "render") < scene.cycles.time_limit - HEADER_SECONDS:
+        return asked
+    if is_tiled(scene):
+        return None
+    passes = rendered.views[view]
+    levels = [image[..., 1::2] for key, image in sorted(passes.items()) if cryptomatte_of(key)]
+    return sample_count(np.concatenate(levels, axis=-1), passes.get(COUNTS), asked) if levels else None
+
+
+def is_tiled(scene: bpy.types.Scene) -> bool:
+    """Whether Cycles renders the picture in several tiles."""
+    region = frame_region(scene.render)
+    return scene.cycles.use_auto_tile and max(region.width, region.height) > scene.cycles.tile_size
+
+
+def why_uncounted(scene: bpy.types.Scene) -> str:
+    return TILED if is_tiled(scene) else UNCOUNTED
+
+
+def _of_subset(cycles: bpy.types.PropertyGroup, samples: int) -> int:
+    """How many of so many samples are rendered: all, or those of the subset that the user has chosen."""
+    if not cycles.use_sample_subset:
+        return samples
+    return max(min(cycles.sample_offset + cycles.sample_subset_length, samples) - cycles.sample_offset, 0)
+
+
+@contextmanager
+def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[None]:
+    """A scene rendered without its time limit, but with so many samples: the first of those that it asks for.
+
+    So a pixel has the samples that it would have had if the limit had ended it then, to the bit.
+    """
+    cycles = scene.cycles
+    values: dict[str, float | int | bool] = {"time_limit": 0.0}
+    if samples is not None:
+        first = cycles.sample_offset if cycles.use_sample_subset else 0
+        values |= {"use_sample_subset": True, "sample_offset": first, "sample_subset_length": samples}
+        values["adaptive_threshold"] = _threshold(cycles, _samples_asked_for(scene), samples)
+    with changed(cycles, **values):
+        yield
+
+
+def _samples_asked_for(scene: bpy.types.Scene) -> int:
+    """Samples of the rendered view layer, which may have a number of its own."""
+    cycles, own = scene.cycles, rendered_layer(scene).samples
+    if own <= 0 or cycles.use_layer_samples == "IGNORE":
+        return cycles.samples
+    return min(own, cycles.samples) if cycles.use_layer_samples == "BOUNDED" else own
+
+
+def _threshold(cycles: bpy.types.PropertyGroup, asked: int, samples: int) -> float:
+    """The threshold of adaptive sampling that makes a subset of so many samples stop where all of them would.
+
+    Cycles lowers it for a subset by the root of its share of the samples.
+    """
+    threshold = cycles.adaptive_threshold or max(LEAST_THRESHOLD, 1.0 / asked)
+    before = max(_of_subset(cycles, asked), 1)
+    return min(threshold * math.sqrt(before / min(samples, before)), 1.0)

@@ -1,0 +1,108 @@
+"""Arrays to the GPU and back, and shaders run on them: what of the gpu module the warp needs."""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+import gpu
+import numpy as np
+from numpy.typing import NDArray
+
+from .shaders import CONSTANTS, IMAGES, PROGRAMS, compile_program
+
+Constant = int | float | tuple[int, ...] | tuple[float, ...]
+
+
+class NoRoomError(RuntimeError):
+    """A texture that cannot be had: the GPU's memory is full, or this thread may not use it."""
+
+
+@cache
+def shader(name: str) -> gpu.types.GPUShader:
+    """One of `gpu_shaders.PROGRAMS`, compiled when it is first needed."""
+    return compile_program(PROGRAMS[name])
+
+
+# A shader that outlives Blender's GPU takes the process down with it. Blender as a module leaves by this way, too, and
+# whoever came last goes first.
+atexit.register(shader.cache_clear)
+
+
+def fold(width: int, height: int, texels: int) -> tuple[int, int] | None:
+    """Texels in a line and lines in a row of a picture of so many texels a pixel, None where no texture is large enough
+    for it."""
+    limit, row = gpu.capabilities.max_texture_size_get(), width * texels
+    for lines in range(-(-row // limit), limit // height + 1):
+        if row % lines == 0:
+            return row // lines, lines
+    return None
+
+
+def uploaded(values: NDArray[np.float32], size: tuple[int, int], *, lanes: int = 1) -> gpu.types.GPUTexture:
+    """A texture of 1 or 4 floats a texel, size (width, height), with values of that number in all."""
+    flat = np.ascontiguousarray(values, np.float32).ravel()
+    return _texture(size, "R32F" if lanes == 1 else "RGBA32F", gpu.types.Buffer("FLOAT", flat.size, flat))
+
+
+def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
+    """(height, width) or (height, width, 4) float32 of a texture of floats, uint32 of one of unsigned integers; signed
+    ones Blender does not read.
+
+    Nothing is copied.
+    """
+    return np.asarray(texture.read())
+
+
+@dataclass
+class Bench:
+    """The constants of the shaders, and the textures that they hand each other: "x" is for shaders "x_map" to read and
+    "x_image" to write."""
+
+    constants: dict[str, Constant]
+    textures: dict[str, gpu.types.GPUTexture] = field(default_factory=dict)
+
+    def create(self, name: str, size: tuple[int, int], *, fill: int | None = None) -> gpu.types.GPUTexture:
+        """A texture to be written, size (width, height)."""
+        kind, access, _ = IMAGES[f"{name}_image"]
+        texture = _texture(size, kind)
+        if fill is not None:
+            texture.clear(format=access.partition("_")[0], value=(fill,))
+        self.textures[name] = texture
+        return texture
+
+    def drop(self, *names: str) -> None:
+        """Free the memory of textures that are not needed any more."""
+        for name in names:
+            self.textures.pop(name, None)
+
+    def run(self, name: str, size: tuple[int, int], *, layers: int = 1, **constants: Constant) -> None:
+        """Run a shader on each of (width, height) places, as many times as there are layers."""
+        program, compiled = PROGRAMS[name], shader(name)
+        compiled.bind()
+        for sampler in program.samplers:
+            compiled.uniform_sampler(sampler, self.textures[sampler.removesuffix("_map")])
+        for image in program.images:
+            compiled.image(image, self.textures[image.removesuffix("_image")])
+        _set_constants(compiled, {key: ({**self.constants, **constants})[key] for key in program.constants})
+        groups_x, groups_y = (-(-length // group) for length, group in zip(size, program.group, strict=True))
+        gpu.compute.dispatch(compiled, groups_x, groups_y, layers)
+
+
+def _set_constants(compiled: gpu.types.GPUShader, constants: Mapping[str, Constant]) -> None:
+    for name, value in constants.items():
+        if CONSTANTS[name].startswith("I"):
+            compiled.uniform_int(name, value)
+        else:
+            compiled.uniform_float(name, value)
+
+
+def _texture(size: tuple[int, int], kind: str, data: gpu.types.Buffer | None = None) -> gpu.types.GPUTexture:
+    try:
+        if data is None:
+            return gpu.types.GPUTexture(size, format=kind)
+        return gpu.types.GPUTexture(size, format=kind, data=data)
+    except RuntimeError as error:
+        raise NoRoomError(str(error)) from error

@@ -1,0 +1,308 @@
+"""The warp stage on the GPU: what `carrying.carry` does with numpy, by the compute shaders of `gpu_shaders`.
+
+The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait
+for the answer. All that follows stays there, and every picture goes there and comes back once.
+
+float32 is all that there is. What numpy computes in doubles is computed with differences here (`_moves`), so that what
+the two disagree on is what rounding decides: an edge within some 1e-5 px of a pixel's centre, a step in depth that is
+just about a tear.
+"""
+
+from __future__ import annotations
+
+import threading
+from functools import cache
+from typing import Any
+
+import gpu
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.passes import COLOUR_PASS, DEPTH_PASS, Passes
+from ...views.camera import (
+    Camera,
+    OrthographicCamera,
+    PerspectiveCamera,
+    ViewPlane,
+    disparity_per_nearness,
+    target_from_source,
+)
+from ...warp import carrying
+from ...warp.carrying import Carried
+from ...warp.composite import passes_seen
+from ...warp.depth_steps import TEAR
+from ...warp.forward import Warp
+from ...warp.grid import CELL, Grid, build_grid
+from ...warp.motion import Moving
+from ...warp.rectified import Shift, shift_of
+from ...warp.stage import WarpStage
+from .context import in_silence, started
+from .textures import Bench, Constant, NoRoomError, downloaded, fold, uploaded
+
+NOTHING, LOWEST = -1, -(2**31)
+"""Keys that are less than any that an owner has, of intervals and of nearness."""
+
+SAME_COLOUR, SAME_COVERAGE = 1e-3, 0.01
+"""What may be between the GPU and numpy in the trial, in colour, and as a share of the few pixels there."""
+
+
+def usable() -> str | None:
+    """The GPU's name, None where there is none that warps as numpy does. Tried once per process, in silence.
+
+    None in any thread but the main one, whose GPU it is.
+    """
+    return None if _given_up or threading.current_thread() is not threading.main_thread() else _tried()
+
+
+def gpu_stage() -> WarpStage | None:
+    """The GPU as one that carries pixels over; None where it cannot. To find that out takes a while, once."""
+    device = usable()
+    return None if device is None else WarpStage(carry, device)
+
+
+_given_up: list[str] = []
+"""Why the GPU is not asked any more in this process."""
+
+
+@cache
+def _tried() -> str | None:
+    try:
+        with in_silence():
+            if started() and _agrees(0.0, "linear") and _agrees(0.02, "cubic"):
+                return gpu.platform.renderer_get()
+    # SystemError without a GPU, others where a driver fails; Exception itself is what a shader's compilation raises.
+    except Exception:  # noqa: BLE001 - whatever it is, there is no GPU that works
+        return None
+    return None
+
+
+def carry(
+    source: Passes,
+    source_camera: Camera,
+    target_camera: Camera,
+    *,
+    grid_threshold: float = 1.0,
+    interpolation: str = "linear",
+    colour_interpolation: str | None = None,
+    motion: tuple[Moving, Moving] | None = None,
+) -> Carried:
+    """What `carrying.carry` does, on the GPU; by numpy where there is none, and for what does not fit into it."""
+    options: dict[str, Any] = {
+        "grid_threshold": grid_threshold,
+        "interpolation": interpolation,
+        "colour_interpolation": colour_interpolation,
+        "motion": motion,
+    }
+    if usable() is not None and _fits(source, source_camera, target_camera):
+        try:
+            return _carried(source, source_camera, target_camera, **options)
+        # What does not fit is known when the memory is asked for.
+        except NoRoomError:
+            pass
+        # As in the trial. The frame is numpy's then, and so are all others.
+        except Exception as error:  # noqa: BLE001 - whatever a driver does, numpy still can
+            _given_up.append(str(error))
+    return carrying.carry(source, source_camera, target_camera, **options)
+
+
+def _fits(source: Passes, source_camera: Camera, target_camera: Camera) -> bool:
+    """Whether the shaders know these cameras, and textures are large enough."""
+    kind = type(source_camera)
+    if kind is not type(target_camera) or kind not in (PerspectiveCamera, OrthographicCamera):
+        return False
+    cameras = (source_camera, target_camera)
+    longest = max(max(camera.width, camera.height) for camera in cameras) + 2
+    texels = {image.shape[-1] // _lanes(image) for image in source.values()}
+    folds = [fold(camera.width, camera.height, each) for camera in cameras for each in texels]
+    return longest <= gpu.capabilities.max_texture_size_get() and None not in folds
+
+
+def _carried(
+    source: Passes,
+    source_camera: Camera,
+    target_camera: Camera,
+    *,
+    grid_threshold: float,
+    interpolation: str,
+    colour_interpolation: str | None,
+    motion: tuple[Moving, Moving] | None,
+) -> Carried:
+    depth = source[DEPTH_PASS]
+    grid = build_grid(depth[..., 0], source_camera, target_camera, threshold=grid_threshold, most=TEAR)
+    bench = _bench(depth, source_camera, target_camera, grid)
+    try:
+        bench.create("cut", _size(source_camera))
+        bench.run("cuts", _size(source_camera))
+        warp = _warped(bench, source_camera, target_camera)
+        empty = _empty(bench, source_camera, target_camera)
+        passes = passes_seen(
+            source,
+            warp,
+            _target_depth(bench, source_camera, target_camera),
+            (source_camera, target_camera),
+            lambda image, how: _looked_up(bench, image, how, target_camera),
+            interpolation=interpolation,
+            colour_interpolation=colour_interpolation,
+            motion=motion,
+        )
+    finally:
+        gpu.shader.unbind()
+    return Carried(passes, grid, warp, empty, by="gpu")
+
+
+def _size(camera: Camera) -> tuple[int, int]:
+    return camera.width, camera.height
+
+
+def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> Bench:
+    """What all shaders are given, the depth (H, W, 1) and the grid among it."""
+    rows, columns = grid.subdivided.shape
+    constants: dict[str, Constant] = {
+        "source_size": _size(source),
+        "target_size": _size(target),
+        "cell_count": (columns, rows),
+        "is_parallel": int(isinstance(source, OrthographicCamera)),
+        "disparity_scale": disparity_per_nearness(source, target),
+    }
+    split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
+    return Bench(constants, {"depth": uploaded(depth, _size(source)), "split": split})
+
+
+def _warped(bench: Bench, source: Camera, target: Camera) -> Warp:
+    """The warp (H, W), which stays on the bench as well: "x", "y" and "near"."""
+    shift = shift_of(source, target)
+    for name in ("x", "y", "near"):
+        bench.create(name, _size(target))
+    if shift is None:
+        _draw(bench, source, target)
+    else:
+        _along_rows(bench, source, target, shift)
+    bench.drop("cut", "split", "owner")
+    return Warp(*(downloaded(bench.textures[name]) for name in ("x", "y", "near")))
+
+
+def _along_rows(bench: Bench, source: Camera, target: Camera, shift: Shift) -> None:
+    """As `rectified.warp_rows` does."""
+    width, height = _size(source)
+    bench.create("corner", (width + 2, height))
+    bench.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
+    bench.create("owner", _size(target), fill=NOTHING)
+    key_way = (width, -1) if shift.per_nearness > 0.0 else (0, 1)
+    bench.run("intervals", (width + 1, height), key_way=key_way)
+    bench.run("places", _size(target), key_way=key_way)
+    bench.drop("corner")
+
+
+def _draw(bench: Bench, source: Camera, target: Camera) -> None:
+    """As `quads.draw_quads` does; with no depth test of the GPU's, whose corners it would round to 1/256 px."""
+    width, height = _size(source)
+    moves = _moves(source, target)
+    bench.create("vertex", (width + 2, height + 2))
+    bench.run("vertices", (width + 2, height + 2), **moves)
+    for name in ("owner", "drawn"):
+        bench.create(name, _size(target), fill=LOWEST)
+    broad = bench.create("broad", (1, 1), fill=0)
+    for to_settle in (0, 1):
+        bench.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
+        bench.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
+    bench.run("settled", _size(target))
+    if downloaded(broad).any():
+        raise NoRoomError("a quad covers more pixels than one invocation of a shader should fill")
+    bench.drop("vertex", "drawn", "broad")
+
+
+def _empty(bench: Bench, source: Camera, target: Camera) -> NDArray[np.uint16]:
+    """(H, W) as `holes.empty_reasons` has it."""
+    for name in ("before", "after"):
+        bench.create(name, _size(target))
+    bench.run("neighbours", (target.height, 1))
+    flags = bench.create("flag", _size(target))
+    bench.run("flags", _size(target), **_moves(target, source))
+    bench.drop("before", "after", "flag", "near")
+    return downloaded(flags).astype(np.uint16)
+
+
+def _target_depth(bench: Bench, source: Camera, target: Camera) -> NDArray[np.float32]:
+    """(H, W) as `composite` has it."""
+    result = bench.create("result", _size(target))
+    bench.run("depth", _size(target), **_moves(source, target))
+    bench.drop("depth", "result")
+    return downloaded(result)
+
+
+def _lanes(image: NDArray) -> int:
+    """How many channels of a pass are looked up at once."""
+    return 4 if image.shape[-1] == 4 else 1
+
+
+def _looked_up(bench: Bench, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
+    """(h, w, C): `lookup.lookup` of a pass (H, W, C)."""
+    height, width, channels = image.shape
+    lanes = _lanes(image)
+    texels = channels // lanes
+    source_fold, target_fold = fold(width, height, texels), fold(target.width, target.height, texels)
+    if source_fold is None or target_fold is None:
+        raise NoRoomError(f"{width} x {height} pixels of {channels} channels are more than a texture holds")
+    bench.textures["picture"] = uploaded(image, (source_fold[0], source_fold[1] * height), lanes=lanes)
+    name = "result" if lanes == 1 else f"result{lanes}"
+    result = bench.create(name, (target_fold[0], target_fold[1] * target.height))
+    folds: dict[str, Constant] = {"source_fold": source_fold, "target_fold": target_fold}
+    bench.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
+    bench.drop("picture", name)
+    return downloaded(result).reshape(target.height, target.width, channels)
+
+
+def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
+    """How far a point of the source moves, as `gpu_shaders.MOVE` computes it.
+
+    By coefficients of (x, y, 1, nearness or depth), x and y in pixels from the middle of the picture. Of a place in the
+    target, a quotient, the place in the source is taken away before the division and not after it: what is left is
+    small, and so are its errors.
+    """
+    parallel = isinstance(source, OrthographicCamera)
+    plane, other = source.plane, target.plane
+    size = np.array([(plane.right - plane.left) / source.width, (plane.top - plane.bottom) / source.height])
+    other_size = np.array([(other.right - other.left) / target.width, (other.top - other.bottom) / target.height])
+    local = np.zeros((4, 4))
+    local[0, (0, 2)] = size[0], 0.5 * (plane.left + plane.right)
+    local[1, (1, 2)] = -size[1], 0.5 * (plane.bottom + plane.top)
+    local[2, 3 if parallel else 2], local[3, 2 if parallel else 3] = -1.0, 1.0
+    across, up, back = target_from_source(source, target)[:3] @ local
+    scale = np.array([0.0, 0.0, 1.0, 0.0]) if parallel else -back
+    move_x = (across - 0.5 * (other.left + other.right) * scale) / other_size[0]
+    move_y = (0.5 * (other.bottom + other.top) * scale - up) / other_size[1]
+    move_x += 0.5 * (target.width - source.width) * scale
+    move_y += 0.5 * (target.height - source.height) * scale
+    move_x[0] -= scale[2]
+    move_y[1] -= scale[2]
+    rows = {"move_x": move_x, "move_y": move_y, "move_depth": -back, "move_scale": scale}
+    return {name: tuple(row.tolist()) for name, row in rows.items()}
+
+
+def _agrees(yaw: float, interpolation: str) -> bool:
+    """Whether a small picture comes out as it does with numpy; yaw turns the target's camera, in radians."""
+    width, height = 45, 34
+    plane = ViewPlane(-0.5, 0.5, -0.4, 0.4)
+    x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
+    depth = 4.0 + x + 0.5 * y
+    depth[5:20, 12:20], depth[:4, 30:], depth[25, 25] = 1.5, np.inf, np.nan
+    colour = np.stack([np.sin(9 * x + k) * np.cos(7 * y) for k in range(4)], axis=-1)
+    colour = colour.astype(np.float32)
+    # Every kind of lookup: what compiles here compiles later on.
+    passes = {
+        COLOUR_PASS: colour,
+        DEPTH_PASS: depth[..., None].astype(np.float32),
+        "Diffuse Color": colour[..., :3],
+        "An AOV": colour,
+        "Object Index": np.round(4.0 * colour[..., :1]),
+        "CryptoObject00": np.round(4.0 * colour),
+    }
+    turned = np.eye(4)
+    turned[0, (0, 2)], turned[2, (0, 2)], turned[0, 3] = (np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw)), 0.2
+    cameras = (PerspectiveCamera(width, height, pose, plane) for pose in (np.eye(4), turned))
+    options: dict[str, Any] = {"grid_threshold": 1.0, "interpolation": interpolation, "colour_interpolation": "cubic"}
+    pair = tuple(cameras)
+    ours, numpys = (warp(passes, *pair, motion=None, **options) for warp in (_carried, carrying.carry))
+    both = ours.warp.covered & numpys.warp.covered
+    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
+    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE

@@ -1,0 +1,329 @@
+"""What the warp's shaders are made of, and its steps: from the source's depth to where each target pixel comes from.
+
+Each does what the numpy function named above it does, and is written in what GLSL, Vulkan and Metal share: no function
+takes a sampler, no structure is made at once. What is no number is told by its bits, since drivers may take it that
+there is none.
+"""
+
+from __future__ import annotations
+
+from ...images.bands import PIXELS
+from ...images.reasons import Reason
+from ...views.camera import OrthographicCamera
+from ...warp.depth_steps import TEAR
+from ...warp.grid import CELL
+from ...warp.quads import AS_NEAR, LARGEST_AREA
+from ...warp.rectified import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
+
+COMMON = f"""
+#define CELL {CELL}
+#define TEAR {float(TEAR)}
+#define MAX_STRETCH {float(MAX_STRETCH)}
+#define FARTHEST {float(FARTHEST)}
+#define LARGEST {float(LARGEST)}
+#define AS_NEAR {float(AS_NEAR)}
+#define LARGEST_AREA {float(LARGEST_AREA)}
+#define SKY_DEPTH {float(OrthographicCamera.SKY_DEPTH)}
+#define SKY_BEGIN {float(OrthographicCamera.SKY_DEPTH * (1.0 - OrthographicCamera.SKY_ROUNDING))}
+#define EDGE_TOLERANCE {float(EDGE_TOLERANCE)}
+#define DISOCCLUDED {Reason.DISOCCLUDED.value}u
+#define OUTSIDE {Reason.OUTSIDE.value}u
+#define CUT_RIGHT 1u
+#define CUT_DOWN 2u
+#define NO_DEPTH 4u
+#define NO_NUMBER uintBitsToFloat(0x7fc00000u)
+#define INFINITE uintBitsToFloat(0x7f800000u)
+#define NOWHERE uintBitsToFloat(0xff800000u)
+#define BROAD {BROAD}
+#define MOST {PIXELS}
+#define HIGHEST int(0x7ffffffeu)
+#define LOWEST int(0x80000000u)
+
+bool is_nan(float value) {{ return (floatBitsToUint(value) & 0x7fffffffu) > 0x7f800000u; }}
+bool is_finite(float value) {{ return (floatBitsToUint(value) & 0x7f800000u) != 0x7f800000u; }}
+bool is_nowhere(float value) {{ return floatBitsToUint(value) == 0xff800000u; }}
+"""
+
+NEARNESS = """
+float nearness_of(float depth) { return is_parallel != 0 ? -min(depth, SKY_DEPTH) : 1.0 / depth; }
+"""
+
+RAY = """
+// What gpu_warp._moves has coefficients of; `place` counts from the middle of the picture.
+vec4 ray_at(vec2 place, float near_by) { return vec4(place, 1.0, is_parallel != 0 ? -near_by : near_by); }
+// In units of its depth where rays are not parallel, so that the sky has a place.
+float depth_of(vec4 ray) { return dot(move_depth, ray); }
+float scale_of(vec4 ray) { return dot(move_scale, ray); }
+bool is_ahead(vec4 ray) { return (is_parallel != 0 ? depth_of(ray) : scale_of(ray)) > 0.0; }
+"""
+
+MOVE = """
+// Pixels to the right and down.
+vec2 moved_by(vec4 ray) {
+  float turned = dot(move_scale.xyw, ray.xyw);
+  return (vec2(dot(move_x, ray), dot(move_y, ray)) - ray.xy * turned) / scale_of(ray);
+}
+"""
+
+SPLIT = """
+bool is_split(ivec2 quad) { return texelFetch(split_map, quad / CELL, 0).x > 0.0; }
+"""
+
+TORN = """
+// The quad below and to the right of lattice vertex (x, y).
+bool is_torn(ivec2 quad) {
+  ivec2 last = source_size - 1;
+  ivec2 here = clamp(quad - 1, ivec2(0), last), next = clamp(quad, ivec2(0), last);
+  uint a = texelFetch(cut_map, here, 0).x, b = texelFetch(cut_map, ivec2(next.x, here.y), 0).x;
+  uint c = texelFetch(cut_map, ivec2(here.x, next.y), 0).x, d = texelFetch(cut_map, next, 0).x;
+  bool right = quad.x > 0 && ((a | c) & CUT_RIGHT) != 0u;
+  bool down = quad.y > 0 && ((a | b) & CUT_DOWN) != 0u;
+  return right || down || ((a | b | c | d) & NO_DEPTH) != 0u;
+}
+"""
+
+# holes.disparity_steps
+CUTS = """
+float disparity_at(ivec2 pixel) {
+  if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, source_size))) return NO_NUMBER;
+  float depth = texelFetch(depth_map, pixel, 0).x;
+  return is_nan(depth) ? NO_NUMBER : clamp(nearness_of(depth) * disparity_scale, -LARGEST, LARGEST);
+}
+bool steps(float before, float here, float next, float after) {
+  float slope = next - here;
+  if (!is_finite(here) || !is_finite(next) || !is_finite(slope)) return false;
+  float found = abs(slope);
+  float bend = abs(slope - (here - before));
+  if (is_finite(before) && is_finite(bend)) found = min(found, bend);
+  bend = abs((after - next) - slope);
+  if (is_finite(after) && is_finite(bend)) found = min(found, bend);
+  return found > TEAR;
+}
+void main() {
+  ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+  if (pixel.x >= source_size.x || pixel.y >= source_size.y) return;
+  ivec2 right = ivec2(1, 0), down = ivec2(0, 1);
+  float here = disparity_at(pixel);
+  uint found = is_nan(texelFetch(depth_map, pixel, 0).x) ? NO_DEPTH : 0u;
+  if (steps(disparity_at(pixel - right), here, disparity_at(pixel + right), disparity_at(pixel + 2 * right)))
+    found |= CUT_RIGHT;
+  if (steps(disparity_at(pixel - down), here, disparity_at(pixel + down), disparity_at(pixel + 2 * down)))
+    found |= CUT_DOWN;
+  imageStore(cut_image, pixel, uvec4(found));
+}
+"""
+
+# rectified._corners, rectified._Chain._moved
+CORNERS = """
+float nearness_at(ivec2 vertex) {
+  return nearness_of(texelFetch(depth_map, clamp(vertex - 1, ivec2(0), source_size - 1), 0).x);
+}
+float end_nearness(int column, int row) {
+  bool fine = is_split(ivec2(min(column, source_size.x), row)) || (column > 0 && is_split(ivec2(column - 1, row)));
+  if (fine) return nearness_at(ivec2(column, row));
+  int top = row / CELL * CELL, bottom = min(top + CELL, source_size.y + 1);
+  float down = float(row - top) / float(bottom - top);
+  float first = clamp(nearness_at(ivec2(column, top)), -LARGEST, LARGEST);
+  float last = clamp(nearness_at(ivec2(column, bottom)), -LARGEST, LARGEST);
+  return first * (1.0 - down) + last * down;
+}
+float nearness_within(int column, int row) {
+  int left = column / CELL * CELL, right = min(left + CELL, source_size.x + 1);
+  float across = float(column - left) / float(right - left);
+  float first = end_nearness(left, row), last = end_nearness(right, row);
+  return first + across * (last - first);
+}
+void main() {
+  ivec2 corner = ivec2(gl_GlobalInvocationID.xy);
+  if (corner.x >= source_size.x + 2 || corner.y >= source_size.y) return;
+  int column = corner.x, row = corner.y + 1;
+  bool inside = column % CELL != 0 && column <= source_size.x && !is_split(ivec2(column, row));
+  float near_by = inside ? nearness_within(column, row) : end_nearness(column, row);
+  near_by = is_nan(near_by) ? 0.0 : clamp(near_by, -LARGEST, LARGEST);
+  float shift = clamp(shift_line.x + shift_line.y * near_by, -FARTHEST, FARTHEST);
+  imageStore(corner_image, corner, vec4(near_by, shift, 0.0, 0.0));
+}
+"""
+
+# rectified._Chain._nearest
+INTERVALS = """
+// Whether nothing of it is drawn, for it is torn.
+bool is_open(ivec2 interval) {
+  ivec2 below = interval + ivec2(0, 1);
+  if (interval.x < 0 || interval.x > source_size.x || !is_split(below)) return false;
+  return is_torn(interval) && is_torn(below);
+}
+void main() {
+  ivec2 interval = ivec2(gl_GlobalInvocationID.xy), right_of = ivec2(1, 0);
+  if (interval.x > source_size.x || interval.y >= source_size.y) return;
+  float left = texelFetch(corner_map, interval, 0).y, right = texelFetch(corner_map, interval + ivec2(1, 0), 0).y;
+  int first = interval.x - 1 + int(ceil(is_open(interval - right_of) ? left - EDGE_TOLERANCE : left));
+  int end = interval.x + (is_open(interval + right_of) ? int(floor(right + EDGE_TOLERANCE)) + 1 : int(ceil(right)));
+  if (first == end || is_open(interval)) return;
+  // What is overstretched or seen from its other side has nothing to show, but hides what is behind it.
+  bool shown = first < end && 1.0 + right - left < MAX_STRETCH;
+  int low = max(min(first, end), 0), high = min(max(first, end), target_size.x);
+  int key = !shown && high - low > BROAD ? HIGHEST : 2 * (key_way.x + key_way.y * interval.x) + (shown ? 1 : 0);
+  for (int x = low; x < high; x++) imageAtomicMax(owner_image, ivec2(x, interval.y), key);
+}
+"""
+
+# rectified._Chain.warp
+PLACES = """
+void main() {
+  ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+  if (pixel.x >= target_size.x || pixel.y >= target_size.y) return;
+  int key = texelFetch(owner_map, pixel, 0).x;
+  float x = NO_NUMBER, y = NO_NUMBER, near_by = NOWHERE;
+  if (key >= 0 && (key & 1) != 0) {
+    int interval = (key / 2 - key_way.x) * key_way.y;
+    vec2 left = texelFetch(corner_map, ivec2(interval, pixel.y), 0).xy;
+    vec2 right = texelFetch(corner_map, ivec2(interval + 1, pixel.y), 0).xy;
+    float wide = 1.0 + right.y - left.y;
+    float along = wide > 0.0 ? clamp((float(pixel.x + 1 - interval) - left.y) / wide, 0.0, 1.0) : 0.0;
+    x = (float(interval) - 0.5) + along;
+    y = float(pixel.y) + 0.5;
+    near_by = left.x + along * (right.x - left.x);
+  }
+  imageStore(x_image, pixel, vec4(x));
+  imageStore(y_image, pixel, vec4(y));
+  imageStore(near_image, pixel, vec4(near_by));
+}
+"""
+
+# quads._project
+VERTICES = """
+void main() {
+  ivec2 vertex = ivec2(gl_GlobalInvocationID.xy);
+  if (vertex.x >= source_size.x + 2 || vertex.y >= source_size.y + 2) return;
+  float depth = texelFetch(depth_map, clamp(vertex - 1, ivec2(0), source_size - 1), 0).x;
+  vec2 position = vec2(vertex) - 0.5;
+  vec4 ray = ray_at(position - 0.5 * vec2(source_size), nearness_of(depth));
+  float near_by = is_parallel != 0 ? -min(depth_of(ray), SKY_DEPTH) : ray.w / scale_of(ray);
+  bool known = !is_nan(depth) && is_ahead(ray) && is_finite(near_by);
+  vec2 place = position + moved_by(ray);
+  imageStore(vertex_image, vertex, known ? vec4(place, near_by, 1.0) : vec4(0.0));
+}
+"""
+
+# quads._triangles, and what quads._Surface._fill makes of them
+QUAD = """
+struct Triangle { vec3 origin; vec3 along_u; vec3 along_v; float determinant; bool drawn; bool hides; };
+Triangle triangle_of(vec3 origin, vec3 end_u, vec3 end_v, float area) {
+  vec3 u = end_u - origin, v = end_v - origin;
+  float determinant = u.x * v.y - u.y * v.x;
+  Triangle result;
+  result.origin = origin;
+  result.along_u = u;
+  result.along_v = v;
+  result.determinant = determinant;
+  result.drawn = abs(determinant) > 1e-9 && abs(determinant) < LARGEST_AREA;
+  result.hides = determinant < 0.0 || determinant >= MAX_STRETCH * area;
+  return result;
+}
+vec2 within(Triangle by, vec2 centre) {
+  vec2 d = centre - by.origin.xy;
+  return vec2(d.x * by.along_v.y - d.y * by.along_v.x, by.along_u.x * d.y - by.along_u.y * d.x) / by.determinant;
+}
+bool is_in_upper(Triangle upper, vec2 uv) { return upper.drawn && uv.x + uv.y <= 1.0; }
+float nearness_in(Triangle by, vec2 uv) { return by.origin.z + uv.x * by.along_u.z + uv.y * by.along_v.z; }
+// Fine quads before coarse ones, each row by row; of two that are as near, the one with the lower number has the pixel.
+// numpy draws the fine ones cell by cell: where two of them meet, either place is within the tolerance of the other.
+int number_of(ivec2 start, bool fine) {
+  ivec2 size = source_size + 1;
+  return start.y * size.x + start.x + (fine ? 0 : size.x * size.y);
+}
+"""
+
+# quads._Surface._fill; drawn twice, the second time to settle which of the nearest it is. By one and the same shader:
+# two might round the same nearness differently.
+DRAW = """
+int ordered(float value) {
+  int bits = floatBitsToInt(value);
+  return bits < 0 ? bits ^ 0x7fffffff : bits;
+}
+// Or beside what is left out as in quads._left_out, for a corner behind the target's camera, or beside a coarse cell.
+bool is_beside_tear(ivec2 quad) {
+  ivec2 size = cell_count * CELL;
+  for (int y = max(quad.y - 1, 0); y <= min(quad.y + 1, size.y - 1); y++)
+    for (int x = max(quad.x - 1, 0); x <= min(quad.x + 1, size.x - 1); x++)
+      if (x > source_size.x || y > source_size.y || !is_split(ivec2(x, y)) || is_torn(ivec2(x, y))) return true;
+  for (int y = max(quad.y - 1, 0); y <= min(quad.y + 2, source_size.y + 1); y++)
+    for (int x = max(quad.x - 1, 0); x <= min(quad.x + 2, source_size.x + 1); x++)
+      if (texelFetch(vertex_map, ivec2(x, y), 0).w < 0.5) return true;
+  return false;
+}
+void main() {
+  ivec2 start = ivec2(gl_GlobalInvocationID.xy) * quad_span;
+  if (start.x > source_size.x || start.y > source_size.y) return;
+  bool fine = quad_span == 1;
+  if (is_split(start) != fine) return;
+  ivec2 end = min(start + quad_span, source_size + 1);
+  vec4 a = texelFetch(vertex_map, start, 0), b = texelFetch(vertex_map, ivec2(end.x, start.y), 0);
+  vec4 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0), d = texelFetch(vertex_map, end, 0);
+  if (min(min(a.w, b.w), min(c.w, d.w)) < 0.5) return;
+  vec2 size = vec2(end - start);
+  Triangle upper = triangle_of(a.xyz, b.xyz, c.xyz, size.x * size.y);
+  Triangle lower = triangle_of(d.xyz, c.xyz, b.xyz, size.x * size.y);
+  if (!upper.drawn && !lower.drawn) return;
+  if (fine && is_torn(start)) return;
+  float margin = !fine || is_beside_tear(start) ? EDGE_TOLERANCE : 0.0;
+  vec2 low = min(min(a.xy, b.xy), min(c.xy, d.xy)) - margin, high = max(max(a.xy, b.xy), max(c.xy, d.xy)) + margin;
+  ivec2 first = ivec2(clamp(ceil(low - 0.5), vec2(0.0), vec2(target_size)));
+  ivec2 stop = ivec2(clamp(ceil(high - 0.5), vec2(0.0), vec2(target_size)));
+  if ((stop.x - first.x) * (stop.y - first.y) > MOST) {
+    imageAtomicMax(broad_image, ivec2(0), 1u);
+    return;
+  }
+  for (int y = first.y; y < stop.y; y++) {
+    for (int x = first.x; x < stop.x; x++) {
+      vec2 centre = vec2(x, y) + 0.5;
+      vec2 uv = within(upper, centre);
+      bool in_upper = is_in_upper(upper, uv);
+      if (!in_upper && !lower.drawn) continue;
+      vec2 turned = within(lower, centre);
+      float near_by = in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned);
+      float least = in_upper ? min(uv.x, uv.y) : min(min(turned.x, turned.y), 1.0 - turned.x - turned.y);
+      if (!(least >= -EDGE_TOLERANCE) || !is_finite(near_by)) continue;
+      int key = ordered(fine ? near_by : near_by - AS_NEAR * abs(near_by));
+      int stands = imageAtomicMax(owner_image, ivec2(x, y), key);
+      if (to_settle != 0 && stands == key) imageAtomicMax(drawn_image, ivec2(x, y), -number_of(start, fine));
+    }
+  }
+}
+"""
+
+# quads._Surface.result
+SETTLED = """
+// Place and nearness.
+vec3 point_in(ivec2 start, bool fine, vec2 centre) {
+  ivec2 end = fine ? start + 1 : min(start + CELL, source_size + 1);
+  vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
+  vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
+  vec2 size = vec2(end - start);
+  Triangle upper = triangle_of(a, b, c, size.x * size.y), lower = triangle_of(d, c, b, size.x * size.y);
+  vec2 uv = within(upper, centre);
+  // It was drawn: by one of the two, whatever rounding says of the diagonal here.
+  bool in_upper = is_in_upper(upper, uv) || !lower.drawn;
+  if (in_upper ? upper.hides : lower.hides) return vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
+  vec2 turned = within(lower, centre);
+  vec2 place = vec2(start) - 0.5 + (in_upper ? uv : 1.0 - turned) * size;
+  return vec3(place, in_upper ? nearness_in(upper, uv) : nearness_in(lower, turned));
+}
+void main() {
+  ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+  if (pixel.x >= target_size.x || pixel.y >= target_size.y) return;
+  int number = texelFetch(drawn_map, pixel, 0).x;
+  vec3 point = vec3(NO_NUMBER, NO_NUMBER, NOWHERE);
+  if (number != LOWEST) {
+    int first_coarse = number_of(ivec2(0), false), of_its_kind = -number;
+    bool fine = of_its_kind < first_coarse;
+    if (!fine) of_its_kind -= first_coarse;
+    int width = source_size.x + 1;
+    point = point_in(ivec2(of_its_kind % width, of_its_kind / width), fine, vec2(pixel) + 0.5);
+  }
+  imageStore(x_image, pixel, vec4(point.x));
+  imageStore(y_image, pixel, vec4(point.y));
+  imageStore(near_image, pixel, vec4(point.z));
+}
+"""

@@ -1,0 +1,152 @@
+"""Where an animation's frames go, and how they are written there, by the scene's own output settings and what replaces
+them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...delivery.layouts import LAYOUTS, tagged_name
+from ...errors import BadInputError
+from ...files import beside_name
+from ...images.exr import VIEWS
+from ...jobs.plain_paths import check_names
+from ...sequence.journal import Journal
+from ...sequence.listing import Listing
+from ...sequence.report import report_path
+from ...settings.animation import AnimationSettings
+from ..scene.working import scene_frames
+from .image_settings import format_values, writes_half_floats
+from .layouts import PNG16, as_ordered, layout_of
+from .movie import check_movie
+from .output_paths import check_file_outputs, output_files, output_stem
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where the frames go, and how: the folder, what their names have in common, their files, their layout and that of
+    a movie of them, all settings of the format by value, and whether it is one of half floats."""
+
+    folder: Path
+    name: str
+    files: Mapping[int, list[Path]]
+    layout: str | None
+    file_format: str
+    movie_layout: str | None
+    values: Mapping[str, Any]
+    half_floats: bool
+
+    @property
+    def all_files(self) -> list[Path]:
+        return [path for of_frame in self.files.values() for path in of_frame]
+
+
+def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, Output]:
+    """Where the frames of these options go, and the options with all that follows from the scene.
+
+    A scene whose own format is a movie has its frames in pictures first, in a folder beside it. Raises BadInputError
+    when they cannot be written.
+    """
+    frames = tuple(scene_frames(scene)) if options.frames is None else options.frames
+    asked, options = options, replace(options, frames=frames)
+    check_file_outputs(scene)
+    own_movies = options.layout == "individual" or (scene.render.is_movie_format and asked.movie is None)
+    if scene.render.is_movie_format:
+        options = _with_movie(scene, options, asked, frames)
+    with as_ordered(scene, options.output, options.layout, options.file_format):
+        # With a folder of their own, there and nowhere else, whatever the scene's path says.
+        files = output_files(scene, frames, folder=options.output)
+        settings = scene.render.image_settings
+        layout = options.layout or layout_of(scene)
+        values = {"layout": layout, **format_values(scene)}
+        folder = files[frames[0]][0].parent
+        shown = _of_movie(layout, own_movies)
+        half = writes_half_floats(scene)
+        output = Output(folder, output_stem(scene), files, layout, settings.file_format, shown, values, half)
+    if options.movie is not None:
+        options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
+    check_names(output.folder, _longest_names(output, options))
+    there = Listing()
+    for path in dict.fromkeys(filter(there.may_hold, output.all_files)):
+        _check_can_be_written(path)
+    return options, output
+
+
+def _longest_names(output: Output, options: AnimationSettings) -> Iterator[str]:
+    """The longest names of files that an animation makes in the end or meanwhile."""
+    frame = max(output.files)
+    yield from (path.name for path in output.files[frame])
+    journal = Journal(output.folder, output.name)
+    yield beside_name(f"{journal.name}{frame:04d}.json")
+    yield beside_name(report_path(journal).name)
+    if options.movie is not None:
+        yield beside_name(f"{Path(options.movie).name}")
+
+
+def _of_movie(layout: str | None, own_movies: bool) -> str | None:
+    """The layout of a movie of frames in this one. Eyes that lie apart are put side by side in it, unless each is to
+    have a movie of its own."""
+    apart = layout == "multi-view" or (layout == "individual" and not own_movies)
+    return "side-by-side" if apart else layout
+
+
+def _with_movie(
+    scene: bpy.types.Scene, options: AnimationSettings, asked: AnimationSettings, frames: Sequence[int]
+) -> AnimationSettings:
+    """The same, with a movie where the scene's own output settings say, and pictures of 16 bits until then."""
+    span = range(frames[0], frames[-1] + 1)
+    with as_ordered(scene, options.output, None, None):
+        movie = output_files(scene, frames[:1], folder=options.output, span=span)[frames[0]][0]
+        if scene.render.image_settings.views_format == "INDIVIDUAL":
+            suffix = next(view.file_suffix for view in scene.render.views if view.name == VIEWS[0])
+            movie = movie.with_stem(movie.stem.removesuffix(suffix))
+    output = options.output or str(movie.with_name(f"{movie.stem}.frames"))
+    # A part of the frames is not worth a movie, unless it is asked for.
+    own = None if options.output is not None and asked.frames is not None else str(movie)
+    return replace(
+        options,
+        movie=own if options.movie is None else options.movie,
+        file_format=options.file_format or PNG16,
+        output=output,
+    )
+
+
+def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
+    path = Path(asked) if asked else output.folder
+    if not asked or asked.endswith(("/", os.sep)) or path.is_dir():
+        stem = output.name.rstrip("#_-. ") or Path(bpy.data.filepath).stem or scene.name
+        path = path / f"{stem}.mp4"
+        path = path if output.movie_layout is None else tagged_name(path, LAYOUTS[output.movie_layout])
+    check_movie(path)
+    return path
+
+
+def existing_as_set(scene: bpy.types.Scene) -> str:
+    """What becomes of frames that are there, by the scene's own Overwrite."""
+    return "overwrite" if scene.render.use_overwrite else "keep"
+
+
+def _check_can_be_written(path: Path) -> None:
+    """Raises BadInputError when something is in the way of a file, or holds it."""
+    if path.is_dir():
+        raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
+    if path.exists() and not path.is_file():
+        raise BadInputError(
+            f"{path} is no regular file, where one is to be written: move it, or change the output path"
+        )
+    try:
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError), path.open("r+b"):
+            pass
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be written ({error.strerror}): is it in use?") from error
+
+
+def folders_of(output: Output) -> list[Path]:
+    """The folders that the frames' files lie in, each once."""
+    return list(dict.fromkeys(of_frame[0].parent for of_frame in output.files.values()))

@@ -1,0 +1,339 @@
+"""Blender gets the finished eyes back: a render engine that renders nothing, and hands them over.
+
+After it, the Render Result holds both views as after a multiview render, and Blender's own compositor, view transform,
+stereo formats and file naming do the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import StereoReprojectError, as_told
+from ...images.exr import VIEWS
+from ...images.passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
+from ..engines.render import call_render, output_path, written_to
+from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
+from ..scene.effects import is_animated
+from ..scene.stand_ins import new_names, renamed_metadata, stand_ins
+from ..scene.working import camera_at, changed, main_layer, return_to_own_frame, stand_at
+from .image_settings import copy_settings, side_by_side_png
+from .output_paths import output_name
+from .pictures import check_png
+
+ENGINE = "STEREO_REPROJECT_DELIVERY"
+
+CHANNELS = {"VALUE": 1, "VECTOR": 3, "COLOR": 4}
+"""Of a pass that is not delivered, by its type."""
+
+Eyes = Mapping[str, Mapping[str, Passes]]
+"""Passes by view name and then by view layer, the same layers for both views; the first is the main one."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+EyesAt = Callable[[int], Eyes]
+"""The eyes of a frame."""
+
+
+@dataclass
+class _Delivery:
+    """Where the eyes come from, and those views and layers that Blender has taken."""
+
+    eyes_at: EyesAt
+    wired: Mapping[str, Mapping[str, str]]
+    """By view layer, the passes that the compositor makes use of, and of what type each is."""
+    metadata: Mapping[str, str]
+    taken: set[tuple[str, str]] = field(default_factory=set)
+    failed: StereoReprojectError | None = None
+
+    def eyes(self, frame: int) -> Eyes:
+        """Blender goes on with the next frame whatever is raised here, so that is kept."""
+        try:
+            return self.eyes_at(frame)
+        except Exception as error:
+            self.failed = self.failed or as_told(error)
+            raise
+
+
+# Not an attribute of the engine: with one that is annotated as a class of ours, Blender 4.5 does not come to its end.
+_under_way: list[_Delivery] = []
+
+
+class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - Blender's naming rule
+    """Fills a render result with finished passes; the scene is not looked at."""
+
+    bl_idname = ENGINE
+    bl_label = "Stereo Reproject Delivery"
+
+    def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """What is delivered: without this, the compositor's Render Layers nodes have no sockets.
+
+        What is wired and not delivered has to be there too, and stays empty: a socket that vanishes takes its link away
+        while the compositor runs.
+        """
+        delivery, layer = _under_way[-1], renderlayer.name
+        wired = delivery.wired.get(layer, {})
+        empty = {name: CHANNELS[kind] for name, kind in wired.items()}
+        for name, channels in {**empty, **_channels(delivery.eyes(scene.frame_current), layer)}.items():
+            letters = pass_letters(name, channels)
+            kind = "VALUE" if channels == 1 else "VECTOR" if letters[0] in "XU" else "COLOR"
+            # With another type than it had, a socket loses its link for good.
+            self.register_pass(scene, renderlayer, name, channels, letters, wired.get(name, kind))
+
+    # The stubs say that there may be no depsgraph; Blender always hands one over.
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        delivery = _under_way[-1]
+        try:
+            self._fill(depsgraph, delivery)
+        except Exception as error:
+            # Blender goes on with the next frame.
+            delivery.failed = delivery.failed or as_told(error)
+            raise
+
+    def _fill(self, depsgraph: bpy.types.Depsgraph, delivery: _Delivery) -> None:
+        layer = depsgraph.view_layer.name
+        for view, layers in delivery.eyes(depsgraph.scene.frame_current).items():
+            passes = layers[layer]
+            height, width = passes[COLOUR_PASS].shape[:2]
+            result = self.begin_result(0, 0, width, height, layer=layer, view=view)
+            for name, image in passes.items():
+                taken = result.layers[0].passes.find_by_name(name, view)
+                if taken is not None:
+                    taken.rect.foreach_set(
+                        np.ascontiguousarray(as_blender_has_it(name, image)[::-1], np.float32).ravel()
+                    )
+            self.end_result(result)
+            delivery.taken.add((view, layer))
+        for key, text in delivery.metadata.items():
+            # The result of `begin_result` keeps no texts.
+            self.get_result().stamp_data_add_field(key, text)
+
+
+def _channels(eyes: Eyes, layer: str) -> dict[str, int]:
+    """The passes of a view layer that either eye has, and how many channels each has."""
+    layers = [of_view[layer] for of_view in eyes.values() if layer in of_view]
+    return {name: image.shape[2] for passes in layers for name, image in passes.items()}
+
+
+@contextmanager
+def _registered(delivery: _Delivery) -> Iterator[None]:
+    """The engine, with what it delivers.
+
+    Blender 4.5 does not come to its end while a Python engine is registered, so it is there only while needed."""
+    _under_way.append(delivery)
+    bpy.utils.register_class(STEREO_REPROJECT_engine_delivery)
+    try:
+        yield
+    finally:
+        _under_way.pop()
+        bpy.utils.unregister_class(STEREO_REPROJECT_engine_delivery)
+
+
+def deliver_side_by_side(
+    scene: bpy.types.Scene, pictures: Mapping[str, NDArray[np.float32]], path: Path, *, frame: int | None = None
+) -> None:
+    """Write both pictures, (H, W, 4) scene-linear, as one PNG through the scene's view transform at `frame`.
+
+    `scene` is the user's; an empty one with its settings is what the engine is set on: the scene's own engine keeps its
+    data, and nothing that the scene holds is evaluated for a picture that is there. The compositor is left out, and
+    what image settings say of colour as well.
+    """
+    frame = scene.frame_current if frame is None else frame
+    with _empty_scene_like(scene, frame) as empty:
+        layer = main_layer(empty)
+        eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
+        with _as_delivered(empty, eyes, compositing=False), side_by_side_png(empty, path):
+            _hand_over(empty, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
+    check_png(path)
+
+
+@contextmanager
+def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+    """A scene without objects, with another's settings of render and colour at a frame, for a while."""
+    name = bpy.data.scenes.new(scene.name).name
+    try:
+        empty = bpy.data.scenes[name]
+        # Blender renders nothing without one, and names it in the picture's metadata.
+        empty.camera = camera_at(scene, frame)
+        if is_animated(scene):
+            with _copy_at(scene, frame) as copy:
+                copy_settings(copy, empty)
+        else:
+            copy_settings(scene, empty)
+        empty.frame_current = frame
+        yield empty
+    finally:
+        bpy.data.scenes.remove(bpy.data.scenes[name])
+        # The camera was moved there too.
+        return_to_own_frame(scene, frame)
+
+
+@contextmanager
+def _copy_at(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+    name = scene.copy().name
+    try:
+        bpy.data.scenes[name].frame_set(frame)
+        yield bpy.data.scenes[name]
+    finally:
+        bpy.data.scenes.remove(bpy.data.scenes[name])
+
+
+def deliver_composited(
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    path: Path,
+    *,
+    frame: int | None = None,
+    metadata: Mapping[str, str] = NOTHING,
+) -> None:
+    """Write both eyes as one PNG as they are after the scene's compositor, through its view transform at `frame`.
+
+    Its File Output nodes write their files. The nodes show the scene itself and no copy of it, so it is the scene that
+    the engine is set on for a moment, and its Render Result shows the pair. It is afterwards as it was. metadata are
+    the texts that say what cryptomattes hold, as Blender writes them into an EXR's header.
+    """
+    with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
+        _hand_over(scene, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
+    check_png(path)
+
+
+def deliver_to_result(
+    scene: bpy.types.Scene,
+    eyes: Eyes,
+    *,
+    frame: int | None = None,
+    to_look_at: bool = False,
+    metadata: Mapping[str, str] = NOTHING,
+    layers_then: Sequence[str] | None = None,
+) -> list[str]:
+    """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
+
+    The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. The scene
+    is afterwards as it was. It may have been changed since the eyes were rendered, when its view layers were called
+    `layers_then`: nothing that was rendered is left out, and the names of those layers that are gone are returned. Such
+    a scene's compositor is not run: it would show nothing in their place. Raises StereoReprojectError.
+    """
+    now = [layer.name for layer in scene.view_layers]
+    names = new_names(list(next(iter(eyes.values()))), now if layers_then is None else layers_then, now)
+    eyes = {view: {names[name]: passes for name, passes in layers.items()} for view, layers in eyes.items()}
+    gone = [name for name in names.values() if name not in now]
+    muted = file_outputs_muted(scene) if to_look_at else nullcontext()
+    with (
+        _at_frame(scene, frame),
+        stand_ins(scene, list(names.values())),
+        _as_delivered(scene, eyes, compositing=not gone),
+        muted,
+    ):
+        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", renamed_metadata(metadata, names))
+    return gone
+
+
+def deliver_frames(
+    scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range, metadata: Mapping[str, str] = NOTHING
+) -> None:
+    """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
+    layout and naming, movies too.
+
+    The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
+    """
+    span = {"frame_start": frames.start, "frame_end": frames.stop - 1, "frame_step": frames.step}
+    files = written_to(scene.render, f"{output_path(folder)}/{output_name(scene)}")
+    with (
+        _at_frame(scene, frames[0]),
+        _as_delivered(scene, eyes_at(frames[0])),
+        changed(scene, **span),
+        changed(scene.render, **files),
+    ):
+        _hand_over(scene, eyes_at, f"write frame {frames[0]}", metadata, animation=True)
+
+
+def deliver_movie(
+    scene: bpy.types.Scene, picture_at: Callable[[int], NDArray[np.float32]], folder: Path, *, frames: range
+) -> None:
+    """Have Blender write pictures (H, W, 4), one for each of `frames`, as a movie by the scene's own settings.
+
+    Each holds both eyes already, in whatever layout. Nothing of the scene is shown. Raises StereoReprojectError.
+    """
+    layer = main_layer(scene)
+
+    def eyes_at(frame: int) -> Eyes:
+        return {"": {layer: {COLOUR_PASS: picture_at(frame)}}}
+
+    files = written_to(scene.render, f"{output_path(folder)}/movie")
+    span = {"frame_start": frames[0], "frame_end": frames[-1], "frame_step": frames.step}
+    with (
+        _at_frame(scene, frames[0]),
+        _as_delivered(scene, eyes_at(frames[0]), compositing=False),
+        changed(scene, **span),
+        changed(scene.render, use_multiview=False, use_stamp=False, **files),
+    ):
+        _hand_over(scene, eyes_at, "write the movie", NOTHING, animation=True)
+
+
+@contextmanager
+def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
+    """The scene at a frame, and then again where it stood; None stays there."""
+    stood_at = scene.frame_current, scene.frame_subframe
+    try:
+        if frame not in (None, stood_at[0]):
+            scene.frame_set(frame)
+        yield
+    finally:
+        if (scene.frame_current, scene.frame_subframe) != stood_at:
+            stand_at(scene, *stood_at)
+
+
+@contextmanager
+def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = True) -> Iterator[None]:
+    """The scene set so that nothing but the eyes goes into its result."""
+    delivered = next(iter(eyes.values()))
+    compositing = compositing and is_composited(scene)
+    with ExitStack() as changes:
+        changes.enter_context(changed(scene.render, use_compositing=compositing, **_as_it_is()))
+        for layer in scene.view_layers:
+            # The eyes have Grease Pencil already, as far as they can.
+            changes.enter_context(changed(layer, use=layer.name in delivered, use_grease_pencil=False))
+        for view in scene.render.views:
+            changes.enter_context(changed(view, use=view.name in VIEWS))
+        yield
+
+
+def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Mapping[str, str], **how: bool) -> None:
+    """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
+    said where that fails."""
+    eyes = eyes_at(scene.frame_current)
+    height, width = next(iter(next(iter(eyes.values())).values()))[COLOUR_PASS].shape[:2]
+    composited = scene.render.use_compositing
+    delivery = _Delivery(eyes_at, wired_passes(scene) if composited else {}, metadata)
+    place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    try:
+        with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
+            call_render(scene, **how)
+    except RuntimeError as error:
+        raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
+    if delivery.failed is not None:
+        raise delivery.failed
+    # For a compositor that shows no render Blender makes none.
+    asked = not composited or shows_a_render(scene)
+    if asked and delivery.taken != {(view, layer) for view in eyes for layer in eyes[view]}:
+        raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
+
+
+def _as_it_is() -> dict[str, Any]:
+    """Render settings with which nothing but what is delivered goes into the result."""
+    return {
+        "use_border": False,
+        "use_sequencer": False,
+        "use_freestyle": False,
+        "use_single_layer": False,
+        "use_multiview": True,
+        "views_format": "STEREO_3D",
+    }

@@ -1,0 +1,125 @@
+"""A frame's eyes from the renderer's files into the scene's own format, and into their place."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import time
+from collections.abc import Collection, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...errors import StereoReprojectError
+from ...files import made_in
+from ...images.exr import VIEWS, read_eye
+from ...jobs.memory import give_back_freed
+from ...jobs.supervisor import Session
+from ...sequence.frames import blamed_on_output, failed_output, is_full, publish_frame
+from ...sequence.journal import Journal
+from ...sequence.writer_process import WriterOrder, WrittenFrame
+from ..scene.compositor import compositor_tree
+from .delivery import deliver_frames
+from .layouts import as_ordered, deliver_anaglyph, is_our_own
+from .opening import open_session
+from .pictures import check_png
+
+HOLES = "holes"
+"""The folder, in the frames' own, for pictures of what was traced, and what such a picture is called before."""
+
+
+def holes_name(journal: Journal, frame: int) -> str:
+    """Where the picture of what was traced of a frame lies in the frames' folder."""
+    return f"{HOLES}/{journal.name}{frame:04d}.png"
+
+
+NOTHING_LEFT = 1 << 16
+"""Bytes free on a drive on which a file may have been cut off."""
+
+
+class FrameWriter:
+    """Opens the file of an order (a `WriterOrder` as a dict), and writes its frames. Raises BadInputError."""
+
+    def __init__(self, order: Mapping[str, Any]) -> None:
+        self._order = WriterOrder(**{**order, "session": Session(**order["session"])})
+        scene = open_session(Path(self._order.blend), self._order.session)
+        strip(scene)
+        self._scene = scene
+        self._changes = ExitStack()
+        self._changes.enter_context(as_ordered(scene, self._order.output, self._order.layout, self._order.file_format))
+        self._journal = Journal(Path(self._order.folder), self._order.name)
+
+    def write(self, fields: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Write a frame (a `WrittenFrame` as a dict), and return its record; None where it was left to another run.
+
+        Raises StereoReprojectError.
+        """
+        frame = WrittenFrame(**fields)
+        start = time.perf_counter()
+        folder = Path(frame.folder)
+        try:
+            made = self._deliver(frame, folder)
+            figures = {**frame.record["figures"], "write_seconds": time.perf_counter() - start}
+            record = publish_frame(self._journal, made, {**frame.record, "figures": figures}, frame.claim)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        give_back_freed()
+        return None if record is None else asdict(record)
+
+    def _deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
+        """The frame's files by where they belong in the frames' folder."""
+        out, number = folder / "out", frame.frame
+        deliver = deliver_anaglyph if is_our_own(self._order.layout) else deliver_frames
+        try:
+            eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
+            deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)
+            made = {path.name: path for path in made_in(out)}
+        except OSError as error:
+            raise failed_output(self._journal.frames_folder, error) from error
+        except StereoReprojectError as error:
+            raise blamed_on_output(self._journal.frames_folder, error) from error
+        self._check_whole(made.values(), number)
+        holes = folder / f"{HOLES}.png"
+        if holes.exists():
+            made[holes_name(self._journal, number)] = holes
+        return made
+
+    def _check_whole(self, files: Collection[Path], number: int) -> None:
+        """Blender says nothing when a full disk cuts a file off. Raises StereoReprojectError."""
+        if not files:
+            raise StereoReprojectError(f"Blender wrote no file for frame {number}: check the output settings")
+        place = self._journal.frames_folder
+        if is_full(place, below=NOTHING_LEFT):
+            raise failed_output(place, OSError(errno.ENOSPC, "No space left on device"))
+        for path in files:
+            if path.stat().st_size == 0:
+                raise StereoReprojectError(f"Blender wrote {path.name} with nothing in it: check the output settings")
+            if path.suffix == ".png":
+                check_png(path)
+
+
+def strip(scene: bpy.types.Scene) -> None:
+    """Take out of a scene, and of the open file, what delivered pictures do not need: all that would be evaluated or
+    kept in memory for nothing. Cameras stay: Blender asks for one, and markers switch between them."""
+    for_compositor = scene.render.use_compositing and compositor_tree(scene) is not None
+    driven = scene.animation_data is not None and len(scene.animation_data.drivers) > 0
+    cameras = {scene.camera, *(marker.camera for marker in scene.timeline_markers)} - {None}
+    if scene.library is not None:
+        return
+    root = scene.collection
+    for collection in list(root.children):
+        root.children.unlink(collection)
+    for item in list(root.objects):
+        root.objects.unlink(item)
+    for camera in cameras:
+        root.objects.link(camera)
+    if for_compositor or driven:
+        # Nodes may show another scene, and drivers may look at any object.
+        return
+    for other in [other for other in bpy.data.scenes if other != scene]:
+        bpy.data.scenes.remove(other)
+    scene.world = None
+    bpy.data.orphans_purge(do_local_ids=True, do_linked_ids=True, do_recursive=True)

@@ -1,0 +1,164 @@
+"""A scene's output settings set to another format for a while, and then exactly as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..engines.render import output_path, written_to
+from ..scene.working import changed
+
+FORMAT = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec")
+"""What comes with a file's format, in the order in which Blender takes it."""
+
+SIDE_BY_SIDE = {"display_mode": "SIDEBYSIDE", "use_sidebyside_crosseyed": False, "use_squeezed_frame": False}
+
+Values = dict[str, Any]
+
+
+@contextmanager
+def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
+    """The scene's output set to a PNG of 8 bits with both views beside each other, in the scene's own colours."""
+    render, settings = scene.render, scene.render.image_settings
+    files = written_to(render, output_path(path))
+    with (
+        format_kept(settings),
+        changed(render, use_stamp=False, **files),
+        changed(settings.stereo_3d_format, **SIDE_BY_SIDE),
+    ):
+        mode = "RGBA" if render.film_transparent else "RGB"
+        png = {"media_type": "IMAGE", "file_format": "PNG", "color_mode": mode, "color_depth": "8"}
+        set_changed(settings, {name: png[name] for name in FORMAT if name in png and hasattr(settings, name)})
+        set_changed(settings, {"views_format": "STEREO_3D", "color_management": "FOLLOW_SCENE"})
+        yield
+
+
+@contextmanager
+def format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
+    values = {name: getattr(settings, name) for name in FORMAT if hasattr(settings, name)}
+    views = _views_format(settings)
+    override = _override(settings) if settings.color_management == "OVERRIDE" else None
+    try:
+        yield
+    finally:
+        # Blender 5 sets views anew with the kind of media.
+        set_changed(settings, {name: value for name, value in values.items() if name == "media_type"})
+        if _views_format(settings) != views:
+            _set_views_format(settings, views)
+        set_changed(settings, values)
+        if override is not None:
+            _restore_override(settings, override)
+
+
+def _set_views_format(settings: bpy.types.ImageFormatSettings, views: str) -> None:
+    try:
+        settings.views_format = views
+    except TypeError:
+        # Not every format takes all of them: this one does.
+        if hasattr(settings, "media_type"):
+            settings.media_type = "IMAGE"
+        settings.file_format = "OPEN_EXR"
+        settings.views_format = views
+
+
+def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
+    """How views are stored, also where another format was chosen since and hides it."""
+    hidden = "STEREO_3D" if settings.file_format == "OPEN_EXR_MULTILAYER" else "MULTIVIEW"
+    return settings.views_format or hidden
+
+
+# The override of the scene's colours: Blender replaces all of it by the scene's when it is switched on.
+
+
+def _override(settings: bpy.types.ImageFormatSettings) -> tuple[list[Values], Values | None]:
+    """The override by value: its settings, and its curves where it has any."""
+    curves = settings.view_settings.curve_mapping
+    return [_values(owner) for owner in _owners(settings)], None if curves is None else _curves(curves)
+
+
+def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
+    return [settings.display_settings, settings.view_settings, settings.linear_colorspace_settings]
+
+
+def _values(owner: bpy.types.bpy_struct) -> Values:
+    """What can be set, in Blender's order but for what decides which looks there are, which comes first."""
+    settable = [prop for prop in owner.bl_rna.properties if not prop.is_readonly and prop.type != "POINTER"]
+    settable.sort(key=lambda prop: prop.identifier != "view_transform")
+    values = ((prop, getattr(owner, prop.identifier)) for prop in settable)
+    return {prop.identifier: tuple(value) if getattr(prop, "is_array", False) else value for prop, value in values}
+
+
+def _curves(mapping: bpy.types.CurveMapping) -> Values:
+    points = [[(tuple(p.location), p.handle_type) for p in curve.points] for curve in mapping.curves]
+    levels = {"black_level": tuple(mapping.black_level), "white_level": tuple(mapping.white_level)}
+    plain = ("tone", "extend", "use_clip", "clip_min_x", "clip_min_y", "clip_max_x", "clip_max_y")
+    return {"points": points, **levels, **{name: getattr(mapping, name) for name in plain}}
+
+
+def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[list[Values], Values | None]) -> None:
+    settings.color_management = "OVERRIDE"
+    values, curves = override
+    for owner, kept in zip(_owners(settings), values, strict=True):
+        set_changed(owner, kept)
+    view = settings.view_settings
+    if curves is not None:
+        # Those that are switched off are there too.
+        used, view.use_curve_mapping = view.use_curve_mapping, True
+        _restore_curves(view.curve_mapping, curves)
+        view.use_curve_mapping = used
+
+
+def set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
+    """Set what differs: a format that is set anew may set more than itself."""
+    for name, value in values.items():
+        now = getattr(owner, name)
+        if (tuple(now) if isinstance(value, tuple) else now) != value:
+            setattr(owner, name, value)
+
+
+def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
+    for name, value in curves.items():
+        if name != "points":
+            setattr(mapping, name, value)
+    for curve, points in zip(mapping.curves, curves["points"], strict=True):
+        # Two points are the fewest that a curve has.
+        while len(curve.points) > 2:
+            curve.points.remove(curve.points[1])
+        for (x, y), _ in points[2:]:
+            curve.points.new(x, y)
+    mapping.update()
+    for curve, points in zip(mapping.curves, curves["points"], strict=True):
+        for point, (location, handle_type) in zip(curve.points, points, strict=True):
+            point.location, point.handle_type = location, handle_type
+    mapping.update()
+
+
+def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
+    """Give another scene a scene's render settings and its view transform, curves included."""
+    for name in ("render", "display_settings", "view_settings"):
+        set_changed(getattr(other, name), _values(getattr(scene, name)))
+    other.render.image_settings.compression = scene.render.image_settings.compression
+    view, curves = other.view_settings, scene.view_settings.curve_mapping
+    if view.use_curve_mapping and curves is not None:
+        _restore_curves(view.curve_mapping, _curves(curves))
+
+
+def writes_half_floats(scene: bpy.types.Scene) -> bool:
+    """Whether the scene's output is of half floats."""
+    settings = scene.render.image_settings
+    return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"
+
+
+def format_values(scene: bpy.types.Scene) -> dict[str, Any]:
+    """All that the scene's output settings say of how pictures are written, as JSON has it."""
+    settings = scene.render.image_settings
+    owners = {"image": settings, "stereo": settings.stereo_3d_format}
+    if settings.color_management == "OVERRIDE":
+        owners |= {f"colours {k}": owner for k, owner in enumerate(_owners(settings))}
+    values = {name: _values(owner) for name, owner in owners.items()}
+    stamp = {name: value for name, value in _values(scene.render).items() if "stamp" in name}
+    return {**values, "extension": scene.render.use_file_extension, "stamp": stamp if scene.render.use_stamp else None}

@@ -1,0 +1,197 @@
+"""A movie of an animation's finished frames, in the scene's own codec, with the stereo layout where players look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...delivery.layouts import LAYOUTS, contradicting_tag, says, tagged_name
+from ...delivery.stereo_mode import write_stereo_mode_of
+from ...errors import BadInputError, StereoReprojectError
+from ...files import made_in
+from ...images.exr import VIEWS, read_colours
+from ..scene.working import main_layer
+from .delivery import deliver_movie
+from .image_settings import format_kept
+from .layouts import LINEAR, display_values
+from .pictures import read_pixels
+
+CONTAINERS = {
+    ".mp4": "MPEG4",
+    ".m4v": "MPEG4",
+    ".mov": "QUICKTIME",
+    ".mkv": "MKV",
+    ".webm": "WEBM",
+    ".avi": "AVI",
+    ".ogv": "OGG",
+}
+"""Blender's names of them, by a movie's extension."""
+
+WITHOUT_MARKS = (".avi", ".ogv")
+"""Of them, those that have no place for a mark."""
+
+SQUEEZED = ("side-by-side-half", "top-bottom-half")
+"""Layouts whose mark is that of the whole one."""
+
+ONLY_CODECS = {"WEBM": ("WEBM", "AV1"), "OGG": ("THEORA",)}
+"""Containers that take only some, their usual one first; what others hold is for Blender to say."""
+
+
+def check_movie(path: Path) -> None:
+    """Raises BadInputError when a movie cannot be written under that name."""
+    if path.suffix.lower() not in CONTAINERS:
+        raise BadInputError(f"{path} must end in one of {', '.join(CONTAINERS)}")
+    if path.is_dir():
+        raise BadInputError(f"{path} is a folder where a movie is to be written")
+
+
+def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
+    """What `write_movie` makes, where it belongs."""
+    return [path.with_stem(f"{path.stem}{suffix}") for suffix in _parts(scene, layout)]
+
+
+def movie_warnings(path: Path, layout: str | None) -> list[str]:
+    """What players would take for something else, or cannot tell."""
+    if layout is None:
+        return []
+    tag = contradicting_tag(path, LAYOUTS[layout])
+    if tag is not None:
+        return [f"players take {tag} in {path.name} for another layout than {layout}"]
+    told = layout not in SQUEEZED and path.suffix.lower() not in WITHOUT_MARKS
+    named = tagged_name(path, LAYOUTS[layout]).name
+    return [] if told or says(path, LAYOUTS[layout]) else [f"players know {layout} by its name alone: {named} tells it"]
+
+
+def write_movie(
+    scene: bpy.types.Scene,
+    pictures: Mapping[int, Sequence[Path]],
+    path: Path,
+    layout: str | None,
+    folder: Path,
+    *,
+    file_format: str,
+) -> list[Path]:
+    """Write the movie of these frames' files beside where it belongs, in `folder`, called as it is to be; with the
+    layout "individual" one for each eye, called so with the eyes' suffixes.
+
+    Eyes that the files hold apart are put side by side. file_format is the pictures' own. Raises BadInputError and
+    StereoReprojectError.
+    """
+    folder.mkdir(exist_ok=True)
+    finished = []
+    with _movie_scene(scene, path.suffix.lower()) as copy:
+        for suffix, part in _parts(scene, layout).items():
+            of_part = {frame: files[part] for frame, files in pictures.items()}
+            made, height = _encode(copy, of_part, folder, file_format)
+            finished.append(made.replace(folder / f"{path.stem}{suffix}{path.suffix}"))
+            write_stereo_mode_of(finished[-1], LAYOUTS[layout or "individual"].at_height(height))
+    return finished
+
+
+def _parts(scene: bpy.types.Scene, layout: str | None) -> dict[str, slice]:
+    """Which of a frame's files go into each movie, by what is added to its name."""
+    if layout != "individual":
+        return {"": slice(2)}
+    views = [view for name in VIEWS for view in scene.render.views if view.name == name]
+    return {view.file_suffix: slice(k, k + 1) for k, view in enumerate(views)}
+
+
+def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folder: Path) -> None:
+    """Raises BadInputError unless the scene's encoder makes a movie of that size: better known before than after."""
+    folder.mkdir(exist_ok=True)
+    black = np.zeros((height, width, 4), np.float32)
+    try:
+        with _movie_scene(scene, path.suffix.lower()) as copy:
+            deliver_movie(copy, lambda _: black, folder / "tried", frames=range(1, 2))
+        _only_file(folder / "tried")
+    except StereoReprojectError as error:
+        size = f"{width} x {height}"
+        raise BadInputError(
+            f"no {path.suffix} of {size} pixels can be made by the encoder set in Output: {error}"
+        ) from error
+
+
+@contextmanager
+def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scene]:
+    """A copy of the scene that writes movies, with nothing in it that would be evaluated."""
+    copy = scene.copy()
+    name = copy.name
+    try:
+        for collection in list(copy.collection.children):
+            copy.collection.children.unlink(collection)
+        settings, ffmpeg = copy.render.image_settings, copy.render.ffmpeg
+        codec = ffmpeg.codec
+        with format_kept(settings):
+            if hasattr(settings, "media_type"):
+                settings.media_type = "VIDEO"
+            settings.file_format = "FFMPEG"
+            if codec not in ("NONE", ffmpeg.codec):
+                # Of settings that were never those of the scene's own format, Blender makes its defaults.
+                ffmpeg.codec = codec
+            container = CONTAINERS[suffix]
+            ffmpeg.format = container
+            ffmpeg.use_autosplit = False
+            only = ONLY_CODECS.get(container)
+            if only is not None and ffmpeg.codec not in only:
+                ffmpeg.codec = only[0]
+            yield copy
+    finally:
+        bpy.data.scenes.remove(bpy.data.scenes[name])
+
+
+def _encode(
+    copy: bpy.types.Scene, pictures: Mapping[int, Sequence[Path]], folder: Path, file_format: str
+) -> tuple[Path, int]:
+    """One movie of what the files hold, and its height in pixels. Linear pictures go through the scene's view
+    transform, others have it behind them."""
+    frames = _span(list(pictures))
+    by_frame = dict(zip(frames, pictures.values(), strict=True))
+    linear = file_format in LINEAR
+    layer = main_layer(copy)
+    # Blender asks several times in a row.
+    picture_at = lru_cache(maxsize=2)(lambda frame: _beside_each_other(by_frame[frame], layer, linear=linear))
+    out = folder / f"encoded-{len(list(folder.iterdir()))}"
+    with nullcontext() if linear else display_values(copy):
+        deliver_movie(copy, picture_at, out, frames=frames)
+    return _only_file(out), picture_at(frames[-1]).shape[0]
+
+
+def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:
+    """(H, W, 4): the pictures of these files from left to right, or those of both views of an EXR that holds both."""
+    views = read_colours(files[0], main=layer) if linear and files[0].suffix == ".exr" and len(files) == 1 else {}
+    pictures = list(views.values()) or [_read(path, linear=linear) for path in files]
+    return np.concatenate(pictures, axis=1)
+
+
+def _span(numbers: list[int]) -> range:
+    """The frames as they are where they have one step, for the sound to fit; else one after the other."""
+    step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
+    regular = range(numbers[0], numbers[-1] + 1, step)
+    return regular if list(regular) == numbers else range(numbers[0], numbers[0] + len(numbers))
+
+
+def _only_file(folder: Path) -> Path:
+    made = made_in(folder) if folder.is_dir() else []
+    if len(made) != 1 or not made[0].stat().st_size:
+        raise StereoReprojectError("Blender wrote no movie: does its container take the codec that is set in Output?")
+    return made[0]
+
+
+def _read(path: Path, *, linear: bool) -> NDArray[np.float32]:
+    """(H, W, 4) of a picture file: its values as they are, or scene-linear."""
+    stored = read_pixels(path, linear=linear)
+    if not stored.size:
+        raise StereoReprojectError(f"{path} cannot be read: render it anew")
+    height, width, channels = stored.shape
+    picture = np.ones((height, width, 4), np.float32)
+    picture[..., :3] = stored[..., :3]
+    if not linear and channels == 4:
+        # Blender gives colours that know nothing of alpha; over black, as it writes movies, they do.
+        picture[..., :3] *= stored[..., 3:]
+    return picture

@@ -1,0 +1,121 @@
+"""The scene's compositing nodes: what they ask for, and those that write files of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+
+from ...images.passes import COLOUR_PASS
+
+PASSIVE = {"CompositorNodeRLayers", "CompositorNodeComposite", "CompositorNodeViewer", "NodeGroupOutput"}
+"""Nodes that hand the render through."""
+
+FILE_OUTPUT = "CompositorNodeOutputFile"
+RENDER_LAYERS = "CompositorNodeRLayers"
+OF_A_SCENE = (RENDER_LAYERS, "CompositorNodeCryptomatteV2")
+"""Nodes that show what a scene has rendered."""
+
+PASS_OF_SOCKET = {"Image": COLOUR_PASS}
+"""Sockets of a Render Layers node that are not called as their passes are."""
+
+TYPES = {"VALUE": "VALUE", "VECTOR": "VECTOR", "RGBA": "COLOR"}
+"""Of passes, by the sockets' types."""
+
+OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
+
+
+def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    if hasattr(scene, "compositing_node_group"):
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
+def has_compositor(scene: bpy.types.Scene) -> bool:
+    """Whether the compositing nodes do more than hand the render through."""
+    tree = compositor_tree(scene)
+    return tree is not None and any(node.bl_idname not in PASSIVE for node in tree.nodes)
+
+
+def compositor_blocker(scene: bpy.types.Scene) -> str | None:
+    """Why the pair cannot go through the scene's compositor, or None.
+
+    A node that shows a view layer that is switched off shows nothing, as after any render.
+    """
+    if compositor_tree(scene) is None or not scene.render.use_compositing:
+        return None
+    nodes = [node for node in compositor_nodes(scene) if not node.mute]
+    for node in nodes:
+        if _shows_a_render(node) and node.scene not in (None, scene):
+            return f"its node {node.name!r} shows the scene {node.scene.name!r}"
+    if not gives_a_picture(scene) and not any(node.bl_idname == FILE_OUTPUT for node in nodes):
+        return "nothing is linked to its output"
+    return None
+
+
+def is_composited(scene: bpy.types.Scene) -> bool:
+    """Whether the pair goes through the scene's compositor."""
+    there = scene.render.use_compositing and compositor_tree(scene) is not None
+    return there and compositor_blocker(scene) is None
+
+
+def gives_a_picture(scene: bpy.types.Scene) -> bool:
+    """Whether anything is linked to the output of the scene's compositor."""
+    tree = compositor_tree(scene)
+    outputs = [] if tree is None else [node for node in tree.nodes if node.bl_idname in OUTPUTS]
+    return any(socket.is_linked for node in outputs for socket in node.inputs)
+
+
+def shows_a_render(scene: bpy.types.Scene) -> bool:
+    """Whether any node of the scene's compositor shows what a scene has rendered."""
+    return any(_shows_a_render(node) for node in compositor_nodes(scene) if not node.mute)
+
+
+def _shows_a_render(node: bpy.types.Node) -> bool:
+    return node.bl_idname in OF_A_SCENE and getattr(node, "source", "RENDER") == "RENDER"
+
+
+def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
+    """By view layer, the passes of which the scene's compositor makes use, and of what type each is, as Blender's
+    render engines have it."""
+    wired: dict[str, dict[str, str]] = {}
+    for node in compositor_nodes(scene):
+        if node.bl_idname == RENDER_LAYERS:
+            passes = wired.setdefault(node.layer, {})
+            for socket in node.outputs:
+                if socket.is_linked and socket.name != "Alpha":
+                    passes[PASS_OF_SOCKET.get(socket.name, socket.name)] = TYPES.get(socket.type, "VALUE")
+    return wired
+
+
+def compositor_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
+    """All nodes of the scene's compositor, those in groups too."""
+    trees, seen = [compositor_tree(scene)], set()
+    while trees:
+        tree = trees.pop()
+        if tree is None or tree in seen:
+            continue
+        seen.add(tree)
+        for node in tree.nodes:
+            yield node
+            if hasattr(node, "node_tree"):
+                trees.append(node.node_tree)
+
+
+def file_outputs(scene: bpy.types.Scene) -> list[bpy.types.Node]:
+    """The nodes that write files."""
+    return [node for node in compositor_nodes(scene) if node.bl_idname == FILE_OUTPUT]
+
+
+@contextmanager
+def file_outputs_muted(scene: bpy.types.Scene) -> Iterator[None]:
+    """Nothing is written but the result: for what is rendered to be looked at."""
+    muted = [(node.id_data, node.name) for node in file_outputs(scene) if not node.mute]
+    try:
+        for tree, name in muted:
+            tree.nodes[name].mute = True
+        yield
+    finally:
+        for tree, name in muted:
+            tree.nodes[name].mute = False

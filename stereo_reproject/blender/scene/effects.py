@@ -1,0 +1,227 @@
+"""The effects plan: what the cameras can see of a working scene, and which effects that calls for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import cache
+from itertools import zip_longest
+
+import bpy
+
+from ...images.effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
+from .denoiser import denoises
+from .instancing import brought_along
+from .materials import Shadings, world_shading
+from .rig import stereo_cameras
+from .visible import STRANDS, Seen, aperture_radius, visible_objects
+from .working import CYCLES, evaluated, layers_to_render, rendered_layer
+
+DEFAULT_SURFACE = "default_surface"
+"""What Cycles calls the material of an object that has none."""
+
+MOVING_MODIFIERS = {
+    "ARMATURE",
+    "BUILD",
+    "CLOTH",
+    "DYNAMIC_PAINT",
+    "EXPLODE",
+    "FLUID",
+    "HOOK",
+    "MESH_CACHE",
+    "MESH_DEFORM",
+    "MESH_SEQUENCE_CACHE",
+    "NODES",
+    "OCEAN",
+    "SOFT_BODY",
+    "SURFACE_DEFORM",
+    "WAVE",
+}
+"""Modifiers that move a surface without a keyframe of its own."""
+
+MOVING_DATA = (
+    "armatures",
+    "cache_files",
+    "collections",
+    "curves",
+    "hair_curves",
+    "lattices",
+    "meshes",
+    "metaballs",
+    "node_groups",
+    "particles",
+    "pointclouds",
+    "shape_keys",
+    "volumes",
+)
+"""Kinds of datablocks beside objects whose animation moves or reshapes what is seen."""
+
+
+def plan_effects(scene: bpy.types.Scene, *, user_scene: bpy.types.Scene | None = None) -> EffectsPlan:
+    """The plan for a working scene. user_scene is what it is a copy of: the copy has one view layer.
+
+    Nothing is rendered, and nothing of the scene is changed.
+    """
+    claims = _Claims(scene)
+    cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
+    for seen in visible_objects(scene, cameras.values(), claims.shadings):
+        claims.add_object(seen)
+    claims.add(Effect.CAUSTICS, *_caustics(scene, claims.sharp))
+    if aperture_radius(evaluated(scene.camera, scene).data) > 0.0:
+        f_stop = evaluated(scene.camera, scene).data.dof.aperture_fstop
+        claims.add(Effect.DEPTH_OF_FIELD, f"the camera's aperture, f/{f_stop:g}")
+    if scene.render.use_motion_blur and rendered_layer(scene).use_motion_blur:
+        claims.add(Effect.MOTION_BLUR, *what_moves(scene))
+    world = rendered_layer(scene).world_override or scene.world
+    if world is not None:
+        claims.add(world_shading(world, scene.render.engine), f"world {world.name!r}")
+    claims.add(Effect.VIEW_LAYERS, *_more_layers(user_scene or scene))
+    claims.add(Effect.DENOISING, *_denoising(scene))
+    return claims.plan()
+
+
+class _Claims:
+    """By what each effect is called for, gathered."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self.shadings = Shadings(scene.render.engine)
+        self.sharp: dict[Effect, list[str]] = {Effect.GLOSSY: [], Effect.TRANSMISSION: []}
+        """What is smooth enough to throw caustics."""
+        self._cycles = scene.render.engine == CYCLES
+        self._by: dict[Effect, dict[str, list[str]]] = {effect: {} for effect in Effect}
+        self._materials: dict[str, Effect] = {}
+
+    def add(self, effects: Effect, *by: str, kind: str = "") -> None:
+        """`by` calls for the effects; of those of one kind, one comes before all others' second."""
+        for effect in _each(effects):
+            for text in by:
+                self._by[effect].setdefault(kind or text, []).append(text)
+
+    def add_object(self, seen: Seen) -> None:
+        own = _own_effects(seen)
+        self.add(own, f"{seen.kind.lower()} {seen.name!r}", kind=seen.kind)
+        if seen.hair:
+            self.add(Effect.HAIR, f"hair on {seen.name!r}", kind="hair")
+        for material in seen.materials:
+            self._add_material(material, seen, own)
+        for material in seen.hair:
+            self._add_material(material, seen, own | Effect.HAIR)
+
+    def _add_material(self, material: bpy.types.Material | None, seen: Seen, own: Effect) -> None:
+        name = DEFAULT_SURFACE if material is None else material.name
+        if material is not None:
+            shading = self.shadings.of(material)
+            text = f"material {name!r} on {seen.name!r}"
+            self.add(shading.effects, text, kind=name)
+            for effect in _each(shading.sharp):
+                self.sharp[effect].append(text)
+            own |= shading.effects
+        known = self._materials.get(name)
+        if known != own:
+            self._materials[name] = own if known is None else known | own
+
+    def plan(self) -> EffectsPlan:
+        findings = (self._finding(effect, _one_of_each_first(by.values())) for effect, by in self._by.items())
+        return EffectsPlan(tuple(findings), self._materials)
+
+    def _finding(self, effect: Effect, by: tuple[str, ...]) -> Finding:
+        if not by:
+            return Finding(effect, by, NOT_CALLED_FOR)
+        probed = self._cycles or not effect & SEEN_DIFFERENTLY
+        return Finding(effect, by, HANDLING[effect] if probed else AS_SEEN)
+
+
+@cache
+def _each(effects: Effect) -> tuple[Effect, ...]:
+    return tuple(effects)
+
+
+def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:
+    rounds = zip_longest(*kinds)
+    return tuple(dict.fromkeys(text for row in rounds for text in row if text is not None))
+
+
+def _own_effects(seen: Seen) -> Effect:
+    """What the object calls for by itself, whatever its materials are."""
+    effects = Effect(0)
+    if seen.kind == "VOLUME":
+        effects |= Effect.VOLUME
+    if seen.kind in STRANDS:
+        effects |= Effect.HAIR
+    if seen.kind == "LIGHT":
+        # Cycles shows it, and gives it no depth.
+        effects |= Effect.DIRECTIONAL_EMISSION
+    if seen.catcher or seen.holdout:
+        effects |= Effect.CATCHER
+    return effects
+
+
+def _caustics(scene: bpy.types.Scene, sharp: dict[Effect, list[str]]) -> list[str]:
+    """What throws caustics: smooth surfaces, by paths or, where a lamp asks for it, by shadow caustics."""
+    if scene.render.engine != CYCLES:
+        return []
+    by = [*sharp[Effect.GLOSSY]] if scene.cycles.caustics_reflective else []
+    by += sharp[Effect.TRANSMISSION] if scene.cycles.caustics_refractive else []
+    lamps = (item for item in scene.objects if item.type == "LIGHT" and not item.hide_render)
+    by += [f"light {lamp.name!r}" for lamp in lamps if lamp.data.cycles.is_caustics_light]
+    return list(dict.fromkeys(by))
+
+
+def _more_layers(scene: bpy.types.Scene) -> list[str]:
+    return [f"view layer {layer!r}" for layer in layers_to_render(scene)[1:]]
+
+
+def _denoising(scene: bpy.types.Scene) -> list[str]:
+    if not denoises(scene):
+        return []
+    return [f"the render settings: {scene.cycles.denoiser}"]
+
+
+def what_moves(scene: bpy.types.Scene) -> list[str]:
+    """What may move while the shutter is open, in words: too much rather than too little.
+
+    What instances of a collection show is in none of the scene's own, and what geometry nodes instance counts by them.
+    """
+    moving = []
+    for item in brought_along(scene.objects, parents=True):
+        if item == scene.camera:
+            moving += ["the camera"] if _moves(item) else []
+        elif item.type != "CAMERA" and _moves(item):
+            moving.append(f"{item.type.lower()} {item.name!r}")
+    if is_animated(scene.camera.data):
+        moving.append("the camera's lens")
+    for kind in MOVING_DATA:
+        for block in getattr(bpy.data, kind):
+            if block.users and is_animated(block):
+                moving.append(f"{kind.replace('_', ' ')}: {block.name!r}")
+    return moving
+
+
+def _moves(item: bpy.types.Object) -> bool:
+    if is_animated(item) or item.constraints or item.rigid_body or item.particle_systems:
+        return True
+    return any(modifier.show_render and modifier.type in MOVING_MODIFIERS for modifier in item.modifiers)
+
+
+def is_animated(owner: bpy.types.ID) -> bool:
+    """Whether anything of the datablock changes with time."""
+    # Not every kind has any: collections have none.
+    animation = getattr(owner, "animation_data", None)
+    return animation is not None and (
+        animation.action is not None or len(animation.drivers) > 0 or len(animation.nla_tracks) > 0
+    )
+
+
+def has_grease_pencil(scene: bpy.types.Scene) -> bool:
+    return any(item.type == "GREASEPENCIL" and not item.hide_render for item in scene.objects)
+
+
+def uses_output(node_type: str, output: str) -> bool:
+    """Whether any shader of the file makes use of this output of a node of this type."""
+    return any(node.outputs[output].is_linked for node in _nodes() if node.bl_idname == node_type)
+
+
+def _nodes() -> Iterator[bpy.types.Node]:
+    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
+    for tree in trees:
+        yield from tree.nodes

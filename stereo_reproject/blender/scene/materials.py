@@ -1,0 +1,229 @@
+"""What a material's nodes call for, as far as they reach the output: unlinked sockets count with their values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from ...images.effects import Effect
+from .node_trees import WORLD_OUTPUTS, Groups, depends_on_camera, is_constant, is_fed, origin, upstream
+from .working import CYCLES
+
+SHARP = 0.25
+"""Roughness below which what a surface throws on others is called a caustic."""
+
+NOTHING = Effect(0)
+
+LEAVES: dict[str, tuple[Effect, str]] = {
+    "ShaderNodeBsdfAnisotropic": (Effect.GLOSSY, "Color"),
+    "ShaderNodeBsdfMetallic": (Effect.GLOSSY, "Base Color"),
+    "ShaderNodeBsdfSheen": (Effect.GLOSSY, "Color"),
+    "ShaderNodeBsdfHair": (Effect.GLOSSY, "Color"),
+    "ShaderNodeBsdfHairPrincipled": (Effect.GLOSSY, ""),
+    "ShaderNodeEeveeSpecular": (Effect.GLOSSY | Effect.ALPHA, ""),
+    "ShaderNodeBsdfGlass": (Effect.GLOSSY | Effect.TRANSMISSION, "Color"),
+    "ShaderNodeBsdfRefraction": (Effect.TRANSMISSION, "Color"),
+    "ShaderNodeBsdfRayPortal": (Effect.TRANSMISSION, "Color"),
+    "ShaderNodeBsdfTransparent": (Effect.ALPHA, "Color"),
+    "ShaderNodeSubsurfaceScattering": (Effect.SUBSURFACE, "Color"),
+    "ShaderNodeHoldout": (Effect.CATCHER, ""),
+    "ShaderNodeBsdfTranslucent": (NOTHING, "Color"),
+    "ShaderNodeBackground": (NOTHING, "Color"),
+}
+"""What each closure calls for, and the socket that takes all of it away when it is black."""
+
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
+
+EMISSIONS = ("ShaderNodeEmission", "ShaderNodeBackground")
+
+VOLUME_SOURCES: dict[str, tuple[str, ...]] = {
+    "ShaderNodeVolumeAbsorption": ("Density",),
+    "ShaderNodeVolumeScatter": ("Density",),
+    "ShaderNodeVolumePrincipled": ("Density", "Emission Strength", "Blackbody Intensity"),
+    "ShaderNodeEmission": ("Strength",),
+}
+"""The sockets of volume closures that leave nothing of them when all are 0."""
+
+
+@dataclass(frozen=True)
+class Shading:
+    """What a shader calls for; sharp: which of GLOSSY and TRANSMISSION are smooth enough to throw caustics.
+
+    displaced: whether the surface is moved by its shader, out of the bounds that Blender knows.
+    """
+
+    effects: Effect = NOTHING
+    sharp: Effect = NOTHING
+    displaced: bool = False
+
+    def __or__(self, other: Shading) -> Shading:
+        return Shading(self.effects | other.effects, self.sharp | other.sharp, self.displaced or other.displaced)
+
+
+def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shading:
+    """What the material calls for. Without nodes Cycles renders it plainly diffuse, EEVEE with its metal and gloss."""
+    if not uses_nodes(material):
+        glossy = engine != CYCLES and (material.metallic > 0.0 or material.specular_intensity > 0.0)
+        return Shading(Effect.GLOSSY if glossy else NOTHING)
+    output = _output(material, engine)
+    if output is None:
+        return Shading()
+    shading = _closure(output.inputs["Surface"]) | Shading(_volume(output.inputs["Volume"]))
+    if _has_bump(output):
+        shading |= Shading(Effect.BUMP)
+    moved = is_fed(output.inputs["Displacement"])
+    return shading | Shading(Effect.BUMP if moved else NOTHING, displaced=moved and _displaces(material))
+
+
+class Shadings:
+    """`material_shading` of each material, found out once."""
+
+    def __init__(self, engine: str) -> None:
+        self._engine = engine
+        self._known: dict[int, Shading] = {}
+
+    def of(self, material: bpy.types.Material) -> Shading:
+        key = material.as_pointer()
+        if key not in self._known:
+            self._known[key] = material_shading(material, self._engine)
+        return self._known[key]
+
+
+def world_shading(world: bpy.types.World, engine: str = CYCLES) -> Effect:
+    """What the world calls for: what is seen in one direction is the same for both eyes, unless it knows the camera."""
+    output = _output(world, engine) if uses_nodes(world) else None
+    if output is None:
+        return NOTHING
+    tells = depends_on_camera([output.inputs["Surface"]], outputs=WORLD_OUTPUTS)
+    return (Effect.CAMERA_DEPENDENT if tells else NOTHING) | _volume(output.inputs["Volume"])
+
+
+def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bool:
+    """Whether its look is that of its nodes."""
+    # From 5.0 on nodes are always used, and asking is deprecated.
+    return owner.node_tree is not None and (bpy.app.version >= (5, 0) or owner.use_nodes)
+
+
+def _output(owner: bpy.types.Material | bpy.types.World, engine: str) -> bpy.types.Node | None:
+    return owner.node_tree.get_output_node(CYCLES if engine == CYCLES else "EEVEE")
+
+
+def _displaces(material: bpy.types.Material) -> bool:
+    return material.displacement_method != "BUMP"
+
+
+def _has_bump(output: bpy.types.Node) -> bool:
+    for source, inside in upstream([output.inputs["Surface"]]):
+        node = source.node
+        if node.bl_idname == "ShaderNodeBump" and not is_constant(node.inputs["Strength"], inside, 0.0):
+            height = next(socket for socket in node.inputs if socket.identifier == "Height")
+            if is_fed(height, inside):
+                return True
+    return False
+
+
+def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: bool = False) -> Shading:
+    """What reaches the socket; weighted: how much of it is seen depends on the camera."""
+    source, groups = origin(socket, groups)
+    if source is None or not source.is_output:
+        return Shading()
+    node = source.node
+    if node.bl_idname == "ShaderNodeMixShader":
+        return _mixed(node, groups, weighted)
+    if node.bl_idname == "ShaderNodeAddShader":
+        return _closure(node.inputs[0], groups, weighted=weighted) | _closure(node.inputs[1], groups, weighted=weighted)
+    shading = _principled(node, groups) if node.bl_idname == PRINCIPLED else _leaf(node, groups)
+    tells = depends_on_camera(list(node.inputs), groups) or node.bl_idname == "ShaderNodeScript"
+    effects = Effect.CAMERA_DEPENDENT if tells else NOTHING
+    if weighted or tells:
+        effects |= _directional_emission(node, groups, weighted)
+    return shading | Shading(effects)
+
+
+def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
+    factor, first, second = node.inputs[:3]
+    if is_constant(factor, groups, 0.0):
+        return _closure(first, groups, weighted=weighted)
+    if is_constant(factor, groups, 1.0):
+        return _closure(second, groups, weighted=weighted)
+    tells = depends_on_camera([factor], groups)
+    weighted = weighted or tells
+    parts = _closure(first, groups, weighted=weighted) | _closure(second, groups, weighted=weighted)
+    return parts | Shading(Effect.CAMERA_DEPENDENT if tells else NOTHING)
+
+
+def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
+    if node.bl_idname in ("ShaderNodeEmission", "ShaderNodeScript"):
+        return Shading()
+    if node.bl_idname == "ShaderNodeBsdfDiffuse":
+        return _rough_diffuse(node.inputs["Roughness"], groups)
+    if node.bl_idname == "ShaderNodeBsdfToon":
+        return Shading(Effect.GLOSSY if node.component == "GLOSSY" else NOTHING)
+    if node.bl_idname not in LEAVES:
+        # Nobody knows what it does.
+        return Shading(Effect.CAMERA_DEPENDENT)
+    effects, colour = LEAVES[node.bl_idname]
+    if colour and is_constant(node.inputs[colour], groups, 0.0):
+        return Shading()
+    sharp = effects & (Effect.GLOSSY | Effect.TRANSMISSION)
+    return Shading(effects, sharp if _is_sharp(node, groups) else NOTHING)
+
+
+def _rough_diffuse(roughness: bpy.types.NodeSocket, groups: Groups) -> Shading:
+    """Oren and Nayar's rough surface throws more light back to where it comes from: that depends on the view."""
+    return Shading(NOTHING if is_constant(roughness, groups, 0.0) else Effect.GLOSSY)
+
+
+def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
+    roughness = next((socket for socket in node.inputs if socket.name == "Roughness"), None)
+    if roughness is None or is_fed(roughness, groups):
+        return True
+    source, _ = origin(roughness, groups)
+    return source is None or source.default_value < SHARP
+
+
+def _principled(node: bpy.types.Node, groups: Groups) -> Shading:
+    """Its layers, from the outermost inwards, as Cycles evaluates them: what has no weight is not there."""
+
+    def is_value(name: str, wanted: float) -> bool:
+        return name in node.inputs and is_constant(node.inputs[name], groups, wanted)
+
+    effects = NOTHING if is_value("Alpha", 1.0) else Effect.ALPHA
+    if not (is_value("Coat Weight", 0.0) and is_value("Sheen Weight", 0.0) and is_value("Metallic", 0.0)):
+        effects |= Effect.GLOSSY
+    if is_value("Metallic", 1.0):
+        return Shading(effects, effects & Effect.GLOSSY if _is_sharp(node, groups) else NOTHING)
+    if not is_value("Transmission Weight", 0.0):
+        effects |= Effect.TRANSMISSION | Effect.GLOSSY
+    specular = not (is_value("Specular IOR Level", 0.0) or is_value("IOR", 1.0))
+    if specular or not is_value("Thin Film Thickness", 0.0):
+        effects |= Effect.GLOSSY
+    thin = is_value("Thin Wall", 1.0)
+    if not (is_value("Subsurface Weight", 0.0) or is_value("Subsurface Scale", 0.0) or thin):
+        effects |= Effect.SUBSURFACE
+    sharp = effects & (Effect.GLOSSY | Effect.TRANSMISSION) if _is_sharp(node, groups) else NOTHING
+    return Shading(effects, sharp) | _rough_diffuse(node.inputs["Diffuse Roughness"], groups)
+
+
+def _directional_emission(node: bpy.types.Node, groups: Groups, weighted: bool) -> Effect:
+    """DIRECTIONAL_EMISSION if the closure shines, and how much or in which colour depends on the camera."""
+    names = {PRINCIPLED: ("Emission Color", "Emission Strength")}
+    names |= dict.fromkeys(EMISSIONS, ("Color", "Strength"))
+    if node.bl_idname not in names:
+        return NOTHING
+    sockets = [node.inputs[name] for name in names[node.bl_idname]]
+    if any(is_constant(socket, groups, 0.0) for socket in sockets):
+        return NOTHING
+    return Effect.DIRECTIONAL_EMISSION if weighted or depends_on_camera(sockets, groups) else NOTHING
+
+
+def _volume(socket: bpy.types.NodeSocket) -> Effect:
+    for source, inside in upstream([socket]):
+        node = source.node
+        if source.type != "SHADER" or node.bl_idname in ("ShaderNodeMixShader", "ShaderNodeAddShader"):
+            continue
+        names = VOLUME_SOURCES.get(node.bl_idname, ())
+        if not names or not all(is_constant(node.inputs[name], inside, 0.0) for name in names):
+            return Effect.VOLUME
+    return NOTHING

@@ -1,0 +1,35 @@
+"""Where both eyes are in the frames around the one that is rendered, which motion vectors are measured against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import bpy
+
+from ...views.camera import Camera
+from ...warp.motion import Moving, moving
+from .rig import stereo_cameras
+from .working import evaluated, rendered_layer
+
+
+def vector_pass_asked_for(scene: bpy.types.Scene) -> bool:
+    """Whether a working scene's layer has the Vector pass; with motion blur on Blender renders none."""
+    return rendered_layer(scene).use_pass_vector and not scene.render.use_motion_blur
+
+
+def eyes_in_motion(scene: bpy.types.Scene, now: Mapping[str, Camera]) -> dict[str, Moving]:
+    """Both eyes of a working scene, by view name; `now` are their cameras in the frame that it stands at.
+
+    The scene visits its neighbouring frames, as Cycles makes it do for the pass itself, and comes back.
+    """
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        before, after = (_cameras_at(scene, frame + step, subframe) for step in (-1, 1))
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+    return {view: moving(now[view], before[view], after[view]) for view in now}
+
+
+def _cameras_at(scene: bpy.types.Scene, frame: int, subframe: float) -> dict[str, Camera]:
+    scene.frame_set(frame, subframe=subframe)
+    return stereo_cameras(evaluated(scene.camera, scene), scene.render)

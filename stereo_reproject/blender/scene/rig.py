@@ -1,0 +1,161 @@
+"""A Blender camera and its stereo settings as the two cameras of a rig, the way Blender's own multiview sets them up.
+
+Source: Blender, `BKE_camera_multiview_model_matrix`, `BKE_camera_multiview_shift_x` and Cycles' view plane; a test
+holds the result against a multiview render.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInputError
+from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
+
+MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
+
+PIXEL_ROUNDINGS = 64
+"""A pixel of a view plane is at least so many times as wide as what the plane's coordinates are rounded by."""
+
+
+@dataclass(frozen=True)
+class FrameRegion:
+    """The rendered pixels: the whole frame's size, and the part of it that is rendered (the border, or all)."""
+
+    full_width: int
+    full_height: int
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+def frame_region(render: bpy.types.RenderSettings) -> FrameRegion:
+    """Blender's own rounding of resolution percentage and render border, in pixels with row 0 at the top."""
+    full_width = render.resolution_x * render.resolution_percentage // 100
+    full_height = render.resolution_y * render.resolution_percentage // 100
+    if not render.use_border:
+        return FrameRegion(full_width, full_height, 0, 0, full_width, full_height)
+    single = np.float32
+    left, right = (int(single(edge) * single(full_width)) for edge in (render.border_min_x, render.border_max_x))
+    bottom, top = (int(single(edge) * single(full_height)) for edge in (render.border_min_y, render.border_max_y))
+    return FrameRegion(full_width, full_height, left, full_height - top, right - left, top - bottom)
+
+
+def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
+    """The camera, if its pair can be made. Raises BadInputError with what is in the way."""
+    if camera is None:
+        raise BadInputError("the scene has no camera: set one in Scene properties > Camera")
+    if camera.is_missing:
+        raise BadInputError(f"camera {camera.name!r} is linked from a file that is missing: find it, or make one here")
+    if camera.type != "CAMERA":
+        raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one as scene camera")
+    if camera.data.type not in ("PERSP", "ORTHO"):
+        kind = {"PANO": "panoramic", "CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
+        raise BadInputError(
+            f"camera {camera.name!r} is {kind}: only perspective and orthographic cameras are supported yet"
+        )
+    if camera.data.type == "PERSP" and camera.data.stereo.use_spherical_stereo:
+        raise BadInputError(f"camera {camera.name!r} uses spherical stereo: switch it off, it is not supported yet")
+    return camera
+
+
+def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> dict[str, Camera]:
+    """Both eyes of an evaluated camera object, by view name: 'left' and 'right'. Raises BadInputError where one of them
+    sees nothing that numbers could tell apart."""
+    region = frame_region(render)
+    eyes = {view: _eye(camera, render, region, view) for view in ("left", "right")}
+    for view, eye in eyes.items():
+        if not _is_wide(eye):
+            raise BadInputError(f"the {view} eye of camera {camera.name!r} has no view: {_why_narrow(camera.data)}")
+    return eyes
+
+
+def _is_wide(eye: Camera) -> bool:
+    """Whether the pixels of its view plane lie apart, as far as numbers have digits."""
+    plane = eye.plane
+    sides = ((plane.left, plane.right, eye.width), (plane.bottom, plane.top, eye.height))
+    return all(
+        (high - low) / count > PIXEL_ROUNDINGS * np.finfo(np.float64).eps * max(abs(low), abs(high))
+        for low, high, count in sides
+    )
+
+
+def _why_narrow(data: bpy.types.Camera) -> str:
+    if data.type == "ORTHO" and data.ortho_scale == 0.0:
+        return "its orthographic scale is 0: raise it in Camera properties > Lens"
+    stereo = data.stereo
+    if stereo.convergence_mode == "OFFAXIS" and stereo.interocular_distance > stereo.convergence_distance:
+        distances = f"{stereo.interocular_distance:g} and {stereo.convergence_distance:g}"
+        return f"interocular and convergence distance ({distances}) do not go together: take a smaller interocular one"
+    return "check focal length, sensor and shift in Camera properties"
+
+
+def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: FrameRegion, view: str) -> Camera:
+    data = camera.data
+    world = np.array(camera.matrix_world, np.float64)
+    world[:3, :3] /= np.linalg.norm(world[:3, :3], axis=0)
+    plane = _region_plane(_view_plane(data, render, region, data.shift_x + _stereo_shift(data, view)), region)
+    model = OrthographicCamera if data.type == "ORTHO" else PerspectiveCamera
+    return model(region.width, region.height, world @ camera_from_eye(data, view), plane)
+
+
+def camera_from_eye(data: bpy.types.Camera, view: str) -> NDArray[np.float64]:
+    """(4, 4): the eye's place in the camera's own space, scale left out."""
+    side = _side(data, view)
+    result = np.eye(4)
+    if side == 0.0:
+        return result
+    stereo = data.stereo
+    offset = np.eye(4)
+    offset[0, 3] = side * stereo.interocular_distance
+    if stereo.convergence_mode != "TOE":
+        return offset
+    # Turned towards the convergence point; away from a pivot at one eye, by half the angle before the step and half
+    # after it, so that both eyes lie on a circle around that point.
+    angle = -np.sign(side) * np.arctan(0.5 * stereo.interocular_distance / stereo.convergence_distance)
+    turn = np.eye(4)
+    turn[0, 0] = turn[2, 2] = np.cos(angle)
+    turn[0, 2], turn[2, 0] = -np.sin(angle), np.sin(angle)
+    return offset @ turn if stereo.pivot == "CENTER" else turn @ offset @ turn
+
+
+def _side(data: bpy.types.Camera, view: str) -> float:
+    """Where the eye is, in interocular distances from the camera, positive to the right."""
+    by_pivot = {"LEFT": (0.0, 1.0), "RIGHT": (-1.0, 0.0), "CENTER": (-0.5, 0.5)}
+    return by_pivot[data.stereo.pivot][view == "right"]
+
+
+def _stereo_shift(data: bpy.types.Camera, view: str) -> float:
+    stereo = data.stereo
+    if stereo.convergence_mode != "OFFAXIS":
+        return 0.0
+    per_distance = data.lens / stereo.convergence_distance / data.sensor_width
+    return -_side(data, view) * stereo.interocular_distance * per_distance
+
+
+def _view_plane(
+    data: bpy.types.Camera, render: bpy.types.RenderSettings, region: FrameRegion, shift_x: float
+) -> ViewPlane:
+    """The whole frame's view plane, after sensor fit, pixel aspect and shift."""
+    wide = region.full_width * render.pixel_aspect_x
+    high = region.full_height * render.pixel_aspect_y
+    horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and wide > high)
+    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    extent = data.ortho_scale if data.type == "ORTHO" else sensor / data.lens
+    unit = extent / (wide if horizontal else high)
+    centre_x, centre_y = shift_x * extent, data.shift_y * extent
+    half_x, half_y = 0.5 * wide * unit, 0.5 * high * unit
+    return ViewPlane(centre_x - half_x, centre_x + half_x, centre_y - half_y, centre_y + half_y)
+
+
+def _region_plane(plane: ViewPlane, region: FrameRegion) -> ViewPlane:
+    """The part of the frame's view plane that the region's pixels cover."""
+    step_x = (plane.right - plane.left) / region.full_width
+    step_y = (plane.top - plane.bottom) / region.full_height
+    left = plane.left + step_x * region.left
+    top = plane.top - step_y * region.top
+    return ViewPlane(left, left + step_x * region.width, top - step_y * region.height, top)

@@ -1,0 +1,64 @@
+"""What a finished pair needs of a scene that was changed while the pair was rendered: a camera, and its view layers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import bpy
+
+from .working import camera_at
+
+
+def new_names(rendered: Sequence[str], then: Sequence[str], now: Sequence[str]) -> dict[str, str]:
+    """What the rendered view layers are called now, by their names then: a layer that is gone, in whose place among
+    all of the scene's stands one that was not there, was renamed. One that was deleted keeps its name."""
+    names = {name: name for name in rendered}
+    for name in rendered:
+        place = then.index(name) if name in then else len(now)
+        if name not in now and place < len(now) and now[place] not in then:
+            names[name] = now[place]
+    return names
+
+
+def renamed_metadata(metadata: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """The texts about cryptomattes, each of which names its view layer, with the layers' new names."""
+    result = dict(metadata)
+    for key, text in metadata.items():
+        layer, _, matte = text.rpartition(".")
+        if key.endswith("/name") and layer in names:
+            result[key] = f"{names[layer]}.{matte}"
+    return result
+
+
+@contextmanager
+def stand_ins(scene: bpy.types.Scene, layers: Sequence[str]) -> Iterator[None]:
+    """A camera where the scene has none, and view layers of these names where they are missing; then gone again."""
+    missing = [name for name in layers if name not in scene.view_layers]
+    camera = _add_camera(scene) if camera_at(scene, scene.frame_current) is None else None
+    try:
+        for name in missing:
+            scene.view_layers.new(name)
+        yield
+    finally:
+        for name in missing:
+            if name in scene.view_layers:
+                scene.view_layers.remove(scene.view_layers[name])
+        if camera is not None:
+            _remove_camera(scene, camera)
+
+
+def _add_camera(scene: bpy.types.Scene) -> tuple[str, str]:
+    """The names of a camera and of its data. Nothing is seen through it, but Blender renders nothing without one."""
+    data = bpy.data.cameras.new("Stereo Reproject Delivery")
+    item = bpy.data.objects.new(data.name, data)
+    scene.camera = item
+    return item.name, data.name
+
+
+def _remove_camera(scene: bpy.types.Scene, names: tuple[str, str]) -> None:
+    # By name: a reference does not survive everything that a render may do.
+    scene.camera = None
+    for blocks, name in zip((bpy.data.objects, bpy.data.cameras), names, strict=True):
+        if name in blocks:
+            blocks.remove(blocks[name])

@@ -1,0 +1,235 @@
+"""What the cameras of a working scene may see: objects and instances that meet the view of either eye.
+
+Whatever is in doubt counts as seen. Blender lets us look at the scene as the viewport evaluates it: what is switched
+off there and on in the render counts with all that it may bring along, wherever it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.effects import Effect
+from ...views.camera import Camera
+from ...views.frustum import Frustum, Lens
+from .instancing import brought_along
+from .materials import Shadings
+from .working import evaluated, focus_distance, rendered_layer
+
+SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
+"""Types of objects that a render may show."""
+
+STRANDS = {"CURVES", "POINTCLOUD"}
+
+EVERYWHERE = np.full((8, 3), np.inf)
+"""The corners of a box that may be anywhere."""
+
+BOXES_AT_ONCE = 4096
+"""Boxes that are held against a view together: each on its own takes numpy as long as a hundred."""
+
+LOWER, UPPER = 0, 6
+"""The places of a box's lowest and uppermost corner among the eight that Blender gives."""
+
+AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
+"""(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
+
+
+Box = tuple[NDArray, tuple[float, ...], tuple[float, ...]]
+"""An instance's matrix (4, 4) into the world, and in its own space the lowest and uppermost corner of its bounds."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object that may be seen: its materials (None: a slot without), and those of its hair, if it has any."""
+
+    name: str
+    kind: str
+    materials: tuple[bpy.types.Material | None, ...]
+    hair: tuple[bpy.types.Material | None, ...] = ()
+    catcher: bool = False
+    holdout: bool = False
+    bounded: bool = True
+    """Whether Blender's bounds of it hold all that is seen."""
+
+
+def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings: Shadings) -> list[Seen]:
+    """What may be seen, each combination of object and materials once."""
+    layer = rendered_layer(scene)
+    rendered = set(_rendered_objects(layer.layer_collection))
+    # With the shutter open, what is out of view may come into it.
+    moves = scene.render.use_motion_blur
+    frustums = () if moves else tuple(Frustum(camera, lens_of(scene)) for camera in cameras)
+    met: set[str] = set()
+    found: dict[Seen, None] = {}
+    instances = _rendered_instances(layer, rendered, shadings, met)
+    boxes = ((seen, _box(instance) if seen.bounded else None) for instance, seen in instances if seen not in found)
+    while some := list(islice(boxes, BOXES_AT_ONCE)):
+        found.update(dict.fromkeys(_in_view(some, frustums)))
+    for item in layer.objects:
+        if item.name in rendered and (item.name not in met or _differs_in_render(item)):
+            found.update(dict.fromkeys(_in_doubt(item, layer, shadings)))
+    return list(found)
+
+
+def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
+    """Corners (8, 3), in the world, of a box around each volume; infinite where Blender's bounds may not hold it.
+
+    The world's volume is none: far away it looks the same to both eyes.
+    """
+    layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
+    rendered = set(_rendered_objects(layer.layer_collection))
+    boxes: list[NDArray[np.float64]] = []
+    for instance, seen in _rendered_instances(layer, rendered, shadings, set()):
+        materials = filter(None, seen.materials)
+        if seen.kind == "VOLUME" or any(shadings.of(material).effects & Effect.VOLUME for material in materials):
+            certain = seen.bounded and not scene.render.use_motion_blur
+            boxes.append(_corners([_box(instance)])[0] if certain else EVERYWHERE)
+    return tuple(boxes)
+
+
+def _rendered_instances(
+    layer: bpy.types.ViewLayer, rendered: set[str], shadings: Shadings, met: set[str]
+) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, Seen]]:
+    """Each instance that cameras may see, wherever it is; `met` takes the names of the objects that are no instances.
+
+    There may be a million instances of a few objects.
+    """
+    known: dict[tuple[str, int, str], Seen] = {}
+    for instance in layer.depsgraph.object_instances:
+        item, parent = instance.object, instance.parent if instance.is_instance else None
+        if parent is None:
+            met.add(item.name)
+        if not _is_rendered(item, parent, rendered, layer):
+            continue
+        key = (item.name, item.data.as_pointer(), "" if parent is None else parent.name)
+        if key not in known:
+            known[key] = _seen(item, parent, layer, shadings)
+        yield instance, known[key]
+
+
+def _box(instance: bpy.types.DepsgraphObjectInstance) -> Box:
+    # All eight corners at once take Blender ten times as long.
+    box = instance.object.bound_box
+    return np.array(instance.matrix_world), tuple(box[LOWER]), tuple(box[UPPER])
+
+
+def _corners(boxes: Sequence[Box]) -> NDArray[np.float64]:
+    """Return (N, 8, 3): the corners of N boxes in the world."""
+    matrices = np.array([matrix for matrix, _, _ in boxes], np.float64)
+    lower, upper = (np.array([box[k] for box in boxes], np.float64) for k in (1, 2))
+    corners = np.where(AT_UPPER, upper[:, None], lower[:, None])
+    return corners @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
+
+
+def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
+    if collection.exclude or collection.collection.hide_render or collection.indirect_only:
+        return
+    yield from (item.name for item in collection.collection.objects if not item.hide_render)
+    for child in collection.children:
+        yield from _rendered_objects(child)
+
+
+def _is_rendered(
+    item: bpy.types.Object, parent: bpy.types.Object | None, rendered: set[str], layer: bpy.types.ViewLayer
+) -> bool:
+    if item.type not in SHOWN or item.hide_render or not item.visible_camera:
+        return False
+    if parent is None:
+        return item.name in rendered
+    # An instancer that is itself an instance is in no collection of the layer.
+    return parent.visible_camera and (parent.name in rendered or parent.name not in layer.objects)
+
+
+def _seen(
+    item: bpy.types.Object, parent: bpy.types.Object | None, layer: bpy.types.ViewLayer, shadings: Shadings
+) -> Seen:
+    owner = parent or item
+    override = layer.material_override
+    materials = tuple(override or material for material in _materials(item))
+    hair = tuple(override or material for material in _hair(item)) if layer.use_strand else ()
+    displaced = any(material is not None and shadings.of(material).displaced for material in materials)
+    return Seen(
+        item.name,
+        item.type,
+        materials,
+        hair,
+        # Every light has the flag; it says nothing about what is seen of it.
+        catcher=item.type != "LIGHT" and (item.is_shadow_catcher or owner.is_shadow_catcher),
+        holdout=item.is_holdout or owner.is_holdout or owner.original.holdout_get(view_layer=layer),
+        bounded=not (hair or displaced or item.type in ("META", "LIGHT") or _differs_in_render(item)),
+    )
+
+
+def _materials(item: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The materials that a face of the object has; of what has no faces, or is not evaluated, all of them."""
+    if item.type == "LIGHT":
+        return []
+    materials: list[bpy.types.Material | None] = [slot.material for slot in item.material_slots] or [None]
+    if item.type != "MESH" or not item.is_evaluated:
+        return materials
+    if not item.data.polygons:
+        return []
+    indices = item.data.attributes.get("material_index")
+    if indices is None:
+        return materials[:1]
+    used = np.zeros(len(indices.data), np.int32)
+    indices.data.foreach_get("value", used)
+    return [materials[index] for index in np.unique(np.clip(used, 0, len(materials) - 1))]
+
+
+def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
+    """The materials of the object's particle hair, as far as it is rendered as strands."""
+    systems = (system.settings for system in item.particle_systems if system.settings is not None)
+    strands = [settings for settings in systems if settings.type == "HAIR" and settings.render_type == "PATH"]
+    if not strands:
+        return []
+    slots = [slot.material for slot in item.material_slots] or [None]
+    return [slots[min(settings.material, len(slots)) - 1] for settings in strands]
+
+
+def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, ...]) -> Iterator[Seen]:
+    """Those of the objects whose box meets a view, and those without a box."""
+    inside = np.ones(len(boxes), bool)
+    bounded = [index for index, (_, box) in enumerate(boxes) if box is not None]
+    if bounded and frustums:
+        corners = _corners([box for _, box in boxes if box is not None])
+        inside[bounded] = np.any([frustum.may_meet(corners) for frustum in frustums], axis=0)
+    return (seen for (seen, _), meets in zip(boxes, inside, strict=True) if meets)
+
+
+def _differs_in_render(item: bpy.types.Object) -> bool:
+    return any(modifier.show_render and not modifier.show_viewport for modifier in item.modifiers)
+
+
+def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:
+    """What an object that the viewport does not show as the render does may bring into the picture."""
+    for member in brought_along([item]):
+        if member.type in SHOWN and member.visible_camera and not member.hide_render:
+            yield _seen(member, None, layer, shadings)
+        if any(modifier.type == "NODES" and modifier.show_render for modifier in member.modifiers):
+            materials = (
+                material for material in bpy.data.materials if material.users and not material.is_grease_pencil
+            )
+            yield Seen(member.name, "MESH", tuple(materials))
+
+
+def lens_of(scene: bpy.types.Scene) -> Lens:
+    """Both eyes' lens."""
+    camera = evaluated(scene.camera, scene)
+    data = camera.data
+    if not data.dof.use_dof:
+        return Lens(data.clip_start, data.clip_end)
+    return Lens(data.clip_start, data.clip_end, aperture_radius(data), max(focus_distance(scene), data.clip_start))
+
+
+def aperture_radius(camera: bpy.types.Camera) -> float:
+    """Of an evaluated camera, in scene units, as Cycles sets it: 0 without depth of field."""
+    if not camera.dof.use_dof:
+        return 0.0
+    diameter = 1.0 if camera.type == "ORTHO" else camera.lens * 1e-3
+    return diameter / (2.0 * max(camera.dof.aperture_fstop, 1e-5))

@@ -1,0 +1,102 @@
+"""What a scene asks for that its pair does not have, or has otherwise than the user may think."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ...errors import BadInputError
+from ...settings.frame import SceneOverrides
+from .compositor import compositor_blocker, gives_a_picture, has_compositor
+from .denoiser import has_denoiser
+from .engine_support import engine_warnings
+from .instancing import brought_along
+from .missing import missing_files, missing_libraries
+from .working import CYCLES, EEVEE, check_layers, layers_to_render, working_scene
+
+PLAIN = SceneOverrides()
+
+
+def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict: bool = False) -> list[str]:
+    """Return all that is known before the first render of what its pictures lack: a line each.
+
+    Raises BadInputError when nothing may be lacking, and when the scene cannot be rendered as a pair.
+    """
+    warnings = scene_warnings(scene, overrides)
+    if _engine_of(scene, overrides) in EEVEE:
+        for layer in check_layers(scene):
+            with working_scene(scene, overrides, layer=layer) as working:
+                warnings += engine_warnings(working)
+    warnings = list(dict.fromkeys(warnings))
+    if strict and warnings:
+        raise BadInputError(f"strict, and so nothing is rendered: {'; '.join(warnings)}")
+    return warnings
+
+
+def _engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
+    """The source's engine, by a name of the scene's own or of `scene.EEVEE`."""
+    by_name = {"cycles": CYCLES, "eevee": EEVEE[0], None: scene.render.engine}
+    return by_name[overrides.source_engine]
+
+
+def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) -> list[str]:
+    """What the scene asks for that a stereo pair does not have yet: a line each."""
+    warnings = missing_libraries()
+    if scene.render.use_compositing and has_compositor(scene):
+        blocker = compositor_blocker(scene)
+        if blocker is not None:
+            warnings.append(f"the scene's compositor is left out: {blocker}")
+        elif not gives_a_picture(scene):
+            warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
+    denoised = scene.cycles.use_denoising if overrides.denoise is None else overrides.denoise
+    if _engine_of(scene, overrides) == CYCLES and denoised and not has_denoiser(scene):
+        warnings.append("this Blender is built without a denoiser: both eyes are left noisy, as by its own render")
+    warnings += _unbaked(scene)
+    warnings += missing_files(scene)
+    if bpy.app.autoexec_fail:
+        warnings.append("scripts of the .blend were not run: drivers that need them stand still")
+    if scene.render.use_freestyle:
+        warnings.append("Freestyle lines are not drawn")
+    return warnings
+
+
+def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
+    """A line when there are several view layers, for what has a look at the first of them only."""
+    layers = layers_to_render(scene)
+    return [f"{what} of the first of {len(layers)} view layers, {layers[0]!r}"] if len(layers) > 1 else []
+
+
+def _unbaked(scene: bpy.types.Scene) -> list[str]:
+    """A line when something is simulated and not baked: its state is not part of a file, and frames are visited to
+    and fro."""
+    found = [name for item in brought_along(scene.objects) for name in _unbaked_on(item)]
+    world = scene.rigidbody_world
+    if world is not None and world.enabled and world.collection and not world.point_cache.is_baked:
+        found.append("the rigid body world")
+    if not found:
+        return []
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    return [f"a simulation is not baked, {found[0]}{more}: bake it, or it may look different here"]
+
+
+def _unbaked_on(item: bpy.types.Object) -> Iterator[str]:
+    for modifier in item.modifiers:
+        if modifier.type in ("CLOTH", "SOFT_BODY"):
+            unbaked = not modifier.point_cache.is_baked
+        else:
+            simulated = modifier.type == "NODES" and _has_simulation(modifier.node_group)
+            unbaked = simulated and not len(modifier.bakes)
+        if unbaked:
+            yield f"{modifier.name!r} on {item.name!r}"
+    for system in item.particle_systems:
+        if _moves(system) and not system.point_cache.is_baked:
+            yield f"{system.name!r} on {item.name!r}"
+
+
+def _moves(system: bpy.types.ParticleSystem) -> bool:
+    return system.settings.type == "EMITTER" or system.use_hair_dynamics
+
+
+def _has_simulation(tree: bpy.types.NodeTree | None) -> bool:
+    return tree is not None and any(node.bl_idname == "GeometryNodeSimulationInput" for node in tree.nodes)

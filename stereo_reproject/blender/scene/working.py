@@ -1,0 +1,368 @@
+"""A copy of the user's scene to work in: the user's own is never touched, and nothing of the copy is left behind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import bpy
+
+from ...errors import BadInputError
+from ...settings.frame import SceneOverrides
+from .rig import MODES, check_camera, frame_region
+
+CYCLES = "CYCLES"
+EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+
+Block = TypeVar("Block", bound=bpy.types.ID)
+
+DRIVEN_SEED = "stereo_reproject_seed"
+"""A working scene's property that has the driver of its seed."""
+
+SMALLEST = 4
+"""Pixels along a side: Blender renders nothing smaller."""
+
+
+def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scripts: bool = False) -> bpy.types.Scene:
+    """Load a .blend without its user interface, and without running its scripts unless told to.
+
+    Its scene of that name, from the library of that name if it is linked; without one, the active scene. Raises
+    BadInputError.
+    """
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split()).removeprefix("Error: ")
+        raise BadInputError(f"Blender cannot open {path}: {reason}") from error
+    if scene is None:
+        return bpy.context.scene
+    found = next((one for one in bpy.data.scenes if scene_key(one) == tuple(scene)), None)
+    if found is None:
+        raise BadInputError(f"{path} has no scene {scene[0]!r}: its scenes are {', '.join(bpy.data.scenes.keys())}")
+    return found
+
+
+def scene_key(scene: bpy.types.Scene) -> tuple[str, str | None]:
+    """What tells a scene from all others of a file: its name, and that of the library that it is linked from."""
+    return scene.name, scene.library.name if scene.library else None
+
+
+def check_engine(scene: bpy.types.Scene) -> None:
+    """Raises BadInputError unless the scene renders with Cycles or EEVEE."""
+    if scene.render.engine != CYCLES and scene.render.engine not in EEVEE:
+        raise BadInputError(
+            f"scene {scene.name!r} renders with {scene.render.engine}: set Cycles or EEVEE in Render properties"
+        )
+
+
+def scene_frames(scene: bpy.types.Scene) -> range:
+    """The frames that Blender would render as an animation. Raises BadInputError when there are none."""
+    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+    if not frames:
+        raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
+    return frames
+
+
+def layers_to_render(scene: bpy.types.Scene) -> list[str]:
+    """The names of the view layers that Blender renders, in the scene's order; there may be none.
+
+    Render Single Layer is the window's: without one it is ignored, as Blender itself does.
+    """
+    if scene.render.use_single_layer and not bpy.app.background and bpy.context.scene == scene:
+        return [bpy.context.view_layer.name]
+    return [layer.name for layer in scene.view_layers if layer.use]
+
+
+def check_layers(scene: bpy.types.Scene) -> list[str]:
+    """The same. Raises BadInputError when there is none."""
+    layers = layers_to_render(scene)
+    if not layers:
+        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+    return layers
+
+
+@contextmanager
+def working_scene(
+    scene: bpy.types.Scene, overrides: SceneOverrides, *, layer: str | None = None
+) -> Iterator[bpy.types.Scene]:
+    """A copy of `scene` with a camera of its own, set up to render single stereo views without post-processing.
+
+    It renders one view layer, the first of `layers_to_render` unless another is named. Raises BadInputError when the
+    scene cannot be rendered as a pair.
+    """
+    engine = _engine(scene, overrides)
+    # As Blender has it, a frame that is asked for by its number has no subframe.
+    frame, subframe = _standing(scene) if overrides.frame is None else (overrides.frame, 0.0)
+    camera = check_camera(camera_at(scene, frame))
+    rendered = check_layers(scene)[0] if layer is None else layer
+    copy = scene.copy()
+    eye = camera.copy()
+    eye.data = camera.data.copy()
+    names = (copy.name, eye.name, eye.data.name)
+    try:
+        # A marker would switch the camera back at the next render.
+        copy.timeline_markers.clear()
+        # A property of the user's own may have the name of ours.
+        copy.pop(DRIVEN_SEED, None)
+        copy.collection.objects.link(eye)
+        copy.camera = eye
+        copy.render.engine = engine
+        _set_up(copy, rendered)
+        _apply(copy, eye.data, overrides)
+        _check_region(copy.render)
+        move_to(copy, frame, subframe=subframe)
+        yield copy
+    finally:
+        left = bpy.data.scenes.get(names[0])
+        last = (frame, subframe) if left is None else _standing(left)
+        _remove(*names)
+        return_to_own_frame(scene, *last)
+
+
+def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
+    """Have a working scene stand at a frame."""
+    stand_at(working, frame, subframe)
+    # The fills look at it, and the copy's own value may be that of another frame.
+    working.cycles.filter_width = evaluated(working, working).cycles.filter_width
+    if DRIVEN_SEED in working:
+        working.cycles.seed = int(evaluated(working, working)[DRIVEN_SEED])
+
+
+class WorkingScenes:
+    """Working scenes for one frame after the other: one that fits the next as well stays, with what Cycles has synced.
+
+    A scene of several view layers has one for each of them, made anew each time, so that a layer is freed before the
+    next one's is synced; a camera that a marker binds has one of its own, too.
+    """
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        self._scene = scene
+        self._open = ExitStack()
+        self._kept: tuple[tuple[object, ...], str] | None = None
+
+    def __enter__(self) -> WorkingScenes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove what is kept; the next frame's is made anew."""
+        self._kept = None
+        self._open.close()
+
+    def at(self, overrides: SceneOverrides, layer: str) -> bpy.types.Scene:
+        """One that stands at the frame of the overrides, which are otherwise always the same. Raises BadInputError."""
+        frame = self._scene.frame_current if overrides.frame is None else overrides.frame
+        camera = camera_at(self._scene, frame)
+        key = (layer, camera and camera.session_uid, replace(overrides, frame=None))
+        if self._kept is not None and self._kept[0] == key:
+            working = bpy.data.scenes[self._kept[1]]
+            move_to(working, frame)
+            return working
+        self.close()
+        working = self._open.enter_context(working_scene(self._scene, overrides, layer=layer))
+        # By name: a reference does not survive everything that a render may do.
+        self._kept = key, working.name
+        return working
+
+
+def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
+    """What the scene is to be rendered with. Raises BadInputError."""
+    if overrides.source_engine is None:
+        check_engine(scene)
+        engine = scene.render.engine
+    else:
+        # EEVEE's name is not the same in every Blender.
+        eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
+        engine = CYCLES if overrides.source_engine == "cycles" else eevee
+    if engine == CYCLES and scene.cycles.use_sample_subset and scene.cycles.sample_offset > 0:
+        raise BadInputError(
+            f"scene {scene.name!r} renders its samples from number {scene.cycles.sample_offset} on, and Cycles gives"
+            " depth with the first alone: set Sample Subset's Offset to 0"
+        )
+    if overrides.denoise and engine != CYCLES:
+        raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
+    return engine
+
+
+def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
+    """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
+    layer = rendered_layer(scene)
+    # What was set since then, for a packed render or a frame, counts.
+    layer.update()
+    return item.evaluated_get(layer.depsgraph)
+
+
+@contextmanager
+def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
+    """These properties of a scene, or of something in it, for a while; then as they were."""
+    kept = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        with ExitStack() as restored:
+            for name, value in kept.items():
+                restored.callback(setattr, owner, name, value)
+
+
+def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The one view layer that a working scene renders."""
+    return next(layer for layer in scene.view_layers if layer.use)
+
+
+def main_layer(scene: bpy.types.Scene) -> str:
+    """The name of the first view layer that is used, or else of the first."""
+    return next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
+
+
+def focus_distance(scene: bpy.types.Scene) -> float:
+    """The depth in focus of a working scene's camera, in scene units."""
+    camera = evaluated(scene.camera, scene)
+    focus = camera.data.dof.focus_object
+    if focus is None:
+        return camera.data.dof.focus_distance
+    place = camera.matrix_world.normalized().inverted() @ evaluated(focus, scene).matrix_world.translation
+    return abs(place.z)
+
+
+def make_small(working: bpy.types.Scene, width: int) -> float:
+    """Have a working scene rendered so wide in pixels, or half as wide as it was; its width over what it was.
+
+    Neither side of what is rendered becomes smaller than Blender can.
+    """
+    render = working.render
+    region = frame_region(render)
+    scale = max(min(width / region.width, 0.5), min(SMALLEST / min(region.width, region.height), 1.0))
+    percentage = render.resolution_percentage / 100.0
+    # Rounded up: a border must not lose its last pixels.
+    render.resolution_x, render.resolution_y = (
+        math.ceil(side * percentage * scale) for side in (render.resolution_x, render.resolution_y)
+    )
+    render.resolution_percentage = 100
+    return scale
+
+
+def return_to_own_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
+    """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
+    own = _standing(scene)
+    if own != (frame, subframe):
+        stand_at(scene, *own)
+
+
+def stand_at(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
+    """Have a scene stand where another does: before frame 0 a subframe is negative, which Blender takes from nobody."""
+    before = 1 if subframe < 0.0 else 0
+    scene.frame_set(frame - before, subframe=subframe + before)
+
+
+def _standing(scene: bpy.types.Scene) -> tuple[int, float]:
+    return scene.frame_current, scene.frame_subframe
+
+
+def _check_region(render: bpy.types.RenderSettings) -> None:
+    region = frame_region(render)
+    if min(region.width, region.height) < SMALLEST:
+        raise BadInputError(
+            f"{region.width} x {region.height} pixels are to be rendered: at least {SMALLEST} x {SMALLEST} are needed;"
+            " check resolution, percentage and render border"
+        )
+
+
+def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
+    """The camera that Blender renders a frame with."""
+    return _camera_by_marker(scene, frame) or scene.camera
+
+
+def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
+    """The camera that the last marker up to `frame` binds, or else the first, as Blender switches cameras."""
+    bound = [marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render]
+    if not bound:
+        return None
+    passed = [marker for marker in bound if marker.frame <= frame]
+    return max(passed, key=lambda m: m.frame).camera if passed else min(bound, key=lambda m: m.frame).camera
+
+
+def _set_up(scene: bpy.types.Scene, layer: str) -> None:
+    render = scene.render
+    render.use_persistent_data = True
+    render.use_compositing = False
+    render.use_sequencer = False
+    render.use_stamp = False
+    render.use_single_layer = False
+    render.use_freestyle = False
+    render.use_crop_to_border = render.use_border
+    render.use_multiview = True
+    render.views_format = "STEREO_3D"
+    for view in render.views:
+        view.use = view.name in ("left", "right")
+    for view_layer in scene.view_layers:
+        view_layer.use = view_layer.name == layer
+    scene.view_layers[layer].use_pass_combined = True
+    scene.view_layers[layer].use_pass_z = True
+
+
+def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
+    _take_over_seed(scene)
+    if overrides.seed is not None:
+        scene.pop(DRIVEN_SEED, None)
+        scene.cycles.seed = overrides.seed
+    if overrides.denoise is not None:
+        scene.cycles.use_denoising = overrides.denoise
+        for layer in scene.view_layers:
+            layer.cycles.use_denoising = overrides.denoise
+
+
+def _take_over_seed(scene: bpy.types.Scene) -> None:
+    """Each render of a frame has a seed of its own; a driver, of which there is the old idiom #frame, would undo it.
+    What it says for a frame is found in another property."""
+    drivers = scene.animation_data.drivers if scene.animation_data else ()
+    driver = next((curve for curve in drivers if curve.data_path == "cycles.seed"), None)
+    if driver is not None:
+        scene[DRIVEN_SEED] = 0
+        scene.animation_data.drivers.from_existing(src_driver=driver).data_path = f'["{DRIVEN_SEED}"]'
+        scene.driver_remove("cycles.seed")
+
+
+def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOverrides) -> None:
+    if overrides.size is not None:
+        scene.render.resolution_x, scene.render.resolution_y = overrides.size
+        scene.render.resolution_percentage = 100
+    if overrides.samples is not None:
+        if scene.render.engine == CYCLES:
+            scene.cycles.samples = overrides.samples
+            for layer in scene.view_layers:
+                # A layer's own number would win.
+                layer.samples = 0
+        else:
+            scene.eevee.taa_render_samples = overrides.samples
+    if scene.render.engine == CYCLES:
+        _apply_to_cycles(scene, overrides)
+    stereo = camera.stereo
+    if overrides.interocular_distance is not None:
+        stereo.interocular_distance = overrides.interocular_distance
+    if overrides.convergence_distance is not None:
+        stereo.convergence_distance = overrides.convergence_distance
+    if overrides.convergence_mode is not None:
+        stereo.convergence_mode = MODES[overrides.convergence_mode]
+
+
+def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
+    """Take the copies out again; by name, because a reference does not survive everything that a render may do."""
+    scene = bpy.data.scenes.get(scene_name)
+    if scene is not None:
+        # Frees what Cycles keeps between renders.
+        scene.render.use_persistent_data = False
+        bpy.data.scenes.remove(scene)
+    eye = bpy.data.objects.get(object_name)
+    if eye is not None:
+        bpy.data.objects.remove(eye)
+    camera = bpy.data.cameras.get(camera_name)
+    if camera is not None:
+        bpy.data.cameras.remove(camera)

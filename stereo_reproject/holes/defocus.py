@@ -1,0 +1,117 @@
+"""Edges out of focus: a blurred foreground mixes with what is behind it far beyond the pixels beside the edge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.risk import Contrast
+from ..views.camera import Camera, PerspectiveCamera
+from ..views.frustum import Lens
+from ..warp.depth_steps import Steps
+from .silhouettes import ALIKE
+
+SMALLEST = 1.0
+"""Radius of a circle of confusion, in pixels, from which an edge is more than a silhouette."""
+
+RADII = (2, 4, 8, 16, 32, 64, 128)
+"""Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
+
+MISPLACED = 0.5
+"""Share of the step in disparity by which what is seen through a blurred edge is off: it is warped with either side."""
+
+
+def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[np.float32]:
+    """(H, W) radius in pixels of the blur of a point at `depth` (H, W), from the lens's aperture; 0 without one."""
+    if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
+        return np.zeros(depth.shape, np.float32)
+    plane = camera.plane
+    pixels_per_slope = max(camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        blur = lens.aperture * np.abs(1.0 / depth - 1.0 / lens.focus) * pixels_per_slope
+    return np.nan_to_num(blur, nan=0.0, posinf=RADII[-1]).astype(np.float32)
+
+
+def blurred_edges(
+    steps: Steps,
+    radius: NDArray[np.float32],
+    gradient: NDArray[np.float32],
+    contrast: Contrast,
+    *,
+    threshold: float,
+    tolerance: float,
+) -> NDArray[np.bool_]:
+    """(H, W): pixels that an edge's blur reaches and whose colour is off by more than the noise when it is warped.
+
+    steps are those in disparity; radius (H, W) that of the blur at the nearer side; gradient (H, W) the change of
+    colour from a pixel to the next. What the eye sees there is off by up to half of the step, and so the colour by that
+    much of its gradient. tolerance is in standard deviations of the noise.
+    """
+    edges = steps.beside(threshold) & (radius >= SMALLEST)
+    if not edges.any():
+        return edges
+    step = np.where(edges, np.minimum(_largest_step(steps), 2.0 * radius), 0.0)
+    reached = np.zeros_like(step)
+    below = 0.0
+    for reach in RADII:
+        among = (radius > below) & ((radius <= reach) if reach != RADII[-1] else True)
+        if (edges & among).any():
+            reached = np.maximum(reached, _spread(np.where(among, step, 0.0), reach))
+        below = reach
+    error = (MISPLACED * reached * gradient) ** 2
+    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, ALIKE**2))
+
+
+def _largest_step(steps: Steps) -> NDArray[np.float32]:
+    """(H, W): the largest step to one of the four neighbours, or from one of them to its own."""
+    height, width = steps.right.shape[0], steps.down.shape[1]
+    result = np.zeros((height, width), np.float32)
+    result[:, :-1] = steps.right
+    result[:, 1:] = np.maximum(result[:, 1:], steps.right)
+    result[:-1] = np.maximum(result[:-1], steps.down)
+    result[1:] = np.maximum(result[1:], steps.down)
+    return _spread(result, 1)
+
+
+def _spread(image: NDArray, reach: int) -> NDArray:
+    """(H, W): the largest value within `reach` pixels, in a square."""
+    for axis in (0, 1):
+        result, have = np.moveaxis(image, axis, 0), 0
+        while have < reach:
+            shift = min(have + 1, reach - have)
+            result, have = np.maximum(result, np.maximum(_moved(result, shift), _moved(result, -shift))), have + shift
+        image = np.moveaxis(result, 0, axis)
+    return image
+
+
+def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
+    """The rows of the image `shift` further down (up, if negative); `fill` where there are none."""
+    result = np.full_like(image, fill)
+    if abs(shift) < len(image):
+        result[max(shift, 0) : len(image) + min(shift, 0)] = image[max(-shift, 0) : len(image) + min(-shift, 0)]
+    return result
+
+
+def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:
+    """(H, W): of the pixels around each, the blur of the nearest, which is the one of larger disparity (H, W)."""
+    near = np.where(np.isfinite(disparity), disparity, -np.inf)
+    nearest, result = near.copy(), blur.copy()
+    for axis in (0, 1):
+        for shift in (1, -1):
+            beside, its_blur = (np.moveaxis(_moved(np.moveaxis(a, axis, 0), shift), 0, axis) for a in (near, blur))
+            nearer = beside > nearest
+            nearest, result = np.where(nearer, beside, nearest), np.where(nearer, its_blur, result)
+    return result
+
+
+def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
+    """The steps, less where they lie out of focus.
+
+    Depth is that of one ray through the lens: where blur (H, W) is the circle of confusion's radius, it belongs to a
+    point up to so many pixels away, and the slope of a surface makes steps of it.
+    """
+    if not blur.any():
+        return steps
+    right = 1.0 + np.maximum(blur[:, 1:], blur[:, :-1])
+    down = 1.0 + np.maximum(blur[1:], blur[:-1])
+    return Steps((steps.right / right).astype(np.float32), (steps.down / down).astype(np.float32))

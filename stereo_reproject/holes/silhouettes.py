@@ -1,0 +1,96 @@
+"""Silhouettes: a pixel's colour is filtered over a depth edge while its depth is not, so it cannot be warped.
+
+Cycles' filter gathers samples from beyond the pixel; next to an edge it mixes both sides. What mixes in the source is
+another background than what mixes in the target: the band is traced, in either eye, unless its sides look the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.bands import bands
+from ..images.masks import dilate
+from ..images.metrics import tone
+from ..warp.depth_steps import Steps
+
+WINDOW = 3
+"""Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
+
+FEWEST = 4
+"""Pixels that a side must have in the window for its colour to be known."""
+
+CHUNK = 1 << 11
+"""Windows looked at together: their pixels stay in a processor's cache."""
+
+ALIKE = 1e-3
+"""Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
+
+
+def edge_band(steps: Steps, *, threshold: float, radius: int) -> NDArray[np.bool_]:
+    """(H, W): pixels within `radius` of a step in disparity above `threshold` pixels."""
+    if radius <= 0:
+        return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)
+    return dilate(steps.beside(threshold), radius - 1)
+
+
+def differing(
+    band: NDArray[np.bool_], disparity: NDArray, colour: NDArray, *, tolerance: float, unknown: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """The pixels of `band` (H, W) around which the near and the far side differ in colour.
+
+    disparity (H, W) tells the sides apart: what is nearer than the middle of the window's range is near. colour
+    (H, W, 4) is scene-linear. tolerance is in standard deviations of a side's own pixels, which hold the noise; the
+    error of the two means is taken out. Pixels whose window holds one of `unknown` (H, W) stay in.
+    """
+    if tolerance <= 0.0:
+        return band
+    result = band.copy()
+    texels, depths, gaps = colour.reshape(band.size, -1), disparity.ravel(), unknown.ravel()
+    for rows in bands(band.shape):
+        pixels = np.flatnonzero(band[rows]) + rows.start * band.shape[1]
+        for start in range(0, pixels.size, CHUNK):
+            chosen = pixels[start : start + CHUNK]
+            window = _window_around(chosen, band.shape)
+            differs = gaps.take(window).any(axis=0)
+            known = np.flatnonzero(~differs)
+            window = window[:, known]
+            differs[known] = _sides_differ(texels.take(window, axis=0), depths.take(window), tolerance)
+            result.ravel()[chosen] = differs
+    return result
+
+
+def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
+    """(K, N): places in a flattened (H, W) of those that are looked at around each; beyond the border, those at it."""
+    height, width = shape
+    down, right = _window()
+    rows, columns = np.divmod(pixels, width)
+    return np.clip(rows + down[:, None], 0, height - 1) * width + np.clip(columns + right[:, None], 0, width - 1)
+
+
+def _window() -> tuple[NDArray, NDArray]:
+    """Offsets of every other pixel around the edge pixel, as on a chessboard: its two sides are well sampled."""
+    span = np.arange(-WINDOW, WINDOW + 1)
+    down, right = (offset.ravel() for offset in np.meshgrid(span, span, indexing="ij"))
+    chosen = (down + right) % 2 == 0
+    return down[chosen], right[chosen]
+
+
+def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
+    """(N,): colour (K, N, C) and disparity (K, N) of N windows of K pixels; the windows lie along the arrays' rows, for
+    whose sums numpy needs them long."""
+    middle = 0.5 * (disparity.min(axis=0) + disparity.max(axis=0))
+    near = (disparity > middle).astype(np.float32)
+    far = 1.0 - near
+    count_near, count_far = near.sum(axis=0), far.sum(axis=0)
+    known = (count_near >= FEWEST) & (count_far >= FEWEST)
+    of_near, of_far = np.maximum(count_near, 1.0), np.maximum(count_far, 1.0)
+    difference, variance_near, variance_far = (np.zeros(near.shape[1], np.float32) for _ in range(3))
+    for channel in np.moveaxis(tone(colour), -1, 0):
+        mean_near, mean_far = (channel * near).sum(axis=0) / of_near, (channel * far).sum(axis=0) / of_far
+        difference += (mean_near - mean_far) ** 2 / 3.0
+        variance_near += ((channel - mean_near) ** 2 * near).sum(axis=0) / (3.0 * np.maximum(of_near - 1.0, 1.0))
+        variance_far += ((channel - mean_far) ** 2 * far).sum(axis=0) / (3.0 * np.maximum(of_far - 1.0, 1.0))
+    explained = variance_near / of_near + variance_far / of_far
+    allowed = np.maximum(tolerance**2 * np.minimum(variance_near, variance_far), ALIKE**2)
+    return (difference - explained > allowed) | ~known

@@ -1,0 +1,1 @@
+"""Renders as arrays: passes by name, EXR in and out, lookup, filters, tone and error."""

@@ -1,0 +1,138 @@
+"""Paths that Blender reads as they stand, for folders whose own path it would read otherwise.
+
+On every system Blender takes a backslash for a separator, so that a file for `a\\b/` lands in `a/b/`; it keeps at most
+1023 bytes of a path, and its Python wants UTF-8. Linux has another name for any folder that a process has open, without
+any of these: it leads there whatever the folder is called, and is gone with the process, so that nothing stays behind.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import BadInputError
+
+UNIT = "characters" if sys.platform == "win32" else "bytes"
+"""What names and paths are limited by."""
+
+MAX_FOLDER_LENGTH = 199 if sys.platform == "win32" else 600
+"""Of a folder's path, in UNIT: Blender keeps 1023 bytes of a file's, Windows 259 characters, and ours add folders and
+names to it."""
+
+MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
+"""Where the system does not say: the longest name, path, and path on Windows, in UNIT."""
+
+NOT_ON_WINDOWS = re.compile(
+    r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3]) *(\.|$)',
+    re.IGNORECASE,
+)
+"""What no name may have or be there: after a colon, NTFS writes into something else that hides behind a file."""
+
+SHOWN = 40
+"""Characters of a long name."""
+
+STAND_INS = "/proc/"
+"""How the paths begin that stand in for others."""
+
+
+def misread(path: str | os.PathLike[str]) -> str | None:
+    """Why Blender would read a path otherwise, in words; None where it takes it as it stands."""
+    name = os.fspath(path)
+    if os.sep != "\\" and "\\" in name:
+        return "Blender takes the backslash in it for a separator"
+    if not _is_utf8(name):
+        return "Blender takes no names that are not UTF-8"
+    length = _length(name)
+    return f"Blender takes no paths of {length} {UNIT}" if length > MAX_FOLDER_LENGTH else None
+
+
+def _is_utf8(name: str) -> bool:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _length(name: str) -> int:
+    """How much of a limit a name takes up, in UNIT."""
+    return len(name.encode("utf-16-le", "surrogatepass")) // 2 if sys.platform == "win32" else len(os.fsencode(name))
+
+
+@contextmanager
+def plain_path(folder: Path) -> Iterator[Path]:
+    """A path of a folder that Blender reads as it stands, in this process and in others of this user: its own where
+    that will do, else one that is valid meanwhile. Raises BadInputError where there is none."""
+    why = misread(folder)
+    if why is None:
+        yield folder
+        return
+    stand_ins = Path(f"{STAND_INS}{os.getpid()}/fd")
+    if not stand_ins.is_dir():
+        raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
+    try:
+        descriptor = os.open(folder, getattr(os, "O_PATH", os.O_RDONLY))
+    except OSError as error:
+        raise BadInputError(f"{folder} cannot be read ({error.strerror}); check its permissions") from error
+    try:
+        plain = stand_ins / str(descriptor)
+        # In a container it may be the machine's, where another process has this number.
+        if not plain.exists() or not plain.samefile(folder):
+            raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
+        yield plain
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def plain_blend(blend: Path) -> Iterator[Path]:
+    """The path of a .blend by which Blender finds what lies beside it and above, as far as up to the folder that is to
+    blame. Raises BadInputError."""
+    if not _is_utf8(blend.name):
+        # Another path of it would not do: what lies beside it is found by its own.
+        name = os.fsencode(blend).decode("ascii", "backslashreplace")
+        raise BadInputError(f"{name} cannot be opened: Blender takes no names that are not UTF-8; rename it")
+    folder = next((parent for parent in blend.parents if misread(parent.name) is not None), None)
+    if folder is None and misread(blend.parent) is not None:
+        folder = blend.parent
+    if folder is None:
+        yield blend
+        return
+    with plain_path(folder) as plain:
+        yield plain / blend.relative_to(folder)
+
+
+def check_names(folder: Path, names: Iterable[str]) -> None:
+    """Raise BadInputError unless a folder, which may be still to be made, takes files with these names."""
+    most_of_name, most_of_path = _limits(folder)
+    for name in names:
+        if sys.platform == "win32" and NOT_ON_WINDOWS.search(name):
+            raise BadInputError(f"{folder}: Windows has no files called {name!r}: change the name in the output path")
+        length, whole = _length(name), _length(str(folder / name))
+        if length > most_of_name:
+            raise BadInputError(
+                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
+                " shorten the name at the end of the output path"
+            )
+        if whole > most_of_path:
+            raise BadInputError(
+                f"{folder}: a path of {whole} {UNIT} is longer than the {most_of_path} that fit: shorten it"
+            )
+
+
+def _limits(folder: Path) -> tuple[int, int]:
+    """The longest name, and path, that the drive of a folder takes, in UNIT."""
+    there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
+    if there is None or not hasattr(os, "pathconf"):
+        return MOST_OF_NAME, WINDOWS_MOST
+    try:
+        # One byte of a path is for its end.
+        name, path = os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
+    except (OSError, ValueError):
+        return MOST_OF_NAME, MOST_OF_PATH
+    # Some shared folders say 0, and -1 is for no limit.
+    return name if name > 0 else MOST_OF_NAME, path if path > 0 else MOST_OF_PATH

@@ -1,0 +1,274 @@
+"""The process that Blender runs in: started, listened to, and cleaned up after, in whatever way it ends.
+
+Blender does not run in the process that the user talks to. So neither Ctrl-C nor a crash inside a render nor a hang at
+exit can leave anything half-made: this process, which never imports bpy, kills the worker's whole process group,
+removes the run's private folder, and only a complete result is moved into the output folder.
+
+The worker (`python -m stereo_reproject.programs.worker`)
+------------------------------------------------
+stdin    one line of JSON: {"command": what to do, "blend" (null where no scene is opened), "output" (null without
+         files), "work": absolute paths, "settings": StereoSettings as nested dicts, "files": those to be made, "only":
+         names of runs, "session": a Session as a dict, "animation": AnimationSettings as a dict, or null, "bench":
+         BenchSettings as a dict, or null, "strict": whether a warning that is known before the first render is an
+         error}.
+         It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
+stdout   one JSON object per line:
+           {"event": "stage", "stage": "fill", "detail": "optional text"}
+           {"event": "warning", "message": "..."}
+           {"event": "note", "message": "..."}
+           {"event": "frame", "frame": 13, "seconds": 3.5, "traced": 0.08, "done": 12, "total": 24, "remaining": 42.0}
+           {"event": "done", "report": {...}, "files": ["left.exr", ...]}
+           {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
+         Lines that are no such object are passed over.
+stderr   work/blender.log, whose last line a crash is reported with, but for SIGKILL. As far as it counts the samples
+         of a render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
+work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
+         which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
+
+After "done" the worker has EXIT_SECONDS to end; how it ends then changes nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..errors import BadInputError, StereoReprojectError
+from ..files import is_missing
+from ..report.report import check_report
+from ..settings.animation import AnimationSettings
+from ..settings.frame import StereoSettings
+from .bench import BenchSettings
+from .interrupts import Interrupts, RunInterruptedError
+from .plain_paths import STAND_INS, plain_blend
+from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
+from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
+
+Event = dict[str, Any]
+
+FRAME = "frame "
+"""What the detail of an animation's stages begins with; its number follows."""
+
+HANDED_OVER = "write"
+"""The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """What an open Blender knows that a .blend which it saved does not say; as it is, what a .blend says itself.
+
+    scene is as `blender.scene.scene_key` has it, None the one that was active; devices are as `blender.devices` has
+    them, None those of the worker's own preferences. original is the path of the file that the .blend is a copy of,
+    empty for one that was never saved: what is written belongs beside it. scripts of the .blend run only when told to.
+    layers are the names of the view layers that its window renders.
+    """
+
+    scene: tuple[str, str | None] | None = None
+    devices: Mapping[str, Any] | None = None
+    original: str | None = None
+    scripts: bool = False
+    layers: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
+
+    blend is None where no scene is opened. files are those that the command (one of `worker.COMMANDS`) is to make, the
+    one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
+    have; without any it has all. animation is how the frames of one are rendered, bench what is measured of the warp.
+    strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
+    is no setting of those that tell whether a frame is to be rendered again.
+    """
+
+    blend: Path | None
+    output: Path | None
+    settings: StereoSettings
+    command: str = "render"
+    files: tuple[str, ...] = FILES
+    only: tuple[str, ...] = ()
+    session: Session = field(default_factory=Session)
+    animation: AnimationSettings | None = None
+    bench: BenchSettings | None = None
+    strict: bool = False
+
+    @property
+    def program(self) -> str:
+        """What runs in the worker, in a word."""
+        return "Blender" if self.bench is None else "the measurement"
+
+
+class WorkerCrashedError(StereoReprojectError):
+    """Blender ended without a word."""
+
+
+def run_worker(
+    job: Job,
+    on_event: Callable[[Event], None],
+    *,
+    on_tick: Callable[[], None] = lambda: None,
+    interrupts: Interrupts | None = None,
+    command: Sequence[str] | None = None,
+) -> dict[str, Any]:
+    """Have `job` done by a worker process, move its files into the output folder, and return its report.
+
+    on_event gets each "stage" and "warning" event; on_tick is called several times a second. `command` starts another
+    worker than our own. Raises BadInputError, RunInterruptedError or StereoReprojectError; then nothing of the run is
+    left behind.
+    """
+    interrupts = interrupts or Interrupts()
+    with _work_folder(job) as work, _plain_blend(job) as blend, interrupts.until_cleaning():
+        interrupts.check()
+        with start_worker(command, work) as worker, _told_when_gone(job, worker):
+            worker.send(_message(job, work, blend))
+            done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
+        report = done.get("report")
+        if not isinstance(report, dict):
+            raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
+        if job.command == "render":
+            check_report(report)
+        files = tuple(done.get("files") or ()) if job.command == "animate" else job.files
+        if job.output is not None:
+            check_complete(work / "out", done.get("files"), files)
+            superseded = superseded_by(job.files) if job.command == "render" else ()
+            publish(work, job.output, files, superseded=superseded, between_steps=interrupts.check)
+    return report
+
+
+@contextlib.contextmanager
+def _work_folder(job: Job) -> Iterator[Path]:
+    if job.output is not None:
+        with work_folder(job.output, job.files) as work:
+            yield work
+        return
+    # What leaves no files behind works where temporary files belong.
+    with work_folder(Path(tempfile.gettempdir()), ()) as work:
+        yield work
+
+
+@contextlib.contextmanager
+def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
+    """Turn an error of a run whose output folder was removed under way into one that says so. An animation does that
+    itself."""
+    try:
+        yield
+    except RunInterruptedError:
+        raise
+    except StereoReprojectError as error:
+        # Blender makes folders that are missing, but no log.
+        if job.command == "animate" or not is_missing(worker.log):
+            raise
+        folder = tempfile.gettempdir() if job.output is None else job.output
+        raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error
+
+
+@contextlib.contextmanager
+def _plain_blend(job: Job) -> Iterator[Path | None]:
+    if job.blend is None:
+        yield None
+        return
+    with plain_blend(job.blend) as blend:
+        yield blend
+
+
+def _known_names(work: Path, blend: Path | None) -> dict[bytes, bytes]:
+    """Paths that stand in for others, and those in their place, as JSON has them."""
+    plain = {str(folder): str(folder.resolve()) for folder in (work, blend and blend.parent) if folder}
+    return {_json_text(name): _json_text(known) for name, known in plain.items() if name.startswith(STAND_INS)}
+
+
+def _json_text(text: str) -> bytes:
+    return json.dumps(text)[1:-1].encode()
+
+
+def _message(job: Job, work: Path, blend: Path | None) -> bytes:
+    """The job as the worker is told it; blend is how Blender finds the job's."""
+    fields = {
+        "command": job.command,
+        "blend": None if blend is None else str(blend),
+        "output": None if job.output is None else str(job.output),
+        "work": str(work),
+        "settings": asdict(job.settings),
+        "files": list(job.files),
+        "only": list(job.only),
+        "session": asdict(job.session),
+        "animation": None if job.animation is None else asdict(job.animation),
+        "bench": None if job.bench is None else asdict(job.bench),
+        "strict": job.strict,
+    }
+    return json.dumps(fields).encode() + b"\n"
+
+
+def _kept_by(job: Job) -> str:
+    """What becomes of files when the run fails, in words."""
+    if job.command == "animate":
+        return "frames that are finished are kept"
+    return "" if job.output is None else "nothing was written, and existing files are kept"
+
+
+def _listen(
+    worker: Worker,
+    on_event: Callable[[Event], None],
+    on_tick: Callable[[], None],
+    interrupts: Interrupts,
+    *,
+    job: Job,
+    names: Mapping[bytes, bytes],
+) -> Event:
+    """Pass the worker's events on until it is done and has ended; return its "done" event.
+
+    names are as `_known_names` has them.
+    """
+    stage: Event = {"event": "stage", "stage": "start", "fraction": None}
+    while True:
+        interrupts.check()
+        on_tick()
+        line = worker.next_line()
+        if line is None:
+            fraction = worker.samples_done()
+            if fraction not in (None, stage["fraction"]):
+                stage = {**stage, "fraction": fraction}
+                on_event(stage)
+            continue
+        if not line:
+            raise WorkerCrashedError(
+                crash_message(worker, str(stage["stage"]), program=job.program, kept=_kept_by(job))
+            )
+        event = _parse(line, names)
+        match event.get("event"):
+            case "stage":
+                stage = {"stage": "", "fraction": None, **event}
+                worker.begin_stage()
+                on_event(stage)
+            case "warning" | "note" | "frame":
+                worker.trim_log()
+                on_event(event)
+            case "error":
+                kind = BadInputError if event.get("status") == BadInputError.exit_status else StereoReprojectError
+                raise kind(str(event.get("message")))
+            case "done":
+                _await_exit(worker, on_tick, interrupts)
+                return event
+
+
+def _parse(line: bytes, names: Mapping[bytes, bytes]) -> Event:
+    for name, known in names.items():
+        line = line.replace(name, known)
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return {}
+    return event if isinstance(event, dict) else {}
+
+
+def _await_exit(worker: Worker, on_tick: Callable[[], None], interrupts: Interrupts) -> None:
+    deadline = time.monotonic() + EXIT_SECONDS
+    while worker.wait(POLL_SECONDS) is None and time.monotonic() < deadline:
+        interrupts.check()
+        on_tick()

@@ -1,0 +1,245 @@
+"""The worker as a process: started where it finds what it needs, listened to line by line, and ended with all that it
+started. What it is told and says is in `supervisor`."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.machinery
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import sysconfig
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ..errors import LIMITED, StereoReprojectError
+from .memory import is_limited, oom_kills
+
+POLL_SECONDS = 0.1
+EXIT_SECONDS = 10.0
+LOG_TAIL_BYTES = 65536
+LOG_MOST_BYTES = 1 << 22
+LAST_WORDS_LENGTH = 240
+SAMPLES_TAIL_BYTES = 2048
+SAMPLES = re.compile(rb"Sample (\d+)/(\d+)\D")
+REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
+"""What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
+
+PACKAGE = __name__.split(".")[-3]
+
+LIBRARIES = ("OpenEXR",)
+"""What the worker needs that Blender does not bring."""
+
+# On Windows a program without a console must not open one for its worker, nor for what ends it.
+_NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+_CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | _NO_WINDOW
+
+
+def own_worker() -> list[str]:
+    return module_command("programs.worker")
+
+
+def module_command(name: str) -> list[str]:
+    """What runs one of this package's modules in a Python of its own, in a `worker_environment`."""
+    # In an extension this package lies below Blender's own packages; the module is found by its folder.
+    # Not from the folder in which it is started, where another package may have this name.
+    return [sys.executable, "-P", "-m", f"{PACKAGE}.{name}"]
+
+
+def start_worker(command: Sequence[str] | None, work: Path) -> Worker:
+    try:
+        return Worker(command, work)
+    except OSError as error:
+        reason, program = error.strerror or str(error), (command or own_worker())[0]
+        raise StereoReprojectError(f"{program} could not be started ({reason}); free some resources") from error
+
+
+class Worker:
+    """The worker process, with its whole process group."""
+
+    def __init__(self, command: Sequence[str] | None, work: Path) -> None:
+        own_python = command is None
+        command = own_worker() if command is None else command
+        self.log = work / "blender.log"
+        self._work = work
+        self.oom_kills_before = oom_kills()
+        self._stage_begins = 0
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        with self.log.open("ab") as log:
+            # A group of its own: Ctrl-C on the terminal must reach this process alone.
+            self.process = subprocess.Popen(
+                list(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                env=_environment(work, own_python=own_python),
+                start_new_session=os.name == "posix",
+                creationflags=_CREATION_FLAGS,
+            )
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+    def send(self, line: bytes) -> None:
+        """Hand a line over. A worker that is dead already is found out by whoever listens."""
+        assert self.process.stdin is not None
+        with contextlib.suppress(OSError):
+            self.process.stdin.write(line)
+            self.process.stdin.flush()
+
+    def _read(self) -> None:
+        # This thread alone closes the pipe: closing it elsewhere would wait for a read that is under way.
+        assert self.process.stdout is not None
+        with self.process.stdout as stdout:
+            for line in stdout:
+                self._lines.put(line)
+        self._lines.put(b"")
+
+    def next_line(self) -> bytes | None:
+        """The next line of output; None if none comes within POLL_SECONDS, b"" if none can come any more."""
+        ended = self.process.poll() is not None
+        try:
+            return self._lines.get(timeout=POLL_SECONDS)
+        except queue.Empty:
+            # A descendant of a dead worker may keep the pipe open.
+            return b"" if ended else None
+
+    def wait(self, seconds: float) -> int | None:
+        """The exit status, or None if the worker still runs after `seconds`."""
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def kill(self) -> None:
+        """End the worker and all that it started."""
+        _kill_group(self.process)
+        self.wait(EXIT_SECONDS)
+        assert self.process.stdin is not None
+        with contextlib.suppress(OSError):
+            self.process.stdin.close()
+
+    def begin_stage(self) -> None:
+        """What the log holds already says nothing of the samples that are yet to come."""
+        with contextlib.suppress(OSError):
+            self._stage_begins = self.log.stat().st_size
+
+    def trim_log(self) -> None:
+        """Empty a log that has grown large: of thousands of frames it would fill the drive."""
+        with contextlib.suppress(OSError):
+            if self.log.stat().st_size > LOG_MOST_BYTES:
+                # The worker appends.
+                os.truncate(self.log, 0)
+                self._stage_begins = 0
+
+    def samples_done(self) -> float | None:
+        """Of the render that this stage is at, from 0 to 1; None where the log does not say (5.2 does not)."""
+        with contextlib.suppress(OSError), self.log.open("rb") as log:
+            log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
+            samples = SAMPLES.findall(log.read())
+            if samples:
+                done, total = map(int, samples[-1])
+                return done / max(total, 1)
+        return None
+
+    def last_words(self) -> str:
+        """The last line in the log that is neither empty nor a mere remark."""
+        with contextlib.suppress(OSError), self.log.open("rb") as log:
+            log.seek(max(0, os.fstat(log.fileno()).st_size - LOG_TAIL_BYTES))
+            lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines()]
+            return next((line for line in reversed(lines) if line and not REMARK.match(line)), "")[:LAST_WORDS_LENGTH]
+        return ""
+
+
+def _environment(work: Path, *, own_python: bool) -> dict[str, str]:
+    environment = worker_environment(own_python=own_python)
+    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
+    return environment
+
+
+def worker_environment(*, own_python: bool = True) -> dict[str, str]:
+    """The environment in which another process finds this package and its libraries."""
+    environment = dict(os.environ)
+    if not own_python:
+        # What is set for the caller's Python, or installed for a user's, is not for Blender's.
+        environment = {name: value for name, value in environment.items() if not name.startswith("PYTHON")}
+        environment["PYTHONNOUSERSITE"] = "1"
+    # Charts are drawn on canvases of their own; with a backend that it does not know, matplotlib is not even imported.
+    environment.pop("MPLBACKEND", None)
+    # The worker must find this very package, wherever the caller stands and however it came here, and in Blender the
+    # libraries that an extension brings along.
+    homes = [Path(__file__).resolve().parents[2], *_folders_of(LIBRARIES)]
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")}
+    added = [str(home) for home in dict.fromkeys(homes) if home not in installed]
+    if added:
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, (*added, environment.get("PYTHONPATH"))))
+    return environment
+
+
+def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
+    # Not in the folder where the caller stands, in which Python looks first: anything may lie there under these names.
+    here = os.path.realpath(os.curdir)
+    path = [entry for entry in sys.path if os.path.realpath(entry or os.curdir) != here]
+    for name in modules:
+        with contextlib.suppress(ImportError, ValueError):
+            found = importlib.machinery.PathFinder.find_spec(name, path)
+            if found is not None and found.origin is not None:
+                place = Path(found.origin).resolve().parent
+                yield place.parent if found.submodule_search_locations else place
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    if sys.platform == "win32":
+        if process.poll() is None:
+            taskkill = ["taskkill", "/T", "/F", "/PID", str(process.pid)]
+            with contextlib.suppress(OSError):
+                subprocess.run(taskkill, capture_output=True, check=False, creationflags=_NO_WINDOW)
+            process.kill()
+    else:
+        # A group outlives its leader: what the worker started is ended even when the worker itself is dead.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def crash_message(worker: Worker, stage: str, *, program: str = "Blender", kept: str) -> str:
+    """What became of a worker that said nothing of its end; program is what ran in it, kept what became of its files,
+    in words."""
+    status = worker.wait(EXIT_SECONDS)
+    killed = os.name == "posix" and status == -signal.SIGKILL
+    message = [f"{program} {_how_it_ended(status)} during {stage}"]
+    if killed:
+        message.append(_why_killed(worker.oom_kills_before))
+    elif status is not None and status < 0 and is_limited():
+        # Few libraries get over it when they are given no memory.
+        message.append(LIMITED)
+    message.append(kept)
+    words = worker.last_words()
+    if words and not killed:
+        # Who is killed from outside has not seen it coming, and its log does not tell of it.
+        message.append(f"last in its log: {words}")
+    return "; ".join(filter(None, message))
+
+
+def _why_killed(oom_kills_before: int | None) -> str:
+    now = oom_kills()
+    if now is not None and oom_kills_before is not None and now > oom_kills_before:
+        return "memory has run out: render smaller, or free some"
+    return "something outside of it has done that; if memory ran out, render smaller, or free some"
+
+
+def _how_it_ended(status: int | None) -> str:
+    if status is None:
+        return "stopped unexpectedly (its output ended)"
+    if status >= 0:
+        return f"stopped unexpectedly (exit status {status:{'#x' if status > 255 else 'd'}})"
+    with contextlib.suppress(ValueError):
+        return f"was killed by signal {-status} ({signal.Signals(-status).name})"
+    return f"was killed by signal {-status}"

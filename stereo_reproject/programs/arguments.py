@@ -1,0 +1,298 @@
+"""The options of the command line, each with its check, and what they come to: settings."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..delivery.layouts import LAYOUTS
+from ..errors import BadInputError
+from ..jobs.bench import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings
+from ..settings.accuracy import SETTINGS
+from ..settings.animation import AnimationSettings, read_every, read_frames
+from ..settings.frame import (
+    ACCURACIES,
+    CONVERGENCE_MODES,
+    EYES,
+    FILL_METHODS,
+    INTERPOLATIONS,
+    SOURCE_ENGINES,
+    WARPS,
+    SceneOverrides,
+    StereoSettings,
+)
+from ..tradeoff.cases import runs
+from .converters import number, read_by, size, value_of, whole_number
+
+
+def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
+    """What the options replace of the scene's own values."""
+    return SceneOverrides(
+        frame=arguments.frame,
+        size=arguments.size,
+        samples=arguments.samples,
+        seed=arguments.seed,
+        interocular_distance=arguments.interocular,
+        convergence_distance=arguments.convergence,
+        convergence_mode=arguments.mode,
+        source_engine=arguments.source_engine,
+        denoise=arguments.denoise,
+    )
+
+
+def settings_of(arguments: argparse.Namespace) -> StereoSettings:
+    """How the pair is to be made."""
+    return StereoSettings(
+        source=arguments.source,
+        accuracy=arguments.accuracy,
+        tolerance=arguments.tolerance,
+        fill=arguments.fill,
+        grid_threshold=arguments.grid_threshold,
+        interpolation=arguments.interpolation,
+        warp=arguments.warp,
+        compare=arguments.compare,
+        scene=overrides_of(arguments),
+    )
+
+
+def add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    _add_pair(parser)
+    parser.add_argument(
+        "--compare", action="store_true", help="also render with Blender's multiview, and measure against it"
+    )
+    _add_quiet(parser)
+
+
+def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettings:
+    """Which frames are rendered, and where they go. Raises BadInputError."""
+    if arguments.frame is not None and arguments.frames is not None:
+        raise BadInputError("--frame and --frames each say which frames are rendered: leave one of them out")
+    frames = arguments.frames if arguments.frame is None else (arguments.frame,)
+    return AnimationSettings(
+        frames=frames,
+        existing="resume" if arguments.resume else "overwrite" if arguments.overwrite else "refuse",
+        output=str(output),
+        layout=arguments.layout,
+        file_format=arguments.format,
+        movie=arguments.movie,
+        holes=arguments.holes,
+        compare_every=arguments.every,
+    )
+
+
+def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    _add_frames(parser)
+    _add_delivery(parser)
+    _add_pair(parser)
+    parser.add_argument(
+        "--compare",
+        metavar="every=N",
+        dest="every",
+        type=read_by(read_every),
+        help="also render each N-th frame, from the scene's first on, with Blender's multiview, and measure against it",
+    )
+    _add_quiet(parser)
+    parser.set_defaults(compare=False)
+
+
+def _add_frames(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--frames",
+        metavar="A-B[:STEP]",
+        type=read_by(read_frames),
+        help="frames to render, such as 1-24, 1-24:2 or 1-10,15; without it those of the scene",
+    )
+    existing = parser.add_mutually_exclusive_group()
+    existing.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep frames that are there, whole and of this scene and settings, and render the rest; as many processes "
+        "as you like may do so in one folder",
+    )
+    existing.add_argument("--overwrite", action="store_true", help="render all anew, whatever is there")
+
+
+def _add_delivery(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--movie",
+        metavar="FILE",
+        nargs="?",
+        const="",
+        help="make a movie of all frames when they are there; in DIR and named after its layout, if FILE is left out",
+    )
+    parser.add_argument(
+        "--layout",
+        type=str.lower,
+        choices=LAYOUTS,
+        metavar="LAYOUT",
+        help=f"how a frame holds both eyes: {', '.join(LAYOUTS)}",
+    )
+    parser.add_argument(
+        "--format", metavar="FORMAT", type=str.upper, help="of the frames, by Blender's name, such as PNG or OPEN_EXR"
+    )
+    parser.add_argument(
+        "--holes", action="store_true", help="also a picture for each frame of what was traced, and why"
+    )
+
+
+def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON and nothing else on standard output")
+    parser.add_argument(
+        "--no-sketch", action="store_true", help="the plan alone: nothing is rendered, and no time predicted"
+    )
+    _add_pair(parser)
+    parser.set_defaults(compare=False)
+
+
+def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
+    _add_scene(parser)
+    _add_output(parser)
+    names = [run.name for run in runs()]
+    parser.add_argument(
+        "--only",
+        metavar="RUN",
+        nargs="+",
+        choices=names,
+        default=[],
+        help=f"only these of its runs: {', '.join(names)}",
+    )
+    _add_quiet(parser)
+
+
+def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
+    def measured(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        default = getattr(BenchSettings, field)
+        parser.add_argument(
+            option, metavar=metavar, type=value_of(BenchSettings, field, read), default=default, help=text
+        )
+
+    measured("--size", "WxH", "size", size, "size of one eye in pixels (1920x1080)")
+    parser.add_argument(
+        "--scene",
+        choices=SCENES,
+        default=BenchSettings.scene,
+        help="a room full of posts, or one smooth surface, for which the adaptive grid is made (%(default)s)",
+    )
+    parser.add_argument("--mode", choices=MODES, default=BenchSettings.mode, help="how the eyes converge (%(default)s)")
+    parser.add_argument("--warp", choices=CARRIERS, default=BenchSettings.warp, help="who does the work (%(default)s)")
+    measured("--runs", "N", "runs", whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
+    _add_grid_threshold(parser)
+    parser.add_argument("--json", metavar="FILE", help="also write all figures into this file")
+
+
+def _promises() -> str:
+    """What each setting promises, in a line: the noise ratio at most."""
+    words = []
+    for name, accuracy in SETTINGS.items():
+        promise = "nothing" if accuracy.promise is None else f"a noise ratio of at most {accuracy.promise:g}"
+        worst = f" and worst tiles of at most {accuracy.tile_limit:g}" if accuracy.promises_worst_tiles else ""
+        words.append(f"{name} {promise}{worst}")
+    return ", ".join(words)
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
+
+
+def _add_quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    """The scene, and what replaces its own values."""
+
+    def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
+        parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
+
+    parser.add_argument("scene", metavar="SCENE.blend", help="the scene")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="whatever the scene is known to lack before the first render is an error, such as a missing library or "
+        "texture; without it, a warning",
+    )
+    override("--frame", "N", "frame", whole_number, "frame to render")
+    override("--size", "WxH", "size", size, "size of one eye in pixels, such as 1920x1080")
+    override("--samples", "N", "samples", whole_number, "samples per pixel")
+    override("--seed", "N", "seed", whole_number, "seed of the noise")
+    override("--interocular", "D", "interocular_distance", number, "distance between the eyes, in scene units")
+    override("--convergence", "D", "convergence_distance", number, "distance of zero parallax, in scene units")
+    parser.add_argument("--mode", choices=CONVERGENCE_MODES, help="how the eyes converge")
+    parser.add_argument(
+        "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
+    )
+    _add_denoise(parser)
+    parser.add_argument(
+        "--source-engine",
+        choices=SOURCE_ENGINES,
+        help="what renders it, in place of the scene's engine; Cycles traces the holes of either",
+    )
+
+
+def _add_denoise(parser: argparse.ArgumentParser) -> None:
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument(
+        "--denoise",
+        action="store_true",
+        default=None,
+        help="denoise both eyes, whatever the scene says; with the scene's own denoiser",
+    )
+    either.add_argument(
+        "--no-denoise", dest="denoise", action="store_false", default=None, help="leave them noisy, whatever it says"
+    )
+
+
+def _add_pair(parser: argparse.ArgumentParser) -> None:
+    """How the pair is made."""
+    accuracy = parser.add_mutually_exclusive_group()
+    accuracy.add_argument(
+        "--accuracy",
+        choices=ACCURACIES,
+        default=StereoSettings.accuracy,
+        help=f"what is promised of the other eye: {_promises()} (%(default)s)",
+    )
+    accuracy.add_argument(
+        "--tolerance",
+        metavar="RATIO",
+        type=value_of(StereoSettings, "tolerance", number),
+        help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
+    )
+    parser.add_argument(
+        "--fill",
+        choices=FILL_METHODS,
+        default=StereoSettings.fill,
+        help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
+        "whole eye; auto takes the cheapest (%(default)s)",
+    )
+    _add_grid_threshold(parser)
+    parser.add_argument(
+        "--interpolation",
+        choices=INTERPOLATIONS,
+        default=StereoSettings.interpolation,
+        help="how passes are looked up between pixels; cubic is sharper, and what auto takes for the colour of a "
+        "denoised picture (%(default)s)",
+    )
+    parser.add_argument(
+        "--warp",
+        choices=WARPS,
+        default=StereoSettings.warp,
+        help="what carries pixels over; auto measures once which is faster, in animations of large pictures; "
+        "gpu is numpy where no GPU can be used (%(default)s)",
+    )
+
+
+def _add_grid_threshold(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--grid-threshold",
+        metavar="ARCMIN",
+        type=value_of(StereoSettings, "grid_threshold", number),
+        default=StereoSettings.grid_threshold,
+        help="parallax within a grid cell from which it is subdivided, in arc minutes (%(default)s)",
+    )

@@ -1,0 +1,344 @@
+"""The command line: reads and checks the arguments, has the work done by `supervisor`, and says how it went.
+
+Nothing here imports bpy; what cannot be checked without Blender is checked by the worker process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.metadata
+import os
+import stat
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..errors import BadInputError, StereoReprojectError
+from ..files import to_json, write_json
+from ..jobs.bench import BenchSettings, format_bench
+from ..jobs.console import PROGRAM, Console
+from ..jobs.interrupts import Interrupts, RunInterruptedError
+from ..jobs.supervisor import Event, Job, run_worker
+from ..jobs.work_folder import pair_files
+from ..report.inspection import format_inspection
+from ..report.report import format_report_table
+from ..sequence.report import format_animation
+from ..sequence.supervisor import run_animation
+from ..settings.frame import StereoSettings
+from ..tradeoff.cases import TRADEOFF_FILES, format_price_table
+from .arguments import (
+    add_animate_arguments,
+    add_bench_warp_arguments,
+    add_inspect_arguments,
+    add_render_arguments,
+    add_tradeoff_arguments,
+    animation_of,
+    overrides_of,
+    settings_of,
+)
+
+INTERRUPTED_STATUS = 130
+# As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
+BLEND_MAGICS = (b"BLENDER", b"\x1f\x8b", b"\x28\xb5\x2f\xfd")
+
+
+@dataclass(frozen=True)
+class Host:
+    """Where the command line runs: the program's name there, what starts another worker than `python -m`, and what
+    Cycles is to compute on in it (as `supervisor.Session` has it)."""
+
+    program: str = f"python -m {PROGRAM}"
+    worker_command: Sequence[str] | None = None
+    devices: Mapping[str, Any] | None = None
+
+    def job(self, job: Job) -> Job:
+        """The job on these devices."""
+        return replace(job, session=replace(job.session, devices=self.devices))
+
+
+def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
+    """Run the command line with `argv` and return its exit status."""
+    host = host or Host()
+    console = Console()
+    try:
+        arguments = _parser(host.program).parse_args(argv)
+        status = arguments.run(arguments, console, host)
+    except SystemExit as finished:
+        # That is how argparse ends after --help and --version.
+        status = finished.code if isinstance(finished.code, int) else 0
+    except StereoReprojectError as error:
+        if isinstance(error, RunInterruptedError):
+            console.let_go()
+        console.complain(str(error), kind=None if isinstance(error, RunInterruptedError) else "error")
+        status = error.exit_status
+    except KeyboardInterrupt:
+        console.complain("interrupted", kind=None)
+        status = INTERRUPTED_STATUS
+    return console.finish(status)
+
+
+def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    settings = settings_of(arguments)
+    job = _scene_job(arguments, settings, files=pair_files(compare=settings.compare))
+    return _run(job, arguments, console, host, format_report_table)
+
+
+def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    settings = settings_of(arguments)
+    job = _scene_job(arguments, settings, command="animate", files=())
+    assert job.blend is not None
+    assert job.output is not None
+    if arguments.movie:
+        named = arguments.movie.endswith(("/", os.sep))
+        arguments.movie = f"{_beside(arguments.movie, job.blend)}{os.sep if named else ''}"
+    job = replace(job, animation=animation_of(arguments, job.output))
+    console.quiet = arguments.quiet
+    report = _have_done(job, console, host, console.on_event, run=run_animation)
+    console.show(format_animation(report))
+    for movie in report.get("movies", ()):
+        console.show(f"movie         {movie}")
+    console.show(f"files         {job.output}{os.sep}")
+    return 0
+
+
+def _tradeoff(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
+    job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES, only=tuple(arguments.only))
+    return _run(job, arguments, console, host, format_price_table)
+
+
+def _run(
+    job: Job,
+    arguments: argparse.Namespace,
+    console: Console,
+    host: Host,
+    table: Callable[[Any], str],
+) -> int:
+    """Have the job done, and show the table of what it reports and the files that it made."""
+    console.quiet = arguments.quiet
+    report = _have_done(job, console, host, console.on_event)
+    console.show(table(report))
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(job.files)}")
+    return 0
+
+
+def _have_done(
+    job: Job,
+    console: Console,
+    host: Host,
+    on_event: Callable[[Event], None],
+    *,
+    run: Callable[..., dict[str, Any]] = run_worker,
+) -> dict[str, Any]:
+    """The report of the job, once the host's worker has done it."""
+    with Interrupts() as interrupts:
+        report = run(
+            host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
+        )
+    console.end_stage()
+    return report
+
+
+def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    command = "plan" if arguments.no_sketch else "inspect"
+    job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=(), strict=arguments.strict)
+
+    def on_event(event: Event) -> None:
+        # As JSON, nothing else may be on standard output.
+        if event["event"] == "warning" or not arguments.json:
+            console.on_event(event)
+
+    inspection = _have_done(job, console, host, on_event)
+    console.show(to_json(inspection) if arguments.json else format_inspection(inspection))
+    return 0
+
+
+def _bench_warp(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    file = None if arguments.json is None else _file_to_write(arguments.json)
+    settings = StereoSettings(grid_threshold=arguments.grid_threshold)
+    bench = BenchSettings(arguments.size, arguments.scene, arguments.mode, arguments.warp, arguments.runs)
+    job = Job(None, None, settings, "bench-warp", files=(), bench=bench)
+    report = _have_done(job, console, host, console.on_event)
+    console.show(format_bench(report))
+    if file is not None:
+        try:
+            write_json(file, report)
+        except OSError as error:
+            raise BadInputError(f"{file} cannot be written ({error.strerror}); name another file") from error
+        console.show(f"file          {file}")
+    return 0
+
+
+def _file_to_write(name: str) -> Path:
+    """The absolute path of a file that is to be written, where links lead. Raises BadInputError where it cannot be."""
+    if not name:
+        raise BadInputError("the file has no name; give it one")
+    try:
+        path = _absolute(name).resolve()
+        what = _mode_of(path)
+        beside = path.parent.is_dir()
+    except (OSError, RuntimeError) as error:
+        # Links in a circle are a RuntimeError up to Python 3.12.
+        why = error.strerror if isinstance(error, OSError) else error
+        raise BadInputError(f"{name} cannot be written ({why}); name another file") from error
+    if what is not None and stat.S_ISDIR(what):
+        raise BadInputError(f"{path} is a folder; name a file in it")
+    if what is not None and not stat.S_ISREG(what):
+        # What appears whole takes the place of what is there.
+        raise BadInputError(f"{path} is not a regular file; name one, or a new one")
+    if not beside:
+        raise BadInputError(f"the folder {path.parent} does not exist; make it, or name a file in another")
+    if not os.access(path.parent, os.W_OK):
+        raise BadInputError(f"the folder {path.parent} cannot be written; name a file in another")
+    return path
+
+
+def _mode_of(path: Path) -> int | None:
+    """None where nothing is there. Raises OSError."""
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
+    """The job for the scene and the output folder that were given; `what` is done as `Job` has it."""
+    if not arguments.output:
+        raise BadInputError("--output is empty; name a folder for the result")
+    blend = _blend_file(arguments.scene)
+    return Job(blend, _beside(arguments.output, blend), settings, strict=arguments.strict, **what)
+
+
+def _beside(name: str, blend: Path) -> Path:
+    """The absolute path of what is called `name`: as everywhere in Blender, // is the .blend's own folder."""
+    return _absolute(f"{blend.parent}/{name[2:]}" if name.startswith("//") else name)
+
+
+def _absolute(name: str) -> Path:
+    try:
+        # Links stay as they are: paths in a .blend are relative to where it was opened.
+        return Path(os.path.abspath(name))  # noqa: PTH100
+    except FileNotFoundError as error:
+        raise BadInputError(f"{name} is relative to a folder that is gone: change to another one") from error
+
+
+def _blend_file(name: str) -> Path:
+    """The absolute path of the .blend called `name`. Raises BadInputError if it is none or cannot be read."""
+    path = _absolute(name)
+    try:
+        if stat.S_ISDIR(path.stat().st_mode):
+            raise BadInputError(f"{path} is a folder; name a .blend file")
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise BadInputError(f"{path} is not a regular file; name a .blend file")
+        with path.open("rb") as file:
+            start = file.read(max(map(len, BLEND_MAGICS)))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise BadInputError(f"{path} does not exist; check the path of the .blend file") from error
+    except OSError as error:
+        raise BadInputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error
+    if not start.startswith(BLEND_MAGICS):
+        raise BadInputError(f"{path} is not a .blend file; name one that Blender saved")
+    return path
+
+
+def version() -> str:
+    """The version of this package, from the manifest where that lies beside it, else from the installed metadata."""
+    manifest = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
+    with contextlib.suppress(OSError, ValueError):
+        fields = tomllib.loads(manifest.read_text(encoding="utf-8"))
+        if fields.get("id") == PROGRAM:
+            return str(fields["version"])
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.version(PROGRAM)
+    return "of unknown version"
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
+
+
+class _ShowVersion(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        Console().show(f"{PROGRAM} {version()}")
+        parser.exit()
+
+
+@dataclass(frozen=True)
+class Command:
+    """One sub-command: what it is called, what it takes, and what it does."""
+
+    name: str
+    summary: str
+    examples: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace, Console, Host], int]
+
+
+COMMANDS = (
+    Command(
+        "render",
+        "Render the stereo pair of one frame. What is left out comes from the .blend.",
+        "  %(prog)s room.blend --output out\n"
+        "  %(prog)s room.blend --output out --size 1920x1080 --samples 128 --compare\n"
+        "  %(prog)s room.blend --output out --interocular 0.065 --convergence 2.5 --mode off-axis\n",
+        add_render_arguments,
+        _render,
+    ),
+    Command(
+        "animate",
+        "Render the stereo pairs of many frames, in any number of processes, and go on where an earlier run ended.",
+        "  %(prog)s shot.blend --output frames\n"
+        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --movie --layout side-by-side-half\n"
+        "  %(prog)s shot.blend --output frames --frames 1-240 --resume --compare every=24\n",
+        add_animate_arguments,
+        _animate,
+    ),
+    Command(
+        "inspect",
+        "Say which effects a scene calls for, how each is handled, and what its pair will cost; renders only a sketch.",
+        "  %(prog)s room.blend\n  %(prog)s room.blend --size 1920x1080 --samples 128 --json\n",
+        add_inspect_arguments,
+        _inspect,
+    ),
+    Command(
+        "tradeoff",
+        "Measure what every setting costs on one frame and how good it is, against other ways to make the pair.",
+        "  %(prog)s room.blend --output prices --size 640x360 --samples 64\n",
+        add_tradeoff_arguments,
+        _tradeoff,
+    ),
+    Command(
+        "bench-warp",
+        "Measure the warp stage on a made-up scene, on one core, against SciPy's bare lookup; needs SciPy.",
+        "  %(prog)s --size 3840x2160 --json warp.json\n  %(prog)s --size 3840x2160 --scene smooth --grid-threshold 0\n",
+        add_bench_warp_arguments,
+        _bench_warp,
+    ),
+)
+
+
+def _parser(program: str) -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog=program,
+        description="A stereo pair from a Blender scene, for little more than the price of one eye.",
+        epilog="exit status: 0 done, 1 failed, 2 bad input, 130 interrupted",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", nargs=0, action=_ShowVersion, help="show the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    for command in COMMANDS:
+        subparser = commands.add_parser(
+            command.name,
+            help=command.summary,
+            description=command.summary,
+            epilog=f"examples:\n{command.examples}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
+    return parser

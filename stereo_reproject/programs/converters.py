@@ -1,0 +1,58 @@
+"""What argparse turns the texts of options into, with a complaint in one line that names the option."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import BadInputError
+
+
+def whole_number(text: str) -> int:
+    if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
+        raise ValueError("a whole number")
+    return int(text)
+
+
+def number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError("a number") from None
+
+
+def size(text: str) -> tuple[int, int]:
+    if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
+        raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
+    width, height = re.split("[xX]", text)
+    return int(width), int(height)
+
+
+def read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A converter for argparse whose own complaint is the one that is shown."""
+
+    def convert(text: str) -> Any:
+        try:
+            return read(text)
+        except BadInputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return convert
+
+
+def value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
+
+    def convert(text: str) -> Any:
+        try:
+            value = read(text)
+            settings(**{field: value})
+        except ValueError as wanted:
+            raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}") from None
+        except BadInputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        return value
+
+    return convert

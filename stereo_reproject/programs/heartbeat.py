@@ -1,0 +1,55 @@
+"""The process that counts a run's number up, as long as the run's process holds its standard input open, and then
+clears away what the run may have left; see `runs`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+from pathlib import Path
+
+from ..files import is_regular, read_small
+from ..sequence.runs import BEAT_DIGITS, BEAT_SECONDS, RUN_BYTES, Runs
+
+
+def main() -> None:
+    path = Path(sys.argv[1])
+    ended = threading.Event()
+    threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
+    facts, beat = b"", 0
+    while not ended.wait(BEAT_SECONDS):
+        beat += 1
+        # A drive that is away for a moment may come back.
+        with contextlib.suppress(OSError):
+            facts = facts or read_small(path, RUN_BYTES)[:-BEAT_DIGITS]
+            _write_number(path, facts, f"{beat:0{BEAT_DIGITS}}".encode("ascii"))
+    Runs(path.parent).clear(path.name.removeprefix("run-"))
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+def _write_number(path: Path, facts: bytes, number: bytes) -> None:
+    if os.path.lexists(path) and not is_regular(path):
+        # Somebody else's by now, and perhaps one that never answers.
+        return
+    try:
+        with path.open("r+b") as file:
+            # Over the number that is there: a full disk has room for that.
+            file.seek(-BEAT_DIGITS, os.SEEK_END)
+            file.write(number)
+            file.flush()
+            os.fsync(file.fileno())
+    except FileNotFoundError:
+        # This machine has slept, and was thought dead.
+        path.write_bytes(facts + number)
+
+
+def _wait_for_end(ended: threading.Event) -> None:
+    while sys.stdin.buffer.read(1):
+        pass
+    ended.set()
+
+
+if __name__ == "__main__":
+    main()

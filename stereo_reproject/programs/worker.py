@@ -1,0 +1,251 @@
+"""The process that runs Blender: takes one job on standard input, and answers with events, one JSON line each.
+
+It stands apart from the command line so that an interrupt, a crash or Blender's own output never reaches the user as
+anything but one line. See `supervisor` for the other side.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import as_told
+from ..files import strict
+from ..settings.animation import AnimationSettings
+from ..settings.frame import SceneOverrides, StereoSettings
+
+if TYPE_CHECKING:
+    # It takes numpy.
+    from ..warp.stage import WarpStage
+
+Emit = Callable[..., None]
+
+
+def main() -> None:
+    emit = _open_events()
+    # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
+    job = json.loads(sys.stdin.buffer.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    status = 0
+    try:
+        run_job(job, emit)
+    except Exception as error:  # noqa: BLE001 - whatever goes wrong is told in one line
+        told = as_told(error)
+        status = told.exit_status
+        emit("error", status=status, message=str(told))
+    # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
+    os._exit(status)
+
+
+def _open_events() -> Emit:
+    """Events go where standard output went; what Blender prints goes to standard error, which is its log."""
+    stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+
+    def emit(event: str, **fields: Any) -> None:
+        # As in report.json: what is no number is null, for a window too.
+        stream.write(json.dumps(strict({"event": event, **fields}), allow_nan=False) + "\n")
+        stream.flush()
+
+    return emit
+
+
+def _end_with_parent() -> None:
+    """The parent keeps our standard input open while it lives."""
+    while sys.stdin.buffer.read(1):
+        pass
+    os._exit(1)
+
+
+def run_job(job: dict[str, Any], emit: Emit) -> None:
+    """Do what the job's command says, and say what came of it."""
+    COMMANDS[job["command"]](job, emit)
+
+
+def _render(job: dict[str, Any], emit: Emit) -> None:
+    """Render the pair of one frame into work/out."""
+    from ..blender.commands.frame import render_files
+
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, loaded = _open(job, emit, warn)
+    report, files = render_files(
+        scene,
+        _settings(job["settings"]),
+        work,
+        files=job["files"],
+        load_seconds=loaded,
+        on_stage=_on_stage(emit),
+    )
+    _finish(report, files, emit, warn)
+
+
+def _animate(job: dict[str, Any], emit: Emit) -> None:
+    """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
+    from ..blender.commands.animation import render_animation_files
+    from ..jobs.supervisor import Session
+    from ..sequence.progress import Told
+
+    warn = _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
+    told = Told(
+        _on_stage(emit),
+        lambda event: emit("frame", **event),
+        lambda text: emit("note", message=text),
+        warn,
+    )
+    report = render_animation_files(
+        scene,
+        _settings(job["settings"]),
+        _animation(job["animation"]),
+        Path(job["work"]),
+        Path(job["blend"]),
+        Session(**job["session"]),
+        files=job["files"],
+        told=told,
+    )
+    # Without a frame of its own to render, a run leaves none.
+    emit("done", report=report, files=job["files"] if report["last"] is not None else [])
+
+
+def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
+    """Make the runs of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
+    from ..tradeoff.charts import check_charts
+
+    check_charts()
+    from ..blender.commands.price_list import render_prices
+
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
+    settings, only = _settings(job["settings"]), job["only"]
+    prices, files = render_prices(scene, settings, work, only=only, on_stage=_on_stage(emit))
+    _finish(prices, files, emit, warn)
+
+
+def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
+    """Say what the scene calls for, and what its pair will cost."""
+    from ..blender.commands.inspection import inspect_scene
+
+    work, warn = Path(job["work"]), _warn_once(emit)
+    scene, _ = _open(job, emit, warn)
+    inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=_on_stage(emit))
+    _finish(inspection, [], emit, warn)
+
+
+def _plan(job: dict[str, Any], emit: Emit) -> None:
+    """The same with nothing rendered, and so nothing predicted."""
+    _inspect(job, emit, sketch=False)
+
+
+def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
+    """Measure the warp stage on a made-up scene. No .blend is opened, and nothing but a GPU takes Blender."""
+    from ..jobs.bench import BenchSettings, use_one_core
+
+    core = use_one_core()
+    from ..jobs.warp_bench import measure
+
+    fields = job["bench"]
+    settings = BenchSettings(**{**fields, "size": tuple(fields["size"])})
+    threshold = _settings(job["settings"]).grid_threshold
+    report = measure(settings, threshold, core=core, find_gpu=_find_gpu, on_part=_on_stage(emit))
+    emit("done", report=report, files=[])
+
+
+def _find_gpu() -> tuple[WarpStage | None, str]:
+    """The GPU that can warp, or None and why there is none."""
+    try:
+        # Without bpy, which brings `gpu`, there is still numpy to be measured.
+        importlib.import_module("bpy")
+        gpu_warp = importlib.import_module("..blender.gpu.warp", __package__)
+    except ImportError as error:
+        return None, f"no usable GPU ({error})"
+    stage = gpu_warp.gpu_stage()
+    return stage, "" if stage is not None else "no usable GPU (Blender finds none)"
+
+
+COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
+    "render": _render,
+    "animate": _animate,
+    "tradeoff": _tradeoff,
+    "inspect": _inspect,
+    "plan": _plan,
+    "bench-warp": _bench_warp,
+}
+
+
+def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple[Any, float]:
+    """The job's scene, and the seconds that loading it took. Says what it lacks, before anything is rendered."""
+    from ..blender.output.opening import open_session
+    from ..blender.scene.warnings import warnings_ahead
+    from ..jobs.supervisor import Session
+
+    start = time.perf_counter()
+    emit("stage", stage="load")
+    scene = open_session(Path(job["blend"]), Session(**job["session"]))
+    loaded = time.perf_counter() - start
+    overrides = _settings(job["settings"]).scene
+    if job["animation"] is not None:
+        overrides = replace(overrides, frame=(job["animation"]["frames"] or [scene.frame_start])[0])
+    for warning in warnings_ahead(scene, overrides, strict=job["strict"]):
+        warn(warning)
+    return scene, loaded
+
+
+def _warn_once(emit: Emit) -> Callable[[str], None]:
+    """Says each warning once: what is known before the first render is in the report at the end, too."""
+    said: set[str] = set()
+
+    def warn(text: str) -> None:
+        if text not in said:
+            said.add(text)
+            emit("warning", message=text)
+
+    return warn
+
+
+def _finish(report: dict[str, Any], files: list[str], emit: Emit, warn: Callable[[str], None]) -> None:
+    for warning in report.get("warnings", ()):
+        warn(warning)
+    emit("done", report=report, files=files)
+
+
+def _settings(fields: dict[str, Any]) -> StereoSettings:
+    scene = dict(fields["scene"])
+    if scene.get("size") is not None:
+        scene["size"] = tuple(scene["size"])
+    return StereoSettings(**{**fields, "scene": SceneOverrides(**scene)})
+
+
+def _animation(fields: dict[str, Any]) -> AnimationSettings:
+    frames, skip = fields["frames"], fields["skip"]
+    as_they_were = {
+        "frames": None if frames is None else tuple(frames),
+        "skip": {int(frame): why for frame, why in skip.items()},
+        "finished": tuple(fields["finished"]),
+    }
+    return AnimationSettings(**{**fields, **as_they_were})
+
+
+def _on_stage(emit: Emit) -> Callable[..., None]:
+    """Tells of each stage as it begins, with a detail where there is one.
+
+    How many of its samples are rendered is read from the log, and on the other side. Nothing in this process may do so
+    while Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look
+    whether Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
+    """
+
+    def on_stage(name: str, detail: str = "") -> None:
+        emit("stage", stage=name, detail=detail)
+
+    return on_stage
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""report.json and what `inspect` prints: what they hold, and their words."""

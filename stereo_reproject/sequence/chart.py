@@ -1,0 +1,325 @@
+"""The chart of an animation: seconds over its frames, as in the paper's figure 8, and what was traced of each."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tradeoff.chart_canvas import (
+    BLACK,
+    BLUE,
+    GREY,
+    NOTE_LENGTH,
+    NOTE_LINE,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    WIDTH,
+    YELLOW,
+    new_figure,
+    percent,
+    reported_note,
+    wrapped,
+    write_texts,
+)
+from ..tradeoff.charts import draw_whole
+from ..tradeoff.label_places import spread
+from .frames import spelled
+from .series import REST, Series, mean_of, number_in, series_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = {"source": PALE, "tracing": BLUE, "denoising": SKY, REST: PURPLE}
+OURS, PEER = "Stereo Reproject", "multiview"
+
+MARKERS = 60
+"""Points of the peer up to which each has a marker; more would hide their line."""
+DRAWN_FRAMES = 1000
+"""Frames up to which the areas are made of lines in an SVG, else of pixels."""
+NAMED_FRAMES = 12
+"""Frames up to which each is named on the axis."""
+FEWEST = 5
+"""Frames that the axis has room for at least, that a single one does not fill it."""
+
+HEIGHT, ABOVE, BETWEEN, TRACED_HEIGHT, BELOW = 5.4, 0.78, 0.18, 1.05, 0.62
+"""Inches: of the figure, and of it for the titles, between the axes, of the lower ones, and below them."""
+LEFT, RIGHT = 0.098, 0.745
+"""The axes' sides in shares of the width; the names are right of them."""
+NAME_DISTANCE = 0.185
+"""Inches from one name to the next."""
+
+
+def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
+    """Write path.svg and path.png of what animation.json holds; until_whole is as `files.whole_file` has it. Raises
+    OSError."""
+    draw_whole(draw_animation, report, path, until_whole)
+
+
+def draw_animation(report: Mapping[str, Any]) -> Figure:
+    """Seconds per frame, made of their stages, with those of Blender's multiview; below, the traced share.
+
+    report is what animation.json holds, with a frame at least; it may have "reported" too, see `reported_note`. A frame
+    without figures is a gap.
+    """
+    series = series_of(report)
+    notes = _notes(report, series)
+    figure = new_figure(HEIGHT + NOTE_LINE * len(notes.splitlines()))
+    write_texts(figure, _title(report), _details(report, series), notes)
+    upper, lower = _add_axes(figure, notes)
+    _draw_stages(upper, series)
+    _draw_peer(upper, series)
+    _draw_traced(lower, series)
+    _scale(upper, lower, series)
+    _name_lines(upper, series)
+    if report.get("reported"):
+        _draw_reported(upper, lower, series, report["reported"])
+    return figure
+
+
+# Texts
+
+
+def _title(report: Mapping[str, Any]) -> str:
+    whole = report.get("totals") or {}
+    title = _counted(len(report["frames"]))
+    speedup = number_in(whole, "speedup")
+    if math.isnan(speedup):
+        return title
+    measured = whole.get("speedup_from") == "measured"
+    how = f"measured on {_counted(whole['compared'])}" if measured else "predicted"
+    return f"{title}, {speedup:.2f} × as fast as Blender's multiview ({how})"
+
+
+def _counted(frames: int) -> str:
+    return f"{frames} frame{'' if frames == 1 else 's'}"
+
+
+def _details(report: Mapping[str, Any], series: Series) -> str:
+    """What all frames have in common, and how much was traced."""
+    rows = report["frames"]
+    size, samples = _common(rows, "size"), _common(rows, "samples")
+    parts = [
+        f"{size[0]} × {size[1]} pixels" if size else None,
+        f"{samples} samples" if samples else None,
+        _common(rows, "accuracy"),
+    ]
+    traced = mean_of(series.traced)
+    if traced is not None:
+        parts.append(f"{percent(traced)} of the target eye traced on average")
+    return ", ".join(part for part in parts if part)
+
+
+def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
+    first = rows[0].get(key)
+    return first if all(row.get(key) == first for row in rows) else None
+
+
+def _notes(report: Mapping[str, Any], series: Series) -> str:
+    compared = int(np.isfinite(series.measured).sum())
+    peer = (
+        f"measured on {compared} of {_counted(len(report['frames']))}"
+        if compared
+        else "predicted from what the source eye has cost"
+    )
+    told = (
+        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {peer}. Traced: the share "
+        "of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
+        "else that is done before the next frame begins."
+    )
+    notes = [told]
+    failed = {int(frame) for frame in report.get("failed") or ()}
+    missing = {*series.frames[~series.there].tolist()} - failed
+    for what, frames in (("Not rendered", missing), ("Failed", failed)):
+        if frames:
+            line = f"{what}: frame{'s' if len(frames) > 1 else ''} {spelled(frames)}"
+            notes.append(textwrap.shorten(line, NOTE_LENGTH, placeholder=" ..."))
+    if report.get("reported"):
+        notes.append(reported_note(report["reported"]))
+    return wrapped(notes)
+
+
+def _seconds_text(seconds: float) -> str:
+    decimals = 0 if seconds >= 99.95 else 1 if seconds >= 9.995 else 2
+    return f"{seconds:.{decimals}f} s"
+
+
+# Drawing
+
+
+def _add_axes(figure: Figure, notes: str) -> tuple[Axes, Axes]:
+    """For the seconds, and below them for what was traced, over the same frames."""
+    height = figure.get_figheight()
+    below = BELOW + NOTE_LINE * len(notes.splitlines())
+    start = below + TRACED_HEIGHT + BETWEEN
+    lower = figure.add_axes((LEFT, below / height, RIGHT - LEFT, TRACED_HEIGHT / height))
+    upper = figure.add_axes((LEFT, start / height, RIGHT - LEFT, (height - ABOVE - start) / height), sharex=lower)
+    upper.tick_params(axis="x", labelbottom=False)
+    for axes in (upper, lower):
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        axes.yaxis.set_label_coords(-0.098, 0.5)
+        axes.yaxis.grid(color=PALE, alpha=0.3, linewidth=0.6)
+        axes.set_axisbelow(True)
+    return upper, lower
+
+
+def _edges(series: Series) -> NDArray[np.float64]:
+    """(N + 1,): where each frame begins and ends on the axis; so one alone between two gaps is seen as well."""
+    half = 0.5 * series.step
+    return np.append(series.frames - half, series.frames[-1] + half).astype(np.float64)
+
+
+def _used(series: Series) -> list[str]:
+    """The kinds of stages that took any time."""
+    return [name for name, seconds in series.stages.items() if np.nansum(seconds) > 0.0]
+
+
+def _draw_stages(axes: Axes, series: Series) -> None:
+    edges, below = _edges(series), np.zeros(len(series.frames))
+    for name in _used(series):
+        above = below + series.stages[name]
+        _fill(axes, above, edges, below, color=COLOURS[name], label=name)
+        below = np.nan_to_num(above)
+    axes.stairs(series.seconds, edges, baseline=None, color=VERMILLION, linewidth=_width(series), label=OURS)
+
+
+def _fill(axes: Axes, above: NDArray, edges: NDArray, below: NDArray | float, **look: Any) -> None:
+    # An SVG with every corner of thousands of frames would be of some megabytes.
+    many = len(above) > DRAWN_FRAMES
+    axes.stairs(above, edges, baseline=below, fill=True, linewidth=0.0, rasterized=many, **look)
+
+
+def _width(series: Series) -> float:
+    """Of a line: thinner where the frames lie close."""
+    return 1.6 if len(series.frames) <= 200 else 0.8
+
+
+def _peer(series: Series) -> tuple[str, NDArray]:
+    """What is known of Blender's multiview: how, and the seconds (N,)."""
+    measured = np.isfinite(series.measured).any()
+    return ("measured", series.measured) if measured else ("predicted", series.predicted)
+
+
+def _draw_peer(axes: Axes, series: Series) -> None:
+    how, seconds = _peer(series)
+    if how == "predicted":
+        axes.stairs(seconds, _edges(series), baseline=None, label=PEER, **_look_of_peer(how, seconds))
+        return
+    # The line goes on over frames that were not compared, but not over those that are not there.
+    shown = np.isfinite(seconds) | ~series.there
+    frames, seconds = series.frames[shown], seconds[shown]
+    look = {**_look_of_peer(how, seconds), "marker": "o"}
+    axes.plot(frames, seconds, markevery=_marked(seconds), label=PEER, **look)
+
+
+def _marked(seconds: NDArray) -> list[int]:
+    """Which points have a marker: all of a few, else those that are in no line."""
+    known = np.isfinite(seconds)
+    if known.sum() > MARKERS:
+        beside = np.pad(known, 1)
+        known = known & ~beside[:-2] & ~beside[2:]
+    return np.flatnonzero(known).tolist()
+
+
+def _draw_traced(axes: Axes, series: Series) -> None:
+    shares, edges = 100.0 * series.traced, _edges(series)
+    _fill(axes, shares, edges, 0.0, color=BLUE, alpha=0.25)
+    axes.stairs(shares, edges, baseline=None, color=BLUE, linewidth=_width(series), label="traced")
+    axes.set_ylabel("traced, %")
+    axes.set_xlabel("frame")
+
+
+def _draw_reported(upper: Axes, lower: Axes, series: Series, reported: Mapping[str, Any]) -> None:
+    """The seconds that others' speed-ups would come to over the peer, and their traced share."""
+    seconds = _peer(series)[1]
+    known = np.isfinite(seconds)
+    ends = [seconds[known] / speedup for speedup in reported["speedup"]]
+    upper.fill_between(series.frames[known], *ends, color=YELLOW, alpha=0.35, linewidth=0.0, label=reported["name"])
+    for end in ends:
+        upper.plot(series.frames[known], end, color=ORANGE, linewidth=0.9, linestyle=(0, (5, 2)))
+    share = 100.0 * reported["traced"]
+    lower.axhline(share, color=ORANGE, linewidth=1.1, linestyle=(0, (5, 2)), label=reported["name"])
+    lower.set_ylim(0.0, max(lower.get_ylim()[1], 1.15 * share))
+    place: dict[str, Any] = {"transform": lower.get_yaxis_transform(), "va": "center", "size": 9}
+    lower.text(1.015, share, f"{reported['name']}, {percent(reported['traced'])}", **place)
+
+
+def _scale(upper: Axes, lower: Axes, series: Series) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    upper.set_ylabel("seconds per frame")
+    stacked = np.sum([np.nan_to_num(seconds) for seconds in series.stages.values()], axis=0)
+    known = np.concatenate([stacked, series.seconds, _peer(series)[1]])
+    upper.set_ylim(0.0, 1.08 * np.nanmax(known) or 1.0)
+    traced = 100.0 * series.traced[np.isfinite(series.traced)]
+    lower.set_ylim(0.0, 1.15 * traced.max(initial=0.0) or 1.0)
+    lower.yaxis.set_major_locator(MaxNLocator(3))
+    edges = _edges(series)
+    aside = 0.5 * series.step * max(FEWEST - len(series.frames), 0)
+    lower.set_xlim(edges[0] - aside, edges[-1] + aside)
+    if len(series.frames) <= NAMED_FRAMES:
+        lower.set_xticks(series.frames)
+    else:
+        lower.xaxis.set_major_locator(MaxNLocator(12, integer=True, steps=[1, 2, 5, 10]))
+
+
+# Names beside the lines
+
+
+def _name_lines(axes: Axes, series: Series) -> None:
+    """The names right of the axes, each as high as where its line or area ends, with the mean of its seconds."""
+    entries = _named(series)
+    top, height = axes.get_ylim()[1], axes.bbox.height / axes.figure.dpi
+    ends = [end / top * height for _, _, _, end in entries]
+    for (name, mean, style, _), place in zip(entries, spread(ends, NAME_DISTANCE, height), strict=True):
+        _draw_name(axes, name, mean, style, place / height)
+
+
+def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
+    """Name, mean, look, and seconds at which it ends."""
+    entries, below = [], np.zeros(len(series.frames))
+    for name in _used(series):
+        above = below + series.stages[name]
+        look = {"marker": "s", "markersize": 7.5, "color": COLOURS[name], "linestyle": ""}
+        entries.append((name, series.stages[name], look, 0.5 * (below + above)))
+        below = above
+    entries.append((OURS, series.seconds, {"color": VERMILLION, "linewidth": 1.8}, series.seconds))
+    how, seconds = _peer(series)
+    entries.append((f"{PEER}, {how}", seconds, _look_of_peer(how, seconds), seconds))
+    return [
+        (name, mean, look, float(places[np.isfinite(places)][-1]))
+        for name, values, look, places in entries
+        if (mean := mean_of(values)) is not None
+    ]
+
+
+def _look_of_peer(how: str, seconds: NDArray) -> dict[str, Any]:
+    if how == "predicted":
+        return {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 3))}
+    marker = "o" if np.isfinite(seconds).sum() <= MARKERS else None
+    return {"color": BLACK, "linewidth": 1.1, "marker": marker, "markersize": 4.5}
+
+
+def _draw_name(axes: Axes, name: str, mean: float, look: Mapping[str, Any], height: float) -> None:
+    from matplotlib.lines import Line2D
+
+    # In shares of the axes' width; the sample is the figure's, since the lines of the axes are data.
+    inch = 1.0 / (WIDTH * (RIGHT - LEFT))
+    start, end = 1.0 + 0.1 * inch, 1.0 + 0.36 * inch
+    xs = [0.5 * (start + end)] if look.get("linestyle") == "" else [start, 0.5 * (start + end), end]
+    sample = Line2D(xs, [height] * len(xs), transform=axes.transAxes, markevery=[len(xs) // 2], **look)
+    axes.figure.add_artist(sample)
+    bold = "bold" if name == OURS else "normal"
+    place: dict[str, Any] = {"transform": axes.transAxes, "va": "center", "size": 9}
+    axes.text(1.0 + 0.44 * inch, height, name, weight=bold, **place)
+    axes.text(1.0 + 2.2 * inch, height, _seconds_text(mean), color=GREY, ha="right", **place)

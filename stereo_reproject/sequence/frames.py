@@ -1,0 +1,343 @@
+"""The way of an animation: which of its frames are to be rendered, and then one after the other, each of them once.
+
+What renders a frame and writes its files is handed in (`blender.animation` has the one that ships), so that this can be
+read, and killed at any moment in a test, without Blender.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import stat
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import BadInputError, OutputError, StereoReprojectError
+from ..files import flush, flush_folder, leads_elsewhere, put_in_place
+from ..jobs.work_folder import tells_full_disk
+from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
+from .listing import Listing
+
+POLL_SECONDS = 1.0
+"""Between two looks at frames that another run has."""
+
+FAILURES_IN_A_ROW = 3
+"""Frames that cannot be rendered, one after the other, after which no more are tried."""
+
+KEPT = "finished frames are kept, and --resume renders the rest"
+"""What becomes of an animation that ends early, in words."""
+
+GOING_SECONDS = 0.5
+"""How long a folder of frames may take to go."""
+
+FULL_BELOW = 1 << 20
+"""Bytes free on a drive that is called full."""
+
+FULL_BELOW_FILES = 32
+"""Files for which there is room on it: two frames are in the making at a time, of half a dozen each."""
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """What is to be done: `todo` has what there is of each frame that is to be rendered, `kept` those that stay.
+
+    replaced are records that were there before; another one in its place is of a run that was quicker, and with
+    overwrite so are those of runs that live."""
+
+    todo: Mapping[int, FrameState]
+    kept: Mapping[int, FrameState]
+    replaced: Mapping[int, Record]
+
+    def done_by_others(self, record: Record | None, frame: int, wanted: Fingerprints) -> bool:
+        """Whether a frame that was to be rendered is there by now."""
+        return record is not None and record != self.replaced.get(frame) and wanted.state_of(record) is FrameState.WHOLE
+
+
+@dataclass(frozen=True)
+class FramesTold:
+    """Who is told what: `done` of each frame that is finished, with its record; `failed` of those that are not, and
+    why; `waits` of frames that another run has, when there is nothing else to do."""
+
+    done: Callable[[int, Record], None] = lambda _frame, _record: None
+    failed: Callable[[int, str], None] = lambda _frame, _why: None
+    waits: Callable[[Sequence[int]], None] = lambda _frames: None
+
+
+class FrameMaker(Protocol):
+    """Renders frames, and has their files written and recorded meanwhile."""
+
+    def render(self, frame: int, claim: int) -> None:
+        """Render a frame and hand it over to be written. Raises StereoReprojectError when it cannot be rendered."""
+        ...
+
+    def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
+        """Frames that were handed over and are written by now, or what stood in the way; with wait all of them.
+
+        None is told of a frame that was not written, because another run has claimed it meanwhile."""
+        ...
+
+
+def plan_frames(
+    journal: Journal,
+    files: Mapping[int, Sequence[Path]],
+    wanted: Fingerprints,
+    existing: str,
+    *,
+    on_look: Callable[[int], None] = lambda _: None,
+) -> FramePlan:
+    """What is to be done about frames with these files. existing is one of `animation_settings.EXISTING`; on_look is
+    called for each frame of which there was something to be looked at, which takes a while.
+
+    Raises BadInputError when frames are there that are not to be touched, and OSError.
+    """
+    _check_folders(journal, files)
+    # Of many frames few are there as a rule, and only those are looked at.
+    known, there = journal.known_frames(), Listing()
+    # Read first: a frame that another run finishes while its state is looked at replaces what was there before.
+    replaced = {record.frame: record for record in journal.records(frame for frame in files if frame in known)}
+    states = dict.fromkeys(files, FrameState.MISSING)
+    if existing == "overwrite":
+        replaced = {frame: record for frame, record in replaced.items() if not journal.runs.lives(record.run)}
+    else:
+        for frame, paths in files.items():
+            if frame in known or any(map(there.may_hold, paths)):
+                states[frame] = journal.state(frame, paths, wanted)
+                on_look(frame)
+    kept = {frame: state for frame, state in states.items() if _is_kept(state, existing, files[frame])}
+    if existing == "refuse":
+        _check_shared(journal, states, replaced)
+    if existing == "resume":
+        _check_scene(journal, states, wanted)
+    todo = {frame: state for frame, state in states.items() if frame not in kept}
+    return FramePlan(todo, kept, replaced)
+
+
+def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
+    """Raises BadInputError where a frame's file would be written, through a link, somewhere else than asked for."""
+    for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
+        if folder != journal.frames_folder and leads_elsewhere(folder):
+            raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
+
+
+def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
+    if existing == "keep" and state not in (FrameState.MISSING, FrameState.DAMAGED):
+        # As Blender does it without Overwrite, whoever has rendered them: all that counts is that they are there.
+        return all(path.exists() and path.stat().st_size for path in files)
+    return state is FrameState.WHOLE
+
+
+def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Mapping[int, Record]) -> None:
+    """Frames that are there may be those of another run that has just begun on the same."""
+    there = [frame for frame, state in states.items() if state is not FrameState.MISSING or frame in known]
+    records = {record.frame: record for record in journal.records(there)}
+    tokens = {records[frame].run if frame in records else "" for frame in there}
+    if all(states[frame] is FrameState.WHOLE for frame in there) and all(map(journal.runs.lives, tokens)):
+        return
+    raise BadInputError(
+        f"{journal.frames_folder}: {len(there)} of {len(states)} frames are there already ({spelled(there)}): --resume"
+        " keeps what is whole and renders the rest, --overwrite renders all anew"
+    )
+
+
+def _check_scene(journal: Journal, states: Mapping[int, FrameState], wanted: Fingerprints) -> None:
+    others = [frame for frame, state in states.items() if state is FrameState.OTHER_SCENE]
+    if others:
+        record = journal.record(others[0])
+        kinds = ", ".join(wanted.changed(record)) if record else "unknown"
+        raise BadInputError(
+            f"{journal.frames_folder}: the scene has changed since frame {others[0]} was rendered ({kinds}):"
+            " --overwrite renders all anew, another folder keeps both"
+        )
+
+
+def render_frames(
+    plan: FramePlan,
+    journal: Journal,
+    wanted: Fingerprints,
+    token: str,
+    maker: FrameMaker,
+    told: FramesTold,
+) -> None:
+    """Render what is to be rendered, each frame by one run alone; back when all are there or have failed.
+
+    A frame that another run has claimed is left to it, and looked after when all others are done. One that cannot be
+    rendered is passed over; when several cannot, one after the other, the last one's error is raised, and so is
+    OutputError at once.
+    """
+    work = _Work(plan, journal, wanted, token, maker, told)
+    left = set(plan.todo)
+    while left:
+        mine = {frame for frame in sorted(left) if work.do(frame)}
+        left -= mine
+        left |= work.collect(wait=not left or not mine)
+        if left and not mine:
+            told.waits(sorted(left))
+            time.sleep(POLL_SECONDS)
+
+
+@dataclass
+class _Work:
+    plan: FramePlan
+    journal: Journal
+    wanted: Fingerprints
+    token: str
+    maker: FrameMaker
+    told: FramesTold
+    _failed_in_a_row: int = 0
+    _rendered: int = 0
+    _done: int = 0
+    _claims: dict[int, int] = field(default_factory=dict)
+    _taken_over: set[int] = field(default_factory=set)
+
+    def do(self, frame: int) -> bool:
+        """Render a frame, unless it is there by now; False where another run has it."""
+        try:
+            claim = self.journal.take(frame, self.token)
+            if claim is None:
+                return False
+            record = self.journal.record(frame)
+            if record is not None and self.plan.done_by_others(record, frame, self.wanted):
+                self.journal.release(frame, claim, self.token)
+                self.told.done(frame, record)
+                return True
+        except OSError as error:
+            raise failed_output(self.journal.frames_folder, error) from error
+        self._claims[frame] = claim
+        try:
+            self.maker.render(frame, claim)
+            self._rendered += 1
+        except StereoReprojectError as error:
+            self._fail(frame, error, hopeless=isinstance(error, BadInputError) and not self._rendered)
+        self._look(wait=False)
+        return True
+
+    def collect(self, *, wait: bool) -> set[int]:
+        """Look what has been written; the frames that another run has taken over, and that are to be looked after."""
+        self._look(wait=wait)
+        taken, self._taken_over = self._taken_over, set()
+        return taken
+
+    def _look(self, *, wait: bool) -> None:
+        for frame, result in self.maker.finished(wait=wait):
+            if result is None:
+                self._taken_over.add(frame)
+            elif isinstance(result, StereoReprojectError):
+                self._fail(frame, result, hopeless=isinstance(result, BadInputError) and not self._done)
+            else:
+                self._failed_in_a_row = 0
+                self._done += 1
+                self.told.done(frame, result)
+
+    def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
+        with contextlib.suppress(OSError):
+            self.journal.release(frame, self._claims[frame], self.token)
+        self._failed_in_a_row += 1
+        if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= FAILURES_IN_A_ROW:
+            raise error
+        self.told.failed(frame, str(error))
+
+
+def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[str, Any], claim: int) -> Record | None:
+    """Put a frame's finished files in their places, by their names in the frames' folder, and record them.
+
+    They come from the same drive, and each appears whole. record are a `Record`'s fields but for its files. None where
+    another run has claimed the frame meanwhile, to whom it is left. Raises OutputError.
+    """
+    try:
+        sums = {}
+        for name, path in made.items():
+            flush(path)
+            sums[name] = checksum(path)
+        finished = Record(**record, files=sums)
+        if not journal.holds(finished.frame, claim, finished.run):
+            return None
+        journal.forget(finished.frame)
+        for name, path in made.items():
+            place = journal.frames_folder / name
+            place.parent.mkdir(exist_ok=True)
+            put_in_place(path, place)
+        for folder in dict.fromkeys((journal.frames_folder / name).parent for name in made):
+            flush_folder(folder)
+        journal.write(finished)
+        journal.release(finished.frame, claim, finished.run)
+    except OSError as error:
+        raise failed_output(journal.frames_folder, error) from error
+    return finished
+
+
+def failed_output(folder: Path, error: OSError | StereoReprojectError) -> OutputError:
+    """What an error in writing below this folder comes to, in a line."""
+    if _is_gone(folder, error):
+        return OutputError(f"{folder} is gone, with the frames that were in it")
+    if _is_full(folder, error):
+        return OutputError(f"{folder}: the disk is full; free some space: {KEPT}")
+    reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
+    return OutputError(f"{folder} cannot be written ({reason}): {KEPT}")
+
+
+def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReprojectError:
+    """The error itself, unless it comes of this folder's being gone or its disk full: Blender does not tell."""
+    if isinstance(error, OutputError) or not (_is_gone(folder, error) or _is_full(folder, error)):
+        return error
+    return failed_output(folder, error)
+
+
+def _is_gone(folder: Path, error: Exception) -> bool:
+    # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
+    there = _is_folder(folder / JOURNAL)
+    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        # Whoever removes it may be at it just now, and its files go first.
+        time.sleep(GOING_SECONDS)
+        there = _is_folder(folder / JOURNAL)
+    return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except OSError as error:
+        # What may not be looked at any more is not gone.
+        return not isinstance(error, (FileNotFoundError, NotADirectoryError))
+
+
+def _is_full(folder: Path, error: Exception) -> bool:
+    return (isinstance(error, OSError) and tells_full_disk(error)) or is_full(folder)
+
+
+def is_full(folder: Path, *, below: int = FULL_BELOW) -> bool:
+    """Whether there is hardly any room left on a folder's drive: less than so many bytes, or for too few files."""
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(folder).free < below or _has_no_names(folder)
+    return False
+
+
+def _has_no_names(folder: Path) -> bool:
+    # Windows does not count them, and some drives have no limit.
+    if sys.platform == "win32":
+        return False
+    drive = os.statvfs(folder)
+    return drive.f_files > 0 and drive.f_favail < FULL_BELOW_FILES
+
+
+def spelled(frames: Iterable[int]) -> str:
+    """Frames as people write them: 1-10, 12, 20-24:2."""
+    parts: list[str] = []
+    every = sorted(set(frames))
+    begin = 0
+    while begin < len(every):
+        step = every[begin + 1] - every[begin] if begin + 1 < len(every) else 1
+        end = begin + 1
+        while end < len(every) and every[end] - every[end - 1] == step:
+            end += 1
+        if end - begin < 3 and step > 1:
+            end = begin + 1
+        ending = f":{step}" if step > 1 else ""
+        first, last = every[begin], every[end - 1]
+        parts.append(str(first) if end == begin + 1 else f"{first}-{last}{ending}")
+        begin = end
+    return ", ".join(parts)

@@ -1,0 +1,88 @@
+"""How far an animation is, and how long the rest of it will take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .figures import figures_of
+from .frames import FramePlan, FramesTold, spelled
+from .journal import Record
+
+
+@dataclass(frozen=True)
+class Told:
+    """Who is told what: on_stage of a stage's name and which frame it is of; on_frame of each frame that is done; note
+    and warn of what is to be said."""
+
+    on_stage: Callable[[str, str], None] = lambda _stage, _detail: None
+    on_frame: Callable[[Mapping[str, Any]], None] = lambda _event: None
+    note: Callable[[str], None] = lambda _text: None
+    warn: Callable[[str], None] = lambda _text: None
+
+
+class AnimationProgress:
+    """Tells of finished frames, of `total`, and how long the rest will take; those that fail go into `failed`.
+
+    clock counts seconds. What comes before the first frame is no part of what frames take.
+    """
+
+    def __init__(
+        self,
+        plan: FramePlan,
+        total: int,
+        told: Told,
+        failed: dict[int, str],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._total, self._left = total, len(plan.todo)
+        self._failed, self._out = failed, told
+        self._clock, self._done = clock, 0
+        self._since: float | None = None
+        self._each = 0.0
+        self._waited = False
+        self.told = FramesTold(self._on_done, self._on_failed, self._on_wait)
+
+    def _on_done(self, frame: int, record: Record) -> None:
+        # Another run's record is as trustworthy as the drive that it lies on.
+        figures, _ = figures_of(record)
+        self._step(figures.get("wall_seconds"))
+        self._out.on_frame(
+            {
+                "frame": frame,
+                "seconds": figures.get("wall_seconds"),
+                "traced": figures.get("fractions", {}).get("rerendered"),
+                **self._far(),
+            }
+        )
+        for warning in figures.get("warnings", ()):
+            self._out.warn(warning)
+
+    def _on_failed(self, frame: int, why: str) -> None:
+        self._failed[frame] = why
+        self._step(None)
+        self._out.warn(f"frame {frame} failed and is left out: {why}")
+
+    def _step(self, seconds: Any) -> None:
+        """A frame is over, of which its own seconds are known or not."""
+        self._left -= 1
+        self._done += 1
+        now = self._clock()
+        if self._since is None:
+            self._since = now
+            self._each = float(seconds) if isinstance(seconds, (int, float)) else 0.0
+        else:
+            # From one end to the next: what is written beside, and what other runs take over, is in there.
+            self._each = (now - self._since) / (self._done - 1)
+
+    def _far(self) -> dict[str, Any]:
+        done, each = self._total - self._left, self._each
+        return {"done": done, "total": self._total, "each": each, "remaining": each * self._left}
+
+    def _on_wait(self, frames: Sequence[int]) -> None:
+        if not self._waited:
+            self._waited = True
+            self._out.note(f"waits for what other runs are rendering: {spelled(frames)}")

@@ -1,0 +1,130 @@
+"""animation.json: what became of each frame of an animation, and what it all comes to; and the chart of it."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import BadInputError
+from ..files import write_json
+from ..settings.animation import AnimationSettings
+from .figures import figures_of
+from .journal import Fingerprints, FrameState, Journal
+
+ANIMATION_SCHEMA = 1
+
+FIGURES = {"wall_seconds", "beside_seconds", "multiview_seconds", "fractions"}
+"""What a record needs to be told of."""
+
+
+def report_path(journal: Journal) -> Path:
+    """Where it lies: beside the frames, and called as they are where they have a name."""
+    name = journal.name.lstrip("_-. ")
+    between = "_" if name[-1:].isalnum() else ""
+    return journal.frames_folder / f"{name}{between}animation.json"
+
+
+def write_animation_report(
+    journal: Journal,
+    wanted: Fingerprints,
+    options: AnimationSettings,
+    failed: Mapping[int, str],
+    warnings: Sequence[str],
+) -> dict[str, Any]:
+    """Write it, of all frames of these settings and this scene that the journal has, whichever run has rendered them,
+    and the chart where matplotlib is installed. Raises OSError.
+
+    Records and figures that are not as they should be are passed over, and named among the warnings."""
+    rows, odd = _rows(journal, wanted)
+    report = {
+        "schema": ANIMATION_SCHEMA,
+        "asked_for": list(options.frames or ()),
+        "frames": rows,
+        "failed": {str(frame): why for frame, why in failed.items()},
+        "totals": totals(rows),
+        "warnings": list(dict.fromkeys([*warnings, *odd, *(line for row in rows for line in row["warnings"])])),
+    }
+    path = report_path(journal)
+    write_json(path, report, until_whole=journal.folder)
+    if rows:
+        _draw(report, path, until_whole=journal.folder)
+    return report
+
+
+def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]], list[str]]:
+    """A row for each frame, and what is to be said of records."""
+    rows, odd = [], []
+    for record in journal.records():
+        if wanted.state_of(record) is not FrameState.WHOLE:
+            continue
+        figures, strange = figures_of(record)
+        if strange:
+            what = f"the record of frame {record.frame} in {journal.folder} has figures that cannot be"
+            odd.append(f"{what} ({', '.join(strange)}): they are left out of the report")
+        if figures.keys() >= FIGURES:
+            rows.append({"frame": record.frame, "files": sorted(record.files), "warnings": [], **figures})
+    return rows, [*journal.doubts(), *odd]
+
+
+def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Of all frames: seconds, also those that Blender's multiview would have taken, and by what that is known.
+
+    They are predicted for each frame from what its source eye has cost, and where frames were compared, all predictions
+    are put right by what was measured of those: a ratio estimate, for which it does not matter whether the compared
+    frames happen to be cheap ones. multiview_synced is "anew" where multiview began with a sync of the whole scene in
+    each compared frame.
+    """
+    seconds = [row["wall_seconds"] for row in rows]
+    compared = [row for row in rows if row.get("compare")]
+    multiview = sum(row["multiview_seconds"] for row in rows)
+    predicted = sum(row["multiview_seconds"] for row in compared)
+    if predicted:
+        multiview *= sum(row["compare"]["multiview_seconds"] for row in compared) / predicted
+    return {
+        "frames": len(rows),
+        "seconds": sum(seconds),
+        "seconds_per_frame": statistics.fmean(seconds) if rows else None,
+        "beside_seconds_per_frame": statistics.median(row["beside_seconds"] for row in rows) if rows else None,
+        "traced": statistics.fmean(row["fractions"]["rerendered"] for row in rows) if rows else None,
+        "multiview_seconds": multiview,
+        "speedup": multiview / sum(seconds) if rows else None,
+        "speedup_from": "measured" if compared else "predicted",
+        "compared": len(compared),
+        "multiview_synced": "anew" if any(row["compare"].get("synced_anew") for row in compared) else None,
+    }
+
+
+def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
+    from ..tradeoff.charts import check_charts
+    from .chart import draw_animation_chart
+
+    try:
+        check_charts()
+    except BadInputError:
+        # Blender's own Python does not bring it: the figures are in the report all the same.
+        return
+    draw_animation_chart(report, path.with_suffix(""), until_whole=until_whole)
+
+
+def format_animation(report: Mapping[str, Any]) -> str:
+    """What a person reads at the end."""
+    whole = report["totals"]
+    if not whole["frames"]:
+        return "no frames"
+    ratios = [row["compare"]["noise_ratio"] for row in report["frames"] if row.get("compare")]
+    known = [ratio for ratio in ratios if ratio is not None]
+    each, beside = whole["seconds_per_frame"], whole["beside_seconds_per_frame"]
+    how = whole["speedup_from"]
+    if whole.get("multiview_synced") == "anew":
+        how += "; it synced the scene anew for each compared frame"
+    lines = [
+        f"frames        {whole['frames']}",
+        f"per frame     {each:.2f} s, {beside:.2f} s not for rendering",
+        f"traced        {100 * whole['traced']:.1f} % of the target eye, on average",
+        f"speed-up      {whole['speedup']:.2f} x over Blender's multiview, {how}",
+    ]
+    if known:
+        lines.append(f"noise ratio   {max(known):.3f} in the worst of {whole['compared']} compared frames")
+    return "\n".join(lines)

@@ -1,0 +1,197 @@
+"""Runs that work on the same animation: each has a file with a number that counts up, by which others see it live."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import StereoReprojectError
+from ..files import (
+    UnusableFileError,
+    flush,
+    flush_folder,
+    is_regular,
+    leads_elsewhere,
+    put_in_place,
+    read_small,
+    remove,
+)
+from ..jobs.work_folder import is_running, machine
+from ..jobs.worker_process import module_command, worker_environment
+
+BEAT_SECONDS = 2.0
+BEAT_DIGITS = 20
+
+APPEARANCES = 5
+"""How often a run tries to appear: each time, another would have to go at that very moment."""
+
+CLAIM = ".claim."
+"""In the name of a file by which a run has claimed something."""
+
+TOKEN = re.compile(r"[0-9a-f]{16}")
+"""What a run is called by."""
+
+RUN_FILE = re.compile(rf"run-({TOKEN.pattern})")
+CLAIM_FILE = re.compile(r"[A-Za-z0-9._-]*[0-9]{4,}\.claim\.[1-9][0-9]{0,17}")
+UNFINISHED_FILE = re.compile(rf"\.(run-{TOKEN.pattern}|[A-Za-z0-9._-]+\.(json|png|svg)\.{TOKEN.pattern})\.tmp")
+"""Files of these names are ours, and so to be removed when no run needs them any more."""
+
+RUN_BYTES = 4096
+"""What a run's file takes at most."""
+
+STALE_SECONDS = 90.0
+"""A run whose number has not changed for so long is dead. Drives may show for a minute what a file held before."""
+
+
+class Runs:
+    """The runs whose files lie in `folder`; clock counts seconds, from any moment and never backwards."""
+
+    def __init__(
+        self, folder: Path, *, stale_seconds: float = STALE_SECONDS, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._folder, self._stale, self._clock = folder, stale_seconds, clock
+        self._seen: dict[str, tuple[bytes, float]] = {}
+
+    def lives(self, token: str) -> bool:
+        """Whether a run may still be at work; found dead at once on this machine, on another after a while."""
+        try:
+            content = self._content(token)
+        except (FileNotFoundError, UnusableFileError):
+            return False
+        if _is_dead_here(content):
+            return False
+        now = self._clock()
+        beat = content[-BEAT_DIGITS:]
+        if token not in self._seen or self._seen[token][0] != beat:
+            self._seen[token] = beat, now
+        return now - self._seen[token][1] < self._stale
+
+    def _content(self, token: str) -> bytes:
+        """What the file of a run holds; FileNotFoundError where there is none, or what was named is no run."""
+        if TOKEN.fullmatch(token):
+            return read_small(self.path(token), RUN_BYTES)
+        # A claim that names no run yet is watched as if it were one.
+        if CLAIM_FILE.fullmatch(token) and is_regular(self._folder / token):
+            return b""
+        raise FileNotFoundError(token)
+
+    def path(self, token: str) -> Path:
+        return self._folder / f"run-{token}"
+
+    def clear(self, own: str) -> None:
+        """Remove what dead runs have left. own is the caller's token, who has nothing half-made either.
+
+        Claims and unfinished files stay as long as any run lives, for one that was thought dead may wake up. In a
+        folder that is a link nothing is removed: what it leads to may be anybody's.
+        """
+        if leads_elsewhere(self._folder):
+            return
+        # Listed before the runs are: whatever appears later is of a run that is there by then.
+        with contextlib.suppress(OSError):
+            left = [path for path in self._folder.iterdir() if _is_left_over(path)]
+            others = self._tokens() - {own}
+            dead = {token for token in others if not self.lives(token)}
+            for path in [*map(self.path, dead), *(left if dead == others else ())]:
+                remove(path)
+
+    def any_lives(self, *, but: str) -> bool:
+        """Whether any run is at work, but for this one. Raises OSError."""
+        return any(token != but and self.lives(token) for token in self._tokens())
+
+    def _tokens(self) -> set[str]:
+        """Return the tokens of the runs that have a file. Raises OSError."""
+        found = ((RUN_FILE.fullmatch(path.name), path) for path in self._folder.iterdir())
+        return {match[1] for match, path in found if match and is_regular(path)}
+
+
+def _is_left_over(path: Path) -> bool:
+    """Whether it is a claim or an unfinished file of ours; such a name alone makes nothing else so."""
+    named_so = CLAIM_FILE.fullmatch(path.name) or UNFINISHED_FILE.fullmatch(path.name)
+    return named_so is not None and is_regular(path)
+
+
+def _is_dead_here(content: bytes) -> bool:
+    """Whether it is a run of this machine whose process is gone."""
+    with contextlib.suppress(ValueError, LookupError, TypeError, RecursionError):
+        facts = json.loads(content.splitlines()[0])
+        return type(facts["pid"]) is int and facts["machine"] == machine() and not is_running(facts["pid"])
+    return False
+
+
+@contextmanager
+def run_at_work(runs: Runs) -> Iterator[str]:
+    """A run of this process, and its token: it lives for others until this is over, or the process is gone.
+
+    Its number is counted up by a process of its own: no thread may run beside Blender. Raises OSError and
+    StereoReprojectError.
+    """
+    token = secrets.token_hex(8)
+    path = runs.path(token)
+    facts = {"machine": machine(), "pid": os.getpid()}
+    _appear(path, f"{json.dumps(facts)}\n{0:0{BEAT_DIGITS}}")
+    try:
+        with _heartbeat(path):
+            runs.clear(token)
+            yield token
+    finally:
+        runs.clear(token)
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def _appear(path: Path, text: str) -> None:
+    """Write the file, which is there whole or not at all, in a folder that a run which has just ended may take away."""
+    beside = path.with_name(f".{path.name}.tmp")
+    for left in reversed(range(APPEARANCES)):
+        try:
+            path.parent.mkdir(exist_ok=True)
+            beside.write_text(text, encoding="ascii")
+            flush(beside)
+            put_in_place(beside, path)
+            flush_folder(path.parent)
+        except FileNotFoundError:
+            if not left:
+                raise
+        except OSError:
+            # The disk is full, and is not to hold what comes to nothing.
+            for half in (beside, path):
+                with contextlib.suppress(OSError):
+                    half.unlink(missing_ok=True)
+            raise
+        else:
+            return
+
+
+@contextmanager
+def _heartbeat(path: Path) -> Iterator[None]:
+    try:
+        process = subprocess.Popen(
+            [*module_command("programs.heartbeat"), str(path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=worker_environment(),
+            # What kills this process's group must not kill the one that tells of it.
+            start_new_session=os.name == "posix",
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except OSError as error:
+        raise StereoReprojectError(
+            f"{sys.executable} could not be started ({error.strerror}); free some resources"
+        ) from error
+    try:
+        yield
+    finally:
+        assert process.stdin is not None
+        with contextlib.suppress(OSError):
+            process.stdin.close()
+        process.wait()

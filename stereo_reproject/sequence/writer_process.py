@@ -1,0 +1,173 @@
+"""The writer as a process: started, handed one frame after the other, asked what has become of them; see `writer`."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import BadInputError, OutputError, StereoReprojectError
+from ..jobs.supervisor import Session
+from ..jobs.worker_process import module_command, worker_environment
+from .journal import Record
+
+ANSWER_SECONDS = 0.02
+"""Between two looks for an answer."""
+
+MOST_PENDING = 2
+"""Frames that wait to be written: more would only fill the drive."""
+
+
+@dataclass(frozen=True)
+class WriterOrder:
+    """The file that the frames are of and the session that has it open, and where they go; output, layout and
+    file_format are as `AnimationSettings` has them."""
+
+    blend: str
+    session: Session
+    private: str
+    folder: str
+    name: str
+    output: str | None
+    layout: str | None
+    file_format: str | None
+
+
+@dataclass(frozen=True)
+class WrittenFrame:
+    """A frame to be written: the folder with left.exr, right.exr and, if they are asked for, holes.png; the claim that
+    is given free then; the metadata of its passes; and its `Record` but for the files."""
+
+    frame: int
+    claim: int
+    folder: str
+    metadata: dict[str, str]
+    record: dict[str, Any]
+
+
+class WriterProcess:
+    """The process. command starts another one than `python -m stereo_reproject.programs.writer`."""
+
+    def __init__(self, order: WriterOrder, command: Sequence[str] | None = None) -> None:
+        self._order = order
+        self._command = command
+        self._answers = Path(order.private)
+        self._log = self._answers / "writer.log"
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pending: dict[int, WrittenFrame] = {}
+        self._results: list[tuple[int, Record | StereoReprojectError | None]] = []
+
+    def start(self) -> None:
+        """Have it open its file, which takes a while. Raises StereoReprojectError."""
+        own_python = self._command is None
+        self.close()
+        try:
+            with self._log.open("ab") as log:
+                self._process = subprocess.Popen(
+                    list(self._command or module_command("programs.writer")),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.DEVNULL,
+                    stderr=log,
+                    env=worker_environment(own_python=own_python),
+                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                )
+        except OSError as error:
+            raise StereoReprojectError(
+                f"no process could be started ({error.strerror}); free some resources"
+            ) from error
+        self._send(asdict(self._order))
+
+    def hand_over(self, frame: WrittenFrame) -> None:
+        """Have a frame written, as soon as those before it are."""
+        if self._has_ended():
+            self._look()
+        if self._has_ended():
+            self.start()
+        self._pending[frame.frame] = frame
+        self._send(asdict(frame))
+        while len(self._pending) > MOST_PENDING:
+            self._look()
+            time.sleep(ANSWER_SECONDS)
+
+    def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
+        """As `animation.FrameMaker` has it."""
+        self._look()
+        while wait and self._pending:
+            time.sleep(ANSWER_SECONDS)
+            self._look()
+        results, self._results = self._results, []
+        return results
+
+    def close(self) -> None:
+        """Let it write what it has, and end."""
+        if self._process is None:
+            return
+        assert self._process.stdin is not None
+        # What it was not there any more to read is of no use.
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        self._process.wait()
+        self._process = None
+
+    def _send(self, message: dict[str, Any]) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        # One that is dead is found so by whoever waits for its answer.
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.flush()
+
+    def _look(self) -> None:
+        ended = self._has_ended()
+        for frame in list(self._pending):
+            path = self._answers / f"{frame}.json"
+            try:
+                answer = json.loads(path.read_bytes())
+            except FileNotFoundError:
+                gone = self._is_gone()
+                if not ended and not gone:
+                    # They are written one after the other.
+                    return
+                answer = {"error": self._how_it_ended(frame), "status": 1, "hopeless": gone}
+            else:
+                path.unlink(missing_ok=True)
+            del self._pending[frame]
+            self._results.append((frame, _result(answer)))
+            if ended and "error" in answer and not answer["hopeless"]:
+                self._start_again()
+                return
+
+    def _start_again(self) -> None:
+        """Have the frames that waited behind the one that ended the process written by another."""
+        if self._pending:
+            self.start()
+            for frame in self._pending.values():
+                self._send(asdict(frame))
+
+    def _has_ended(self) -> bool:
+        return self._process is None or self._process.poll() is not None
+
+    def _is_gone(self) -> bool:
+        """Whether the folder that the answers lay in is no longer there. Another of that name may be: Blender makes
+        folders that are missing on the way to its files."""
+        return not self._log.exists()
+
+    def _how_it_ended(self, frame: int) -> str:
+        if self._is_gone():
+            return f"{self._order.folder} is gone, with the frames that were in it"
+        status = None if self._process is None else self._process.returncode
+        ending = f"exit status {status}" if os.name != "posix" or not status or status > 0 else f"signal {-status}"
+        return f"frame {frame} was not written: Blender stopped unexpectedly ({ending})"
+
+
+def _result(answer: dict[str, Any]) -> Record | StereoReprojectError | None:
+    if "record" in answer:
+        return None if answer["record"] is None else Record(**answer["record"])
+    kind = BadInputError if answer["status"] == BadInputError.exit_status else StereoReprojectError
+    return (OutputError if answer["hopeless"] else kind)(answer["error"])

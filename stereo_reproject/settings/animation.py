@@ -1,0 +1,92 @@
+"""How an animation is rendered, beside how each of its pairs is made: checked once, and frozen."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from ..delivery.layouts import LAYOUTS
+from ..errors import BadInputError
+from .frame import MAX_FRAME
+
+EXISTING = ("refuse", "resume", "overwrite", "keep")
+"""What becomes of frames that are there: the run is refused; those that are whole and of this scene stay; none stays;
+all stay that are there at all, as Blender does it without Overwrite."""
+
+MOST_FRAMES = 1 << 20
+
+
+@dataclass(frozen=True)
+class AnimationSettings:
+    """What is rendered and where it goes. Raises BadInputError.
+
+    frames are in rising order; without them they are the scene's. output is the folder for the frames, in place of that
+    of the scene's output path. layout is one of `delivery.layouts.LAYOUTS` and file_format one of Blender's names, both
+    the scene's own unless given. movie is the file of a movie made of all frames; with "" it is named after the frames.
+    holes are pictures of what was traced, one for each frame. Each compare_every-th frame from the scene's first on is
+    compared with multiview. skip are frames that are not tried, and why; finished are those that were rendered a moment
+    ago, by a process that then came to its end. goes_on is whether there was such a process.
+    """
+
+    frames: tuple[int, ...] | None = None
+    existing: str = "refuse"
+    output: str | None = None
+    layout: str | None = None
+    file_format: str | None = None
+    movie: str | None = None
+    holes: bool = False
+    compare_every: int | None = None
+    skip: Mapping[int, str] = field(default_factory=dict)
+    finished: tuple[int, ...] = ()
+    goes_on: bool = False
+
+    def __post_init__(self) -> None:
+        if self.frames is not None:
+            _check_frames(self.frames)
+        if self.existing not in EXISTING:
+            raise BadInputError(f"existing must be one of {', '.join(EXISTING)}, not {self.existing!r}")
+        if self.layout is not None and self.layout not in LAYOUTS:
+            raise BadInputError(f"the layout must be one of {', '.join(LAYOUTS)}, not {self.layout!r}")
+        every = self.compare_every
+        if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
+            raise BadInputError(f"compare every={every}: must be a whole number from 1")
+
+
+def _check_frames(frames: tuple[int, ...]) -> None:
+    if not frames:
+        raise BadInputError("no frames are named: name at least one")
+    if not all(isinstance(frame, int) and not isinstance(frame, bool) for frame in frames):
+        raise BadInputError("frames must be whole numbers")
+    if any(after <= before for before, after in pairwise(frames)):
+        raise BadInputError("frames must be in rising order, each once")
+    if not 0 <= frames[0] <= frames[-1] <= MAX_FRAME:
+        # Blender writes no others in an animation.
+        raise BadInputError(f"frames must be from 0 to {MAX_FRAME}")
+
+
+def read_frames(text: str) -> tuple[int, ...]:
+    """Frames as people write them: 12, 1-24, 1-24:2, or several of these with commas. Raises BadInputError."""
+    frames: set[int] = set()
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(-?\d{1,9})(?:-(-?\d{1,9})(?::(\d{1,9}))?)?\s*", part)
+        if match is None:
+            raise BadInputError(f"frames must be of the form 1-24, 1-24:2 or 1-10,15, not {text!r}")
+        first, last, step = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
+        if last < first or step < 1:
+            raise BadInputError(f"frames {part.strip()} are none: name them in rising order, with a step from 1")
+        if (last - first) // step >= MOST_FRAMES:
+            raise BadInputError(f"frames {part.strip()} are more than {MOST_FRAMES}")
+        frames.update(range(first, last + 1, step))
+    result = tuple(sorted(frames))
+    _check_frames(result)
+    return result
+
+
+def read_every(text: str) -> int:
+    """every=6, or 6 alone. Raises BadInputError."""
+    match = re.fullmatch(r"(?:every=)?([1-9]\d{0,8})", text)
+    if match is None:
+        raise BadInputError(f"--compare must be of the form every=6, not {text!r}")
+    return int(match[1])

@@ -1,0 +1,132 @@
+"""What a run is asked to do, checked once: frozen, so that nothing changes under way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ..errors import BadInputError
+
+ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
+CUSTOM = "custom"
+"""The accuracy of a run that was given a tolerance."""
+FILL_METHODS = ("auto", "packed", "card", "full")
+EYES = ("left", "right")
+SOURCE_ENGINES = ("cycles", "eevee")
+CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
+INTERPOLATIONS = ("auto", "linear", "cubic")
+WARPS = ("auto", "numpy", "gpu")
+
+MAX_SIZE = 65536
+MAX_SAMPLES = 1 << 24
+MAX_SEED = (1 << 31) - 1
+MAX_FRAME = 1048574
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+
+
+def _check_int(name: str, value: int | None, low: int, high: int) -> None:
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise BadInputError(f"{name} must be a whole number, not {value!r}")
+    if not low <= value <= high:
+        raise BadInputError(f"{name} must be from {low} to {high}, not {value}")
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _check_float(name: str, value: float, low: float, *, above: bool = False) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
+        raise BadInputError(f"{name} must be a finite number, not {value!r}")
+    if value < low or (above and value == low):
+        raise BadInputError(f"{name} must be {'above' if above else 'at least'} {low:g}, not {value:g}")
+
+
+@dataclass(frozen=True)
+class SceneOverrides:
+    """What replaces the .blend's own values for this run; None keeps the scene's value.
+
+    size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
+    convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine; denoise
+    is whether Cycles' pictures are denoised, in every view layer. Raises BadInputError.
+    """
+
+    frame: int | None = None
+    size: tuple[int, int] | None = None
+    samples: int | None = None
+    seed: int | None = None
+    interocular_distance: float | None = None
+    convergence_distance: float | None = None
+    convergence_mode: str | None = None
+    source_engine: str | None = None
+    denoise: bool | None = None
+
+    def __post_init__(self) -> None:
+        _check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
+        if self.size is not None:
+            if not isinstance(self.size, tuple) or len(self.size) != 2:
+                raise BadInputError(f"the size must be a width and a height, not {self.size!r}")
+            width, height = self.size
+            _check_int("the width", width, 4, MAX_SIZE)
+            _check_int("the height", height, 4, MAX_SIZE)
+        _check_int("samples", self.samples, 1, MAX_SAMPLES)
+        _check_int("the seed", self.seed, 0, MAX_SEED)
+        if self.interocular_distance is not None:
+            _check_float("the interocular distance", self.interocular_distance, 0.0)
+        if self.convergence_distance is not None:
+            _check_float("the convergence distance", self.convergence_distance, 0.0, above=True)
+        if self.convergence_mode is not None:
+            _check_choice("the convergence mode", self.convergence_mode, CONVERGENCE_MODES)
+        if self.source_engine is not None:
+            _check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
+        if self.denoise is not None and not isinstance(self.denoise, bool):
+            raise BadInputError(f"denoise must be true, false or left out, not {self.denoise!r}")
+
+
+@dataclass(frozen=True)
+class StereoSettings:
+    """How the pair is made. Raises BadInputError.
+
+    tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
+    grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's
+    colour, where it is sharper and there is no noise to sharpen too, and linear for all else. warp is what carries
+    pixels over: "gpu" is numpy where there is none that works, and "auto" the faster of the two where that is measured.
+    """
+
+    source: str = "left"
+    accuracy: str = "balanced"
+    fill: str = "auto"
+    grid_threshold: float = 1.0
+    interpolation: str = "auto"
+    compare: bool = False
+    scene: SceneOverrides = field(default_factory=SceneOverrides)
+    tolerance: float | None = None
+    warp: str = "auto"
+
+    def __post_init__(self) -> None:
+        _check_choice("the source eye", self.source, EYES)
+        if self.tolerance is None:
+            _check_choice("accuracy", self.accuracy, ACCURACIES)
+        else:
+            _check_float("the tolerance", self.tolerance, 1.0, above=True)
+            if self.accuracy not in (CUSTOM, StereoSettings.accuracy):
+                raise BadInputError("accuracy and tolerance are two ways to say the same; give one of them")
+            object.__setattr__(self, "accuracy", CUSTOM)
+        _check_choice("fill", self.fill, FILL_METHODS)
+        _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
+        _check_choice("warp", self.warp, WARPS)
+        _check_float("the grid threshold", self.grid_threshold, 0.0)
+
+    @property
+    def target(self) -> str:
+        """The eye that is made from the source."""
+        return "right" if self.source == "left" else "left"

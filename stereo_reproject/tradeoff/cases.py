@@ -1,0 +1,242 @@
+"""The price list of a scene: what each setting, and each other way to make a pair, costs and how good its target is.
+
+Which runs there are, what is kept of each, which of them no other beats, and the files and the table that say so.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..settings.accuracy import SETTINGS, Accuracy
+from ..settings.frame import ACCURACIES, StereoSettings
+
+TRADEOFF_SCHEMA = 1
+
+# As for a rendered pair, the one that vouches for the others comes last.
+TRADEOFF_FILES = ("tradeoff.csv", "tradeoff.svg", "tradeoff.png", "stages.svg", "stages.png", "tradeoff.json")
+
+HEURISTIC = "heuristic"
+"""The kind of the run whose mask is guessed from the light passes."""
+
+PEER = "multiview"
+"""The name, and the kind, of Blender's own way among the runs."""
+
+STAGES = (
+    "plan",
+    "source",
+    "denoise_source",
+    "warp",
+    "pilot",
+    "fill",
+    "probes",
+    "refine",
+    "composite",
+    "denoise_target",
+)
+"""The order in which stages are listed; one of another name comes after them."""
+
+TELLING = 0.005
+"""Difference in noise ratio that counts: what is less is the noise of the measure itself."""
+
+PROBE_TRACES = 2
+"""How often a probe's pixel is traced."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A way to make the pair. kind is "setting" for what users choose by `--accuracy`, else what it stands for.
+
+    accuracy_name is the user's setting behind `accuracy`, None where there is none.
+    """
+
+    name: str
+    kind: str
+    accuracy: Accuracy
+    accuracy_name: str | None = None
+    fill: str = "auto"
+
+    def settings(self, asked: StereoSettings) -> StereoSettings:
+        """The settings of this run, all else as was asked."""
+        accuracy = self.accuracy_name or StereoSettings.accuracy
+        return replace(asked, accuracy=accuracy, tolerance=None, fill=self.fill, compare=False)
+
+
+def runs() -> tuple[Run, ...]:
+    """The runs of a price list, in its order."""
+    balanced = SETTINGS["balanced"]
+    unpromised = replace(balanced, promise=None)
+    return (
+        *(Run(name, "setting", SETTINGS[name], name) for name in ACCURACIES),
+        # As the paper has it: what the source has not seen, and nothing else.
+        Run("holes alone", "paper", replace(unpromised, silhouette_radius=0)),
+        Run("heuristic mask", HEURISTIC, unpromised),
+        Run("card", "card", balanced, "balanced", fill="card"),
+        Run("full", "full", unpromised, fill="full"),
+    )
+
+
+def chosen_runs(only: Sequence[str] = ()) -> tuple[Run, ...]:
+    """The runs of these names, in the order of `runs`; without any, all of them."""
+    return tuple(run for run in runs() if not only or run.name in only)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured of one run.
+
+    seconds by stage; speedup over the peer; rmse, noise_ratio and worst_tiles as in `metrics`, the ratios infinite
+    where there is no noise; traced is a share of the target's pixels, fractions the same by reason; fill and
+    refine_fill are the methods; estimate is what the probes say, with "noise_ratio", "low", "high" and "promise".
+    """
+
+    name: str
+    kind: str
+    accuracy: str | None
+    seconds: Mapping[str, float]
+    speedup: float
+    rmse: float
+    noise_ratio: float
+    worst_tiles: float
+    traced: float
+    fill: str
+    refine_fill: str | None = None
+    fractions: Mapping[str, float] | None = None
+    estimate: Mapping[str, float | None] | None = None
+
+    @property
+    def total(self) -> float:
+        return sum(self.seconds.values())
+
+    @property
+    def excess(self) -> float:
+        """The error that noise does not explain, in units of noise: noise ratio^2 - 1."""
+        return self.noise_ratio**2 - 1.0
+
+
+def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[str, float]:
+    """Seconds by stage, with the fill's divided between its holes and its probes by the pixels that each traced."""
+    result = dict(seconds)
+    if probes > 0:
+        traced = PROBE_TRACES * probes
+        result["probes"] = result["fill"] * traced / (holes + traced)
+        result["fill"] -= result["probes"]
+    return {name: result[name] for name in stage_order(result)}
+
+
+def stage_order(names: Iterable[str]) -> list[str]:
+    """Each of these stages once, in the order in which they are listed."""
+    names = list(dict.fromkeys(names))
+    return [name for name in STAGES if name in names] + [name for name in names if name not in STAGES]
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
+    """Which points (seconds, error) no other beats.
+
+    A faster one does when its error is not more by a TELLING difference, one as fast when its error is less.
+    """
+
+    def beaten(seconds: float, error: float) -> bool:
+        return any((s < seconds and e <= error + TELLING) or (s == seconds and e < error) for s, e in points)
+
+    return [math.isfinite(error) and not beaten(seconds, error) for seconds, error in points]
+
+
+def price_list(
+    facts: Mapping[str, Any], peer: Mapping[str, float], rows: Sequence[Row], left_out: Sequence[tuple[str, str]]
+) -> dict[str, Any]:
+    """What tradeoff.json holds. peer has "seconds" and "noise_rmse"; left_out are names of runs with the reason.
+
+    The peer is one of those that may beat a run: its noise ratio is 1 by definition.
+    """
+    front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (peer["seconds"], 1.0)])
+    return {
+        **facts,
+        "schema": TRADEOFF_SCHEMA,
+        "peer": {**peer, "noise_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
+        "rows": [_entry(row, on_front) for row, on_front in zip(rows, front[:-1], strict=True)],
+        "left_out": [{"name": name, "reason": reason} for name, reason in left_out],
+    }
+
+
+def _entry(row: Row, on_front: bool) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "kind": row.kind,
+        "accuracy": row.accuracy,
+        "fill": row.fill,
+        "refine_fill": row.refine_fill,
+        "seconds": {**row.seconds, "total": row.total},
+        "speedup": row.speedup,
+        "noise_ratio": _known(row.noise_ratio),
+        "worst_tiles": _known(row.worst_tiles),
+        "rmse": row.rmse,
+        "excess": _known(row.excess),
+        "traced": row.traced,
+        "fractions": row.fractions,
+        "estimate": row.estimate,
+        "pareto": on_front,
+    }
+
+
+def _known(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
+    """The rows, and the peer as the last of them, a line each; what a run does not have is left empty."""
+    stages = stage_order(name for row in prices["rows"] for name in row["seconds"] if name != "total")
+    peer = {"name": PEER, "kind": PEER, "traced": 1.0, **prices["peer"]}
+    lines = [_flat(row, stages) for row in (*prices["rows"], {**peer, "seconds": {"total": peer["seconds"]}})]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(lines[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
+    estimate = row.get("estimate") or {}
+    return {
+        **{name: row.get(name) for name in ("name", "kind", "accuracy", "fill", "refine_fill")},
+        "seconds": row["seconds"]["total"],
+        **{f"{name}_seconds": row["seconds"].get(name) for name in stages},
+        **{name: row.get(name) for name in ("speedup", "noise_ratio", "worst_tiles", "rmse", "excess", "traced")},
+        "estimate": estimate.get("noise_ratio"),
+        **{f"estimate_{end}": _known(estimate.get(end)) for end in ("low", "high")},
+        "promise": estimate.get("promise"),
+        "pareto": str(row["pareto"]).lower(),
+    }
+
+
+def headline(prices: Mapping[str, Any]) -> str:
+    """What was rendered, in a line."""
+    size = "x".join(map(str, prices["size"]))
+    return f"{prices['scene']}, frame {prices['frame']}, {size}, {prices['samples']} samples"
+
+
+def format_price_table(prices: Mapping[str, Any]) -> str:
+    """The rows as a person reads them, in lines of plain ASCII save for the scene's name."""
+    lines = [
+        f"{headline(prices)}: error against time",
+        f"  {'run':<16}{'seconds':>9}{'speed-up':>10}{'noise ratio':>13}{'worst tiles':>13}{'traced':>9}   fill",
+    ]
+    for row in prices["rows"]:
+        figures = f"{_text(row['noise_ratio'], '13.3f')}{_text(row['worst_tiles'], '13.2f')}{row['traced']:>9.1%}"
+        fill = row["fill"] if row["refine_fill"] in (None, row["fill"]) else f"{row['fill']}, then {row['refine_fill']}"
+        lines.append(_line(row["name"], row["seconds"]["total"], row["speedup"], f"{figures}   {fill}", row["pareto"]))
+    peer = prices["peer"]
+    lines.append(_line(PEER, peer["seconds"], 1.0, f"{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"]))
+    lines.append(f"* no other is as fast and, to within {TELLING:g}, as good; 1 = as good as rendering it again")
+    return "\n".join(lines)
+
+
+def _line(name: str, seconds: float, speedup: float, rest: str, on_front: bool) -> str:
+    return f"{'* ' if on_front else '  '}{name:<16}{seconds:9.2f}{speedup:10.2f}{rest}"
+
+
+def _text(value: float | None, pattern: str) -> str:
+    return format(value, pattern) if value is not None else f"{'n/a':>{pattern.partition('.')[0]}}"

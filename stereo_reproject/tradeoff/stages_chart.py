@@ -1,0 +1,138 @@
+"""The chart of where the time goes: a bar for each run, made of its stages, as in the paper's figure 9."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .cases import stage_order
+from .chart_canvas import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    YELLOW,
+    add_axes_between,
+    new_figure,
+    percent,
+    reported_name,
+    reported_note,
+    source_note,
+    wrapped,
+    write_titles,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STAGE_COLOURS = {
+    "plan": BLACK,
+    "source": PALE,
+    "warp": ORANGE,
+    "pilot": YELLOW,
+    "fill": BLUE,
+    "probes": SKY,
+    "refine": GREEN,
+    "composite": PURPLE,
+}
+BOTH_EYES = "both eyes"
+"""What the peer's bar is called: its time has no stages."""
+
+
+def draw_stages(prices: Mapping[str, Any]) -> Figure:
+    """A bar for each run and one for the peer, made of their stages, as in the paper's figure 9.
+
+    prices may have "reported": what others say of their own, for `reported_note`.
+    """
+    rows, peer, reported = prices["rows"], prices["peer"], prices.get("reported")
+    notes = _stage_notes(rows, source_note(prices), reported)
+    figure = new_figure(1.95 + 0.36 * (len(rows) + (2 if reported else 1)))
+    axes = add_axes_between(figure, notes, left=0.16, right=0.81)
+    write_titles(figure, prices, "where the time goes", notes)
+    used = [name for name in stage_order(name for row in rows for name in row["seconds"]) if name != "total"]
+    for name in used:
+        colour = STAGE_COLOURS.get(name, GREY)
+        seconds = [row["seconds"].get(name, 0.0) for row in rows]
+        starts = [_before(row, name, used) for row in rows]
+        axes.barh(range(len(rows)), seconds, left=starts, height=0.68, color=colour, label=name)
+    axes.barh([len(rows)], [peer["seconds"]], height=0.68, color=GREY, label=BOTH_EYES)
+    axes.axvline(peer["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)
+    _name_bars(axes, rows, peer)
+    _write_seconds(axes, rows, used)
+    if reported:
+        _draw_reported(axes, reported, peer["seconds"], below=len(rows) + 1)
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(-0.005, 1.0),
+        ncols=len(used) + 1,
+        frameon=False,
+        fontsize=8.5,
+        handlelength=1.1,
+        handletextpad=0.4,
+        columnspacing=1.3,
+        borderaxespad=0.2,
+    )
+    return figure
+
+
+def _draw_reported(axes: Axes, reported: Mapping[str, Any], peer: float, *, below: int) -> None:
+    """Where pairs would end that are as much faster than the peer; its name has a row below the bars."""
+    ends = sorted(peer / speedup for speedup in reported["speedup"])
+    axes.axvspan(*ends, color=YELLOW, alpha=0.45, linewidth=0.0, zorder=0.4)
+    axes.set_ylim(below + 0.55, -0.55)
+    axes.text(0.5 * sum(ends), below, reported_name(reported), ha="center", va="center", size=8)
+
+
+def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str, reported: Mapping[str, Any] | None) -> str:
+    columns = "Speed-up: over Blender's multiview. Traced: the share of the target eye's pixels."
+    probed = any("probes" in row["seconds"] for row in rows)
+    split = " Holes and probes are traced in one render, whose time is divided by their pixels." if probed else ""
+    return wrapped([columns, source + split, *([reported_note(reported)] if reported else [])])
+
+
+def _before(row: Mapping[str, Any], stage: str, used: Sequence[str]) -> float:
+    return sum(row["seconds"].get(name, 0.0) for name in used[: used.index(stage)])
+
+
+def _name_bars(axes: Axes, rows: Sequence[Mapping[str, Any]], peer: Mapping[str, Any]) -> None:
+    axes.set_yticks(range(len(rows) + 1), [*(row["name"] for row in rows), "Blender's multiview"], color=BLACK)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(rows) + 0.55, -0.55)
+    totals = [row["seconds"]["total"] for row in rows] + [peer["seconds"]]
+    axes.set_xlim(0.0, max(totals) * 1.13)
+    axes.set_xlabel("seconds")
+    axes.xaxis.grid(color=PALE, alpha=0.3, linewidth=0.6)
+    axes.set_axisbelow(True)
+    for k, total in enumerate(totals):
+        text = axes.annotate(f"{total:.2f} s", (total, k), xytext=(4, 0), textcoords="offset points", va="center")
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "boxstyle": "square,pad=0.1"})
+    _column(axes, 1.1, "speed-up", [*(f"{row['speedup']:.2f} ×" for row in rows), "1.00 ×"])
+    _column(axes, 1.24, "traced", [*(percent(row["traced"]) for row in rows), ""])
+
+
+def _column(axes: Axes, x: float, heading: str, entries: Sequence[str]) -> None:
+    """Figures beside the bars, right-aligned at x, a share of the axes' width."""
+    place = axes.get_yaxis_transform()
+    for k, entry in enumerate(entries):
+        axes.text(x, k, entry, transform=place, ha="right", va="center")
+    axes.annotate(
+        heading, (x, 1.0), xytext=(0, 5), xycoords="axes fraction", textcoords="offset points", ha="right", color=GREY
+    )
+
+
+def _write_seconds(axes: Axes, rows: Sequence[Mapping[str, Any]], used: Sequence[str]) -> None:
+    """The seconds of each stage inside its part of the bar, where they fit."""
+    fits = 0.05 * axes.get_xlim()[1]
+    for k, row in enumerate(rows):
+        for name in used:
+            seconds = row["seconds"].get(name, 0.0)
+            if seconds < fits:
+                continue
+            dark = STAGE_COLOURS.get(name, GREY) in (BLACK, BLUE, GREEN, GREY)
+            middle = _before(row, name, used) + 0.5 * seconds
+            axes.text(middle, k, f"{seconds:.2f}", ha="center", va="center", size=7.5, color="white" if dark else BLACK)

@@ -1,0 +1,60 @@
+"""Target pixels on which nothing landed, and why: the source's frame ends, or something stood before them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.bands import bands
+from ..images.reasons import Reason
+from ..views.camera import Camera, target_px_from_source_px
+from .forward import Warp
+
+
+def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
+    """(H, W) flags for the target pixels on which nothing landed: outside the source's frame, or disoccluded.
+
+    The grid reaches half a pixel beyond the source's frame: what landed there is outside as well.
+
+    What an empty pixel shows is unknown, but it lies behind its surroundings: the farther of the nearest answers to
+    its left and right in the row stands in for its depth, and tells whether the source could have seen it. A row
+    without any answer is outside.
+    """
+    flags = np.empty(warp.nearness.shape, np.uint16)
+    for rows in bands(flags.shape):
+        x, y, nearness = warp.x[rows], warp.y[rows], warp.nearness[rows]
+        beyond = (x < 0) | (x > source.width) | (y < 0) | (y > source.height)
+        np.multiply(beyond, Reason.OUTSIDE.bit, out=flags[rows])
+        row, column, behind = _behind_empty(nearness)
+        if row.size:
+            seen = _is_within(source, target, row + rows.start, column, behind)
+            flags[rows][row, column] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
+    return flags
+
+
+def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:
+    """(N,): whether the source's frame has what the target sees in these pixels; not where the nearness is unknown."""
+    known = np.isfinite(nearness)
+    sky = target.nearness_from_depth(np.array(np.inf))
+    depth = target.depth_from_nearness(np.where(known, nearness, sky).astype(np.float64))
+    x, y, _ = target_px_from_source_px(target, source, columns + 0.5, rows + 0.5, depth)
+    return known & (x > 0) & (x < source.width) & (y > 0) & (y < source.height)
+
+
+def _behind_empty(nearness: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """(N,) row and column of the empty pixels of (h, W), and what they have behind them: the smaller nearness of the
+    last answer to the left and the first to the right in the row, NaN where there is none."""
+    height, width = nearness.shape
+    # With a column that is never empty between them, all rows are one.
+    empty = np.zeros((height, width + 1), bool)
+    np.equal(nearness, -np.inf, out=empty[:, :width])
+    flat = empty.ravel()
+    starts = np.flatnonzero(np.diff(flat, prepend=False) & flat)
+    stops = np.flatnonzero(np.diff(flat, prepend=False) & ~flat)
+    row, first = np.divmod(starts, width + 1)
+    after = stops - row * (width + 1)
+    from_left = np.where(first > 0, nearness[row, np.maximum(first - 1, 0)], np.nan)
+    from_right = np.where(after < width, nearness[row, np.minimum(after, width - 1)], np.nan)
+    length = after - first
+    column = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length - first, length)
+    return np.repeat(row, length), column, np.repeat(np.fmin(from_left, from_right), length)

@@ -1,0 +1,100 @@
+"""The forward warp: the source's grid, drawn into the target eye with a depth test.
+
+The result is not a picture but a map: for each target pixel the source position that it shows and its depth in the
+target. Colours, and any other pass, are looked up with it afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.bands import bands
+from ..views.camera import Camera
+from .grid import Grid
+from .quads import draw_quads
+from .rectified import Shift, shift_of, warp_rows
+
+
+@dataclass(frozen=True)
+class Warp:
+    """Where each target pixel comes from.
+
+    x, y (H, W): source position in pixels, NaN where nothing landed. nearness (H, W): the target camera's nearness of
+    the surface that won the depth test, -inf where nothing landed.
+    """
+
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    nearness: NDArray[np.float32]
+
+    @property
+    def covered(self) -> NDArray[np.bool_]:
+        return self.nearness > -np.inf
+
+
+def forward_warp(
+    depth: NDArray,
+    source: Camera,
+    target: Camera,
+    grid: Grid,
+    *,
+    cut_right: NDArray[np.bool_],
+    cut_down: NDArray[np.bool_],
+) -> Warp:
+    """Draw the grid into the target; the nearest surface wins.
+
+    depth (H, W) as seen by the source, +inf for sky, NaN where it is unknown. cut_right (H, W - 1) and cut_down
+    (H - 1, W) say between which neighbouring pixels the surface is torn: quads across a tear are not drawn, so that
+    what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
+    """
+    torn = torn_quads(cut_right, cut_down, depth)
+    shift = shift_of(source, target)
+    if shift is not None:
+        return _along_rows(depth, source, target, shift, grid, torn)
+    return Warp(*draw_quads(depth, source, target, grid, torn))
+
+
+def _along_rows(
+    depth: NDArray, source: Camera, target: Camera, shift: Shift, grid: Grid, torn: NDArray[np.bool_]
+) -> Warp:
+    """The warp of a rectified pair. torn (H + 1, W + 1) are the quads that are."""
+    x, nearness = warp_rows(depth, source, target.width, shift, grid, torn)
+    y = np.empty_like(x)
+    for rows in bands(x.shape):
+        y[rows] = np.arange(rows.start + 0.5, rows.stop, dtype=np.float32)[:, None]
+        np.copyto(y[rows], np.nan, where=np.isnan(x[rows]))
+    return Warp(x, y, nearness)
+
+
+def narrow(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): source pixels whose quads are torn, or stand alone between two that are: they are hardly drawn.
+
+    What is drawn of two pixels side by side may fall between two of the target's pixel centres.
+    """
+    torn = torn_quads(cut_right, cut_down, depth)
+    around = np.pad(torn, 1, constant_values=True)
+    across, down = around[1:-1, :-2] & around[1:-1, 2:], around[:-2, 1:-1] & around[2:, 1:-1]
+    return _all_four(torn | across | down) & ~np.isnan(depth)
+
+
+def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W): pixels all of whose quads (H + 1, W + 1) are set."""
+    return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
+
+
+def torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], depth: NDArray) -> NDArray[np.bool_]:
+    """(H + 1, W + 1): the lattice's quads with a torn side or an unknown depth."""
+    height, width = depth.shape
+    unknown = np.pad(np.isnan(depth), 1, mode="edge")
+    torn = unknown[:-1, :-1] | unknown[:-1, 1:]
+    torn |= unknown[1:, :-1]
+    torn |= unknown[1:, 1:]
+    # Of its four sides; beyond the border they are those of the pixels there.
+    for row, rows in ((slice(1, None), slice(None)), (slice(0, height), slice(None)), (height, -1), (0, 0)):
+        torn[row, 1:width] |= cut_right[rows]
+    for column, columns in ((slice(1, None), slice(None)), (slice(0, width), slice(None)), (width, -1), (0, 0)):
+        torn[1:height, column] |= cut_down[:, columns]
+    return torn

@@ -1,0 +1,137 @@
+"""Motion vectors: how far what a pixel shows moves from the frame before and to the one after, seen by another eye.
+
+A vector (x, y, z, w) is in pixels, y upwards: (x, y) leads from where the point is to where it was in the previous
+frame, (z, w) from where it will be in the next frame to where it is. Source: Cycles, `camera_motion_vector`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.lookup import lookup
+from ..views.camera import Camera, PerspectiveCamera, ViewPlane, target_px_from_source_px
+from .forward import Warp
+
+
+@dataclass(frozen=True)
+class Moving:
+    """An eye in the frame that is rendered, in the one before and in the one after."""
+
+    now: Camera
+    before: Camera
+    after: Camera
+
+
+def standing_still(camera: Camera) -> Moving:
+    """An eye that does not move."""
+    return Moving(camera, camera, camera)
+
+
+def moving(now: Camera, before: Camera, after: Camera) -> Moving:
+    """An eye from its cameras in three frames, as Cycles takes them: of a lens that changes only the focal length
+    counts, and that of perspective cameras alone."""
+    return Moving(now, _as_cycles_has_it(before, now), _as_cycles_has_it(after, now))
+
+
+def _as_cycles_has_it(then: Camera, now: Camera) -> Camera:
+    plane = now.plane
+    zoom = (then.plane.right - then.plane.left) / (plane.right - plane.left)
+    if not isinstance(now, PerspectiveCamera):
+        zoom = 1.0
+    scaled = ViewPlane(*(zoom * side for side in (plane.left, plane.right, plane.bottom, plane.top)))
+    return replace(then, plane=scaled)  # pyright: ignore[reportArgumentType] - both models are dataclasses
+
+
+def warp_motion(
+    vector: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    warp: Warp,
+    source: Moving,
+    target: Moving,
+    target_depth: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """(H, W, 4): the vectors of the nearest source samples as the target sees them, 0 where nothing landed.
+
+    vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's. A point is taken to keep
+    the depth that it has but for what the camera's own motion changes: exact for what stands still and for what moves
+    parallel to the picture. What the cameras do between the sample and the target's pixel is made up for.
+    """
+    vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
+    z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
+    z = np.where(z > 0.0, z, np.inf)
+    x, y = np.floor(warp.x) + 0.5, np.floor(warp.y) + 0.5
+    now = target_px_from_source_px(source.now, target.now, x, y, z)
+    result = np.zeros_like(vectors)
+    for at, sign, source_then, target_then in (
+        (0, 1.0, source.before, target.before),
+        (2, -1.0, source.after, target.after),
+    ):
+        _, _, then = target_px_from_source_px(source.now, source_then, x, y, z)
+        then_x, then_y = x + sign * vectors[..., at], y - sign * vectors[..., at + 1]
+        moved = target_px_from_source_px(source_then, target_then, then_x, then_y, then)
+        result[..., at] = sign * (moved[0] - now[0])
+        result[..., at + 1] = -sign * (moved[1] - now[1])
+    if target.before is not target.now or target.after is not target.now:
+        rows, columns = np.mgrid[0.5 : z.shape[0], 0.5 : z.shape[1]]
+        here, there = _standing_still(target, columns, rows, target_depth), _standing_still(target, *now)
+        # Of the sky Cycles has other vectors (see below).
+        result += np.where(np.isfinite(z)[..., None], np.nan_to_num(here - there), 0.0)
+    # A point behind a camera has no place in its picture.
+    known = np.isfinite(result).all(axis=-1, keepdims=True)
+    result = np.where(known, result, vectors)
+    return np.where(warp.covered[..., None], result, 0.0).astype(np.float32)
+
+
+def _standing_still(eye: Moving, x: NDArray, y: NDArray, depth: NDArray) -> NDArray:
+    """(H, W, 4): the vectors of points at these places and depths (H, W) of an eye, which do not move themselves."""
+    before, after = (target_px_from_source_px(eye.now, then, x, y, depth) for then in (eye.before, eye.after))
+    return np.stack([before[0] - x, y - before[1], x - after[0], after[1] - y], axis=-1)
+
+
+def motion_from_directions(
+    turned: NDArray[np.float32],
+    camera: PerspectiveCamera,
+    x: NDArray,
+    y: NDArray,
+    *,
+    sky: NDArray[np.bool_],
+    corner: tuple[float, float],
+) -> NDArray[np.float32]:
+    """(N, 4) vectors in pixels from what Cycles gives for a custom camera: differences of unit directions.
+
+    turned (N, 4) are their x and y in camera space at the pixel positions x, y (N,) of a camera whose lens stays as it
+    is. sky (N,): for what is endlessly far Cycles leaves out the division by depth, or gives it no vector at all (4.5);
+    then positions count from the lower left corner of the whole frame, which lies at `corner` in this camera's pixels.
+    """
+    if np.any(sky & ~turned.any(axis=-1)):
+        # What moves in a pixel of the sky is what else is in it.
+        sky = np.zeros_like(sky)
+    _, through = camera.ray_from_px(x, y)
+    ahead = np.stack([np.broadcast_to(part, x.shape) for part in through], axis=-1)
+    now = ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
+    places = {
+        0: now,
+        1: _unit(now[:, :2] + turned[:, :2]),
+        -1: _unit(now[:, :2] - turned[:, 2:]),
+    }
+    px = {when: _raster(camera, place, sky, corner) for when, place in places.items()}
+    return np.concatenate([px[1] - px[0], px[0] - px[-1]], axis=-1).astype(np.float32)
+
+
+def _unit(sideways: NDArray) -> NDArray:
+    """(N, 3) unit directions ahead from their x and y (N, 2)."""
+    ahead = np.sqrt(np.clip(1.0 - np.sum(sideways**2, axis=-1, keepdims=True), 0.0, 1.0))
+    return np.concatenate([sideways, -ahead], axis=-1)
+
+
+def _raster(
+    camera: PerspectiveCamera, direction: NDArray, sky: NDArray[np.bool_], corner: tuple[float, float]
+) -> NDArray:
+    """(N, 2) positions in pixels, y upwards, from a corner of the frame; the sky's times the direction's depth."""
+    dx, dy, dz = direction.T
+    x, y, _ = camera.px_from_point((dx, dy, dz), np.ones_like(dx))
+    weight = np.where(sky, -dz, 1.0)
+    return np.stack([(x - corner[0]) * weight, (corner[1] - y) * weight], axis=-1)

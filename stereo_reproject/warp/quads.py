@@ -1,0 +1,321 @@
+"""The forward warp of any pair: the grid, drawn into the target quad by quad, with a depth test."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images import bands
+from ..images.masks import dilate
+from ..views.camera import Camera, target_px_from_source_px
+from .grid import CELL, Grid, lattice_depth
+from .rectified import EDGE_TOLERANCE, MAX_STRETCH
+
+CHUNK = 192
+"""Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""
+
+ALL = slice(None)
+
+AS_NEAR = 2.0**-16
+"""Of a nearness: where a coarse quad and a fine one meet, both are of one surface, and which is nearer is rounding's to
+say. What is nearer by less than this is not."""
+
+LARGEST_AREA = 1e12
+"""Square pixels: what is larger is so by rounding."""
+
+
+def draw_quads(
+    depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """x, y and nearness of a `warp.Warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn."""
+    vertices = lattice_depth(depth)
+    # Beyond the frame's outer ring there is nothing.
+    beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
+    torn = np.pad(torn, beyond, constant_values=True)
+    surface = _Surface((target.height, target.width))
+    for quads in _fine_quads(vertices, torn, source, target, grid):
+        surface.draw(quads)
+    if grid.subdivided.any():
+        surface.prefer_what_is_drawn()
+    for quads in _coarse_quads(vertices, source, target, grid):
+        surface.draw(quads)
+    return surface.result()
+
+
+_Corners = tuple[NDArray, NDArray, NDArray]
+"""Target x, y and nearness."""
+
+
+@dataclass(frozen=True)
+class _Quads:
+    """The n x n quads of each of C cells, and where their corners go.
+
+    x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
+    (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
+    quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
+    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
+    first has it, and where one of them is a coarse cell, both do.
+    """
+
+    x: NDArray
+    y: NDArray
+    nearness: NDArray
+    source_x: NDArray
+    source_y: NDArray
+    size_x: NDArray
+    size_y: NDArray
+    drawn: NDArray[np.bool_]
+    margin: NDArray
+
+    def corners(self, chosen: NDArray[np.int64]) -> _Corners:
+        """(2, 2, K) of x, y and nearness, first index down, second right; chosen (K,) are flat indices of quads."""
+        cells, count, _ = self.drawn.shape
+        lattice = np.arange(self.x.size).reshape(cells, count + 1, count + 1)
+        first = lattice[:, :-1, :-1].ravel().take(chosen)
+        places = first + np.array([[0, 1], [count + 1, count + 2]])[..., None]
+        return self.x.ravel().take(places), self.y.ravel().take(places), self.nearness.ravel().take(places)
+
+
+def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> _Corners:
+    target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
+    nearness = target.nearness_from_depth(target_depth)
+    shape = np.broadcast_shapes(depth.shape, np.shape(target_x))
+    whole_x, whole_y, whole_nearness = (
+        np.ascontiguousarray(np.broadcast_to(a, shape)) for a in (target_x, target_y, nearness)
+    )
+    return whole_x, whole_y, whole_nearness
+
+
+def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
+    """The cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
+    all_rows, all_columns = np.nonzero(~grid.subdivided)
+    for start in range(0, all_rows.size, CHUNK):
+        top, left = all_rows[start : start + CHUNK] * CELL, all_columns[start : start + CHUNK] * CELL
+        bottom = np.minimum(top + CELL, grid.height + 1)
+        right = np.minimum(left + CELL, grid.width + 1)
+        i = np.stack([top, bottom], axis=-1)[:, :, None]
+        j = np.stack([left, right], axis=-1)[:, None, :]
+        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        one = (top.size, 1, 1)
+        x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, EDGE_TOLERANCE))
+
+
+def _fine_quads(
+    vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera, grid: Grid
+) -> Iterator[_Quads]:
+    """The quads of the subdivided cells, some cells at a time, without those that are torn."""
+    all_rows, all_columns = np.nonzero(grid.subdivided)
+    span = np.arange(CELL + 1)
+    left_out = _left_out(vertices, torn, source, target)
+    left_out |= (~grid.subdivided).repeat(CELL, axis=0).repeat(CELL, axis=1)
+    beside = dilate(left_out, 1)
+    one = np.array(1, np.int64)
+    for start in range(0, all_rows.size, CHUNK):
+        i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
+        j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
+        corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
+        first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
+        margin = np.where(beside[first_i, first_j], EDGE_TOLERANCE, 0.0)
+        yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
+
+
+def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera) -> NDArray[np.bool_]:
+    """(h, w): the quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
+    # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
+    depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
+    if not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
+        return torn.copy()
+    behind = np.empty(vertices.shape, bool)
+    for rows in bands.bands(vertices.shape):
+        behind[rows] = np.isnan(target_px_from_source_px(source, target, j, i[rows], vertices[rows])[0])
+    return torn | behind[:-1, :-1] | behind[:-1, 1:] | behind[1:, :-1] | behind[1:, 1:]
+
+
+_Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
+"""Of each quad that covers any pixel centre: its index, the first column and row of those, how many columns and rows
+there are, and how many rows were drawn before."""
+
+
+class _Surface:
+    """The target's depth buffer, and with it the source position of what won."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.height, self.width = shape
+        pixels = self.height * self.width
+        self.nearness = np.full(pixels, -np.inf, np.float32)
+        self.x = np.full(pixels, np.nan, np.float32)
+        self.y = np.full(pixels, np.nan, np.float32)
+        self.preferred: NDArray[np.float32] | None = None
+
+    def prefer_what_is_drawn(self) -> None:
+        """To what will be drawn, and is nearer by less than AS_NEAR."""
+        self.preferred = self.nearness.copy()
+
+    def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        shape = (self.height, self.width)
+        # What was drawn without a place hides what is behind it, and is a hole.
+        self.nearness[np.isnan(self.x)] = -np.inf
+        self.y[np.isnan(self.x)] = np.nan
+        return self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape)
+
+    def draw(self, quads: _Quads) -> None:
+        """Two triangles per quad, cut along the diagonal from top right to bottom left."""
+        for boxes in _boxes(quads, self.width, self.height):
+            self._fill(quads, boxes)
+
+    def _fill(self, quads: _Quads, boxes: _Boxes) -> None:
+        """Every step over all boxes.
+
+        The steps stand in one function because each hands its arrays to the next: split up, they would be passed
+        around by the dozen.
+        """
+        chosen, left, top, count_x, count_y, drawn = boxes
+        size_x, size_y = _of(quads.size_x, chosen), _of(quads.size_y, chosen)
+        upper, lower = _triangles(quads.corners(chosen), left + 0.5, top + 0.5, size_x * size_y)
+        quad, step_x, step_y = _candidates(count_x, count_y, drawn)
+
+        def at(coefficients: NDArray, candidates: NDArray | slice = ALL) -> NDArray:
+            whose, right, down = quad[candidates], step_x[candidates], step_y[candidates]
+            base, along_x, along_y = coefficients
+            return base.take(whose) + along_x.take(whose) * right + along_y.take(whose) * down
+
+        u, v, nearness = at(upper.u), at(upper.v), at(upper.nearness)
+        in_lower = np.flatnonzero(~(u + v <= 1.0))
+        least, hides = np.minimum(u, v), upper.hides.take(quad)
+        turned_u, turned_v = at(lower.u, in_lower), at(lower.v, in_lower)
+        u[in_lower], v[in_lower] = 1.0 - turned_u, 1.0 - turned_v
+        least[in_lower] = np.minimum(np.minimum(turned_u, turned_v), 1.0 - turned_u - turned_v)
+        nearness[in_lower] = at(lower.nearness, in_lower)
+        hides[in_lower] = lower.hides.take(quad[in_lower])
+        pixel = (top.take(quad) + step_y) * self.width + left.take(quad) + step_x
+        x = _of(quads.source_x, chosen).take(quad) + u * _of(size_x, quad)
+        x[hides] = np.nan
+        y = _of(quads.source_y, chosen).take(quad) + v * _of(size_y, quad)
+        inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
+        self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
+
+    def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
+        """Depth test by repeated writing: whoever is still nearer than what stands there writes again.
+
+        A few rounds over ever fewer candidates; each is a plain scatter, which numpy does faster than `minimum.at` or
+        a sort.
+        """
+        nearness = nearness.astype(np.float32, copy=False)
+        nearer = nearness > self.nearness.take(pixel)
+        if self.preferred is not None:
+            nearer &= nearness - np.float32(AS_NEAR) * np.abs(nearness) > self.preferred.take(pixel)
+        waiting = np.flatnonzero(nearer)
+        while waiting.size:
+            pixel, nearness, x, y = (values.take(waiting) for values in (pixel, nearness, x, y))
+            self.nearness[pixel] = nearness
+            stands = self.nearness.take(pixel)
+            # What is written last stays: of those that are as near, the one that was drawn first.
+            won = np.flatnonzero(stands == nearness)[::-1]
+            place = pixel.take(won)
+            self.x[place] = x.take(won)
+            self.y[place] = y.take(won)
+            waiting = np.flatnonzero(nearness > stands)
+
+
+def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
+    """(K,): what the chosen quads have of one of `_Quads`'s (C, n, n)."""
+    return values.ravel().take(chosen) if values.ndim else values
+
+
+def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
+    """(C, n, n): first pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size.
+
+    Of corners (C, n + 1, n + 1); NaN: none.
+    """
+    low = np.minimum(corners[:, :-1], corners[:, 1:])
+    high = np.maximum(corners[:, :-1], corners[:, 1:])
+    low = np.minimum(low[:, :, :-1], low[:, :, 1:]) - margin
+    high = np.maximum(high[:, :, :-1], high[:, :, 1:]) + margin
+    valid = high - low < np.inf
+    with np.errstate(invalid="ignore"):
+        first = np.clip(np.ceil(np.where(valid, low, 0.0) - 0.5), 0, size).astype(np.int64)
+        end = np.clip(np.ceil(np.where(valid, high, 0.0) - 0.5), 0, size).astype(np.int64)
+    return first, end - first
+
+
+def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
+    """The quads' boxes that hold pixel centres, in their order, some at a time: of some `bands.PIXELS` pixels.
+
+    What is larger by itself comes in some rows at a time: near the plane in which the target's camera stands, a quad
+    may cover the whole picture. All of its parts count from its own first row, and so say the same to the bit.
+    """
+    left, count_x = _centres_within(quads.x, width, quads.margin)
+    top, count_y = _centres_within(quads.y, height, quads.margin)
+    quad = np.flatnonzero((count_x > 0) & (count_y > 0) & quads.drawn)
+    left, top, count_x, count_y = (values.ravel().take(quad) for values in (left, top, count_x, count_y))
+    pixels, drawn = count_x * count_y, np.zeros_like(top)
+    if pixels.max(initial=0) > bands.PIXELS:
+        rows = np.maximum(bands.PIXELS // count_x, 1)
+        parts = -(-count_y // rows)
+        part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+        quad, left, top, count_x, count_y, rows = (
+            np.repeat(values, parts) for values in (quad, left, top, count_x, count_y, rows)
+        )
+        drawn = part * rows
+        count_y = np.minimum(count_y - drawn, rows)
+        pixels = count_x * count_y
+    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // bands.PIXELS, prepend=-1))
+    for start, stop in itertools.pairwise([*starts.tolist(), quad.size]):
+        part = slice(start, stop)
+        yield quad[part], left[part], top[part], count_x[part], count_y[part], drawn[part]
+
+
+def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Every (quad, pixel) pair, as the quad's index and the pixel's offset; of each quad from row `drawn` on."""
+    count = count_x * count_y
+    quad = np.repeat(np.arange(count.size), count)
+    rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
+    wide = count_x.take(quad)
+    step_y = rank // wide
+    step_x = (rank - step_y * wide).astype(np.float64)
+    if drawn.any():
+        step_y += drawn.take(quad)
+    return quad, step_x, step_y.astype(np.float64)
+
+
+@dataclass(frozen=True)
+class _Triangle:
+    """Barycentric u, v and nearness as (value at the first centre, change per pixel right, per pixel down), (3, Q)."""
+
+    u: NDArray
+    v: NDArray
+    nearness: NDArray
+    hides: NDArray[np.bool_]
+    """(Q,): turned away or overstretched: it holds nothing to show, but what is behind it is not seen."""
+
+
+def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
+    """The upper left and the lower right half of quads with these corners (2, 2, K), from the centre x, y (K,) on."""
+    return (
+        _triangle(*corners, (0, 0), (0, 1), (1, 0), x, y, area),
+        _triangle(*corners, (1, 1), (1, 0), (0, 1), x, y, area),
+    )
+
+
+def _triangle(corner_x, corner_y, corner_n, origin, along_u, along_v, x, y, area) -> _Triangle:
+    """Coefficients of one triangle with its right angle at `origin`; empty where it has no area."""
+    ux, uy = corner_x[along_u] - corner_x[origin], corner_y[along_u] - corner_y[origin]
+    vx, vy = corner_x[along_v] - corner_x[origin], corner_y[along_v] - corner_y[origin]
+    determinant = ux * vy - uy * vx
+    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA)
+    hides = (determinant < 0.0) | (determinant >= MAX_STRETCH * area)
+    inverse = np.where(known, 1.0 / np.where(known, determinant, 1.0), np.nan)
+    dx, dy = x - corner_x[origin], y - corner_y[origin]
+    u = np.array([(dx * vy - dy * vx) * inverse, vy * inverse, -vx * inverse])
+    v = np.array([(ux * dy - uy * dx) * inverse, -uy * inverse, ux * inverse])
+    near = corner_n[origin]
+    slope_u, slope_v = corner_n[along_u] - near, corner_n[along_v] - near
+    nearness = u * slope_u + v * slope_v
+    nearness[0] += near
+    return _Triangle(u.astype(np.float32), v.astype(np.float32), nearness, hides)

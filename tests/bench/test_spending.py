@@ -1,0 +1,94 @@
+"""The pure parts of the spending script: knobs that go back to where they stood, stored traces, and the table."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.estimate import refinement
+from stereo_reproject.images.passes import COLOUR_PASS
+from tests.bench.spending import KNOBS, SHIPPED, Knob, Outcome, StoredTracer, load_pictures, parse, save_pictures, table
+
+
+class TurnedTooFarError(Exception):
+    """Raised by the test itself."""
+
+
+@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
+def test_a_knob_turns_what_the_engine_reads_and_goes_back(knob):
+    before = {other.name: other.shipped() for other in KNOBS}
+    for value in knob.values:
+        with knob.turned(value) as accuracy:
+            if knob.place is None:
+                assert getattr(accuracy, knob.name) == value
+                assert knob.shipped() == before[knob.name], "the accuracy that ships is not touched"
+            else:
+                assert knob.shipped() == value
+                assert accuracy is SHIPPED
+        assert {other.name: other.shipped() for other in KNOBS} == before
+
+
+@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
+def test_a_knob_goes_back_after_an_error_too(knob):
+    before = knob.shipped()
+    with pytest.raises(TurnedTooFarError), knob.turned(knob.values[0]):
+        raise TurnedTooFarError
+    assert knob.shipped() == before
+
+
+@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
+def test_what_ships_is_among_what_is_tried(knob):
+    assert knob.values.count(knob.shipped()) == 1
+    assert len(knob.values) > 1
+
+
+def test_a_default_argument_is_turned_though_it_was_bound_long_ago():
+    knob = next(knob for knob in KNOBS if knob.name == "SURE")
+    assert knob.shipped() == refinement.SURE
+    with knob.turned(7.0):
+        assert refinement.choose_refined.__kwdefaults__["sure"] == 7.0
+    assert refinement.choose_refined.__kwdefaults__["sure"] == refinement.SURE
+
+
+def test_the_table_has_means_over_scenes_and_seeds_and_marks_what_ships():
+    knob = Knob("LENGTH", (1, 2.5), {"LENGTH": 2.5})
+    outcomes = [
+        Outcome("a", "LENGTH", 1, 1, traced=0.1, ratio=1.0, worst=1.2, estimate=0.9),
+        Outcome("b", "LENGTH", 1, 2, traced=0.3, ratio=1.1, worst=1.4, estimate=1.1),
+        Outcome("a", "LENGTH", 2.5, 1, traced=1.0, ratio=1.0, worst=1.1, estimate=1.0),
+        Outcome("a", "WIDTH", 1, 1, traced=9.0, ratio=9.0, worst=9.0, estimate=9.0),
+    ]
+    head, rule, *rows = table(outcomes, [knob]).splitlines()
+    assert {line.count("|") for line in (head, rule, *rows)} == {10}
+    assert rows == [
+        "| `LENGTH` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 1.30 | 1.000 | 0.071 |",
+        "| `LENGTH` | **2.5** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.10 | 1.000 | 0.000 |",
+    ]
+
+
+def test_a_stored_trace_is_what_the_renders_have_at_its_pixels_in_the_masks_order():
+    once, again = np.arange(24.0).reshape(2, 3, 4), 100.0 + np.arange(24.0).reshape(2, 3, 4)
+    pixels = np.array([[True, False, True], [False, True, False]])
+    twins = np.array([[False, False, True], [False, False, False]])
+    tracer = StoredTracer(once, again)
+    np.testing.assert_array_equal(tracer.trace("packed", "right", pixels)[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
+    traced = tracer.trace("packed", "right", pixels, twice=twins)[COLOUR_PASS]
+    np.testing.assert_array_equal(traced[:, 0], [0.0, 8.0, 16.0, 108.0])
+
+
+def test_pictures_come_back_from_a_file_as_they_were(tmp_path):
+    rng = np.random.default_rng(1)
+    source = {COLOUR_PASS: rng.random((3, 4, 4), np.float32), "Denoising Normal": rng.random((3, 4, 3), np.float32)}
+    targets = [rng.random((3, 4, 4), np.float32) for _ in range(4)]
+    save_pictures(tmp_path / "stored.npz", source, targets)
+    stored, again = load_pictures(tmp_path / "stored.npz")
+    assert list(stored) == list(source)
+    for expected, image in zip([*source.values(), *targets], [*stored.values(), *again], strict=True):
+        np.testing.assert_array_equal(image, expected)
+    assert [path.name for path in tmp_path.iterdir()] == ["stored.npz"]
+
+
+def test_all_scenes_are_taken_where_none_is_named(capsys):
+    assert len(parse(["--scenes", "anywhere"]).names) > 1
+    with pytest.raises(SystemExit) as ended:
+        parse(["--scenes", "anywhere", "no-such-scene"])
+    assert ended.value.code == 2
+    assert "unknown scene 'no-such-scene'" in capsys.readouterr().err

@@ -1,0 +1,214 @@
+"""What probes tell together of a slow error is taken away, and nothing else is touched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stereo_reproject.estimate.bias import FACTOR, SourceNoise, _factor, bias_of
+from stereo_reproject.estimate.denoised_probes import _source_noise
+from stereo_reproject.estimate.probes import place_probes, place_regular_probes
+from stereo_reproject.images.metrics import squared_error, tone
+from stereo_reproject.images.risk import contrast_of
+
+SIZE = (240, 320)
+NOISE = 0.06
+SPACING = 6
+
+
+def contrast(colour):
+    return contrast_of(colour, np.ones(colour.shape[:2], bool)).signal
+
+
+class Warped:
+    """A grey picture that is off by a slowly changing amount where it shows material 1, and right where it shows 0."""
+
+    def __init__(self, amount, *, seed=1):
+        self.rng = np.random.default_rng(seed)
+        y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
+        self.truth = np.full((*SIZE, 4), 0.5, np.float32)
+        self.shown = (x > SIZE[1] // 2).astype(int)
+        off = amount * self.shown * (0.5 + 0.5 * np.sin(y / 60.0))
+        self.colour = self.truth.copy()
+        self.colour[..., :3] += off[..., None].astype(np.float32)
+        self.probes = place_regular_probes(np.ones(SIZE, bool), spacing=SPACING, seed=seed)
+
+    def traces(self):
+        truth = self.truth[self.probes.mask]
+        return [truth + self.rng.normal(0.0, NOISE, truth.shape) for _ in range(2)]
+
+    def bias(self, spoil=None):
+        a, b = self.traces()
+        if spoil:
+            spoil(a, b)
+        count = self.probes.rows.size
+        # Small enough for `tone` to be a line.
+        variance = np.full(count, squared_error(self.truth + NOISE, self.truth).mean())
+        noise = SourceNoise(np.zeros((count, 3)), variance)
+        colour = self.colour[self.probes.mask]
+        return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
+
+    def corrected(self, bias):
+        return bias.corrected(self.colour, np.ones(SIZE, bool), self.shown)
+
+    def error(self, colour, material):
+        return squared_error(colour, self.truth)[self.shown == material].mean()
+
+
+def test_a_slow_error_goes():
+    warped = Warped(0.05)
+    corrected = warped.corrected(warped.bias())
+    assert warped.error(corrected, 1) < 0.1 * warped.error(warped.colour, 1)
+
+
+def test_what_is_right_is_hardly_touched_though_its_neighbour_is_wrong():
+    """A hundredth of the variance of one trace: what is added is less than a denoiser leaves."""
+    warped = Warped(0.2)
+    noise = squared_error(warped.truth + NOISE, warped.truth).mean()
+    assert warped.error(warped.corrected(warped.bias()), 0) < 0.01 * noise
+
+
+def test_without_an_error_chance_adds_little():
+    warped = Warped(0.0)
+    bias = warped.bias()
+    assert np.mean(np.any(bias.added != 0.0, axis=1)) < 0.15
+    assert warped.error(warped.corrected(bias), 1) < 0.01 * NOISE**2
+
+
+def test_only_the_pixels_that_are_asked_for_change():
+    warped = Warped(0.05)
+    pixels = np.zeros(SIZE, bool)
+    pixels[50:60] = True
+    corrected = warped.bias().corrected(warped.colour, pixels, warped.shown)
+    assert np.array_equal(corrected[~pixels], warped.colour[~pixels])
+    assert not np.array_equal(corrected[pixels], warped.colour[pixels])
+    assert np.array_equal(corrected[..., 3], warped.colour[..., 3])
+
+
+def test_a_probe_has_no_say_in_what_the_others_tell_of_its_tile():
+    def shout(a, b):
+        a[700] = b[700] = 50.0
+
+    quiet, loud = Warped(0.05), Warped(0.05)
+    others = [w.bias(spoil).without_own[700] for w, spoil in ((quiet, None), (loud, shout))]
+    # It is half a picture's brightness off. Its noise is part of what its neighbours' is judged by, but no more.
+    assert np.allclose(others[0], others[1], atol=0.05)
+
+
+def test_a_probe_that_is_no_number_says_nothing():
+    def spoil(a, b):
+        a[10], b[11] = np.nan, np.inf
+
+    warped = Warped(0.05)
+    bias = warped.bias(spoil)
+    assert np.isfinite(bias.added).all()
+    assert np.isfinite(warped.corrected(bias)).all()
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-6, 1e4])
+def test_no_colour_becomes_negative_or_many_times_brighter(value):
+    warped = Warped(0.0)
+    warped.colour[..., :3] = value
+    corrected = warped.corrected(warped.bias())
+    assert corrected.min() >= 0.0
+    assert (corrected[..., :3] <= FACTOR * value).all()
+
+
+def test_an_edge_that_is_a_pixel_aside_is_no_slow_error():
+    """Probes lie in one place in each tile: along an edge that they meet, all are off to one side."""
+    warped = Warped(0.0)
+    edge = int(warped.probes.columns[warped.probes.columns > SIZE[1] // 2].min())
+    warped.shown[:] = 0
+    warped.truth[:, edge:, :3] = 0.1
+    warped.colour = warped.truth.copy()
+    warped.colour[:, edge, :3] = 0.5
+    change = np.abs(warped.corrected(warped.bias()) - warped.colour)[..., :3].mean(axis=(0, 2))
+    assert change.max() < 0.02 * (0.5 - 0.1)
+
+
+def test_a_dim_corner_with_a_few_bright_samples_is_not_taken_for_dark():
+    """One trace in forty is bright. Most probes see none of those, and all are sure of the same."""
+    size, mean, share = (180, 240), 0.3, 1.0 / 40.0
+    rng = np.random.default_rng(4)
+
+    def traced(*shape):
+        return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
+
+    denoised, noisy = np.full((*size, 4), mean, np.float32), traced(*size)
+    probes = place_regular_probes(np.ones(size, bool), spacing=SPACING, seed=1)
+    a, b = (traced(probes.rows.size) for _ in range(2))
+    shown = np.zeros(size, int)
+
+    def brightness(noise):
+        bias = bias_of(probes, denoised[probes.mask], a, b, contrast(denoised), shown, noise=noise)
+        return bias.corrected(denoised, np.ones(size, bool), shown)[..., :3].mean() / mean
+
+    nothing = SourceNoise(np.zeros((probes.rows.size, 3)), np.zeros(probes.rows.size))
+    assert brightness(nothing) < 0.7
+    assert abs(brightness(_source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 1e30, np.nan])
+def test_what_is_no_light_stays_as_it_is_and_the_brightest_is_light(value):
+    warped = Warped(0.1)
+    warped.colour[40:60, 200:220, :3] = value
+    bias = warped.bias()
+    assert bias.added.any()
+    corrected = warped.corrected(bias)[40:60, 200:220, :3]
+    if value > 0.0:
+        assert ((corrected >= value / FACTOR) & (corrected <= value * FACTOR)).all()
+    else:
+        assert np.array_equal(corrected, warped.colour[40:60, 200:220, :3], equal_nan=True)
+
+
+@pytest.mark.parametrize("added", [-0.15, -1e-3, 0.0, 1e-3, 0.08])
+def test_a_correction_is_exact_after_tone_mapping(added):
+    colour = np.array([[1e-3, 0.3, 1.0], [0.5, 2.0, 0.8]], np.float32)
+    factor = _factor(colour, np.full(colour.shape, added))
+    free = (factor > 1.0 / FACTOR) & (factor < FACTOR)
+    assert free.any()
+    np.testing.assert_allclose(tone(colour * factor)[free], (tone(colour) + added)[free], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 40), (17, 17), (40, 3)])
+def test_pictures_of_few_tiles_are_corrected_too(size):
+    shown, colour = np.zeros(size, int), np.full((*size, 4), 0.5, np.float32)
+    probes = place_regular_probes(np.ones(size, bool), spacing=6, seed=1)
+    truth = colour[probes.mask] + 0.1
+    noise = SourceNoise.of_noisy(np.zeros(probes.rows.size))
+    bias = bias_of(probes, colour[probes.mask], truth, truth, contrast(colour), shown, noise=noise)
+    np.testing.assert_allclose(bias.corrected(colour, np.ones(size, bool), shown)[..., :3], 0.6, rtol=0.02)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1, 1.0 / 40.0])
+def test_a_dim_corner_of_a_noisy_picture_stays_as_bright(share):
+    """Between two pixels the warp has their mean, which is less noisy, and so is brighter after `tone`: against that
+    all probes agree that it is too bright."""
+    size, mean = (180, 240), 0.3
+    rng = np.random.default_rng(4)
+
+    def traced(*shape):
+        return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
+
+    source = traced(size[0], size[1] + 1)
+    warped = 0.5 * (source[:, 1:] + source[:, :-1])
+    found = contrast_of(warped, np.ones(size, bool))
+    probes = place_probes(np.ones(size, bool), found, spacing=8, seed=1)
+    a, b = (traced(probes.rows.size) for _ in range(2))
+    shown = np.zeros(size, int)
+    noise = SourceNoise.of_noisy(probes.around_and_own(found.noise[probes.rows, probes.columns]))
+
+    def brightness(at_probes):
+        bias = bias_of(probes, at_probes, a, b, found.signal, shown, noise=noise)
+        return bias.corrected(warped, np.ones(size, bool), shown)[..., :3].mean() / warped[..., :3].mean()
+
+    off, off_by_means = (abs(brightness(w) - 1.0) for w in (source[probes.rows, probes.columns], warped[probes.mask]))
+    assert off < 0.01
+    assert off < 0.5 * off_by_means
+
+
+def test_what_two_agree_on_is_the_smaller_of_both():
+    bias = Warped(0.05).bias()
+    one, other = np.array([[0.2, -0.2, 0.1]]), np.array([[0.1, -0.3, -0.1]])
+    agreed = replace(bias, added=one, without_own=other).agreed(replace(bias, added=other, without_own=one))
+    assert agreed.added.tolist() == agreed.without_own.tolist() == [[0.1, -0.2, 0.0]]

@@ -1,0 +1,233 @@
+"""The target eye while it is made: what a pilot finds out early, and what refinement adds."""
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stereo_reproject.estimate.tracing import ROUNDS, Means, TargetEye
+from stereo_reproject.images.metrics import noise_ratio
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.trace.fill import SourceCost
+
+SIZE = (160, 240)
+NOISE = 0.05
+COST = SourceCost(60.0, 1.0)
+BALANCED = SETTINGS["balanced"]
+
+
+@dataclass
+class Frame:
+    """A textured picture, holes in a share of it, and a warp that is off by some pixels in another share."""
+
+    holes: float = 0.2
+    wrong: float = 0.0
+    shift: int = 5
+    seed: int = 0
+
+    def __post_init__(self):
+        self.rng = np.random.default_rng(self.seed)
+        y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+        self.truth = np.repeat((0.5 + 0.3 * np.sin(x / 3.0) * np.cos(y / 5.0))[..., None], 4, axis=2).astype(np.float32)
+        warped = self.traced()
+        wrong = int(self.wrong * SIZE[1])
+        warped[:, :wrong] = np.roll(self.traced(), self.shift, axis=1)[:, :wrong]
+        reasons = np.zeros(SIZE, np.uint16)
+        reasons[:, SIZE[1] - int(self.holes * SIZE[1]) :] = Reason.DISOCCLUDED.bit
+        self.reprojection = SimpleNamespace(
+            passes={"Combined": warped},
+            reasons=reasons,
+            sampled=lambda place: self.reprojection.passes["Combined"][place],
+        )
+        self.asked = []
+
+    def traced(self):
+        return (self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32)
+
+    def trace(self, method, view, pixels, *, twice=None):
+        assert view == "right"
+        self.asked.append((method, int(pixels.sum())))
+        once = self.traced()[pixels]
+        return {"Combined": once if twice is None else np.concatenate([once, self.traced()[twice]])}
+
+    def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
+        means = Means(asked, COST, blockers or {})
+        return TargetEye(self, "right", means, self.reprojection, accuracy, watched=watched, seed=self.seed)
+
+    def ratio(self, eye):
+        return noise_ratio(eye.passes["Combined"], self.traced(), self.traced())
+
+
+def test_a_hopeless_frame_is_found_out_by_a_few_probes_and_rendered_whole():
+    frame = Frame(holes=0.25, wrong=0.7)
+    eye = frame.eye()
+    assert eye.wants_pilot
+    eye.send_pilot()
+    _, pixels = frame.asked[-1]
+    assert pixels < 0.005 * eye.traced.size, "early means: before much is traced"
+    choice = eye.fill()
+    assert choice.method == "full"
+    assert "expected" in choice.reason
+    assert eye.traced.all()
+    refinement = eye.refine()
+    assert refinement.whole
+    assert refinement.estimate.low < refinement.estimate.noise_ratio == 1.0 < refinement.estimate.high
+    assert len(frame.asked) == 2
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2])
+def test_a_pilot_does_not_give_up_a_frame_that_is_worth_it(wrong):
+    frame = Frame(holes=0.25, wrong=wrong)
+    eye = frame.eye()
+    eye.send_pilot()
+    assert eye.fill().method == "packed"
+    refinement = eye.refine()
+    assert eye.traced.mean() < 0.4 + wrong
+    assert refinement.estimate.noise_ratio <= BALANCED.promise
+    assert frame.ratio(eye) <= BALANCED.promise + 0.03
+
+
+def test_a_pilot_is_sent_only_where_it_may_save_something():
+    assert not Frame(holes=0.05).eye().wants_pilot, "little would be lost"
+    assert not Frame(holes=0.95).eye().wants_pilot, "a full render is the answer already"
+    assert not Frame().eye(asked="packed").wants_pilot, "it is asked for, whatever it costs"
+    assert not Frame().eye(SETTINGS["draft"]).wants_pilot
+    assert not Frame().eye(watched=False).wants_pilot
+    assert not Frame().eye(blockers={"packed": "no OSL"}).wants_pilot
+
+
+def test_refinement_takes_few_renders_and_keeps_the_promise():
+    frame = Frame(wrong=0.15)
+    eye = frame.eye(SETTINGS["high"], asked="packed")
+    eye.fill()
+    refinement = eye.refine()
+    assert 1 <= len(refinement.fills) <= ROUNDS
+    assert len(frame.asked) == 1 + len(refinement.fills)
+    assert refinement.pixels[:, :30].mean() > 0.8
+    assert refinement.pixels[:, 60:].mean() < 0.1
+    assert frame.ratio(eye) <= SETTINGS["high"].promise + 0.02
+
+
+def test_the_second_render_is_for_what_the_first_uncovered():
+    """The more is promised of single tiles, the rather: what is left at the end of one round is found by its rim."""
+    accuracy = replace(SETTINGS["exact"], probe_spacing=8)
+    frame = Frame(wrong=0.15, shift=2)
+    one, two = frame.eye(accuracy, asked="packed"), Frame(wrong=0.15, shift=2).eye(accuracy, asked="packed")
+    one.fill()
+    two.fill()
+    one._worth_a_render = lambda *_: False
+    once, twice = one.refine(), two.refine()
+    assert (len(once.fills), len(twice.fills)) == (1, ROUNDS) == (1, 2)
+    assert two.traced[:, :36].mean() > one.traced[:, :36].mean()
+    assert frame.ratio(two) <= frame.ratio(one) + 0.01
+
+
+def test_where_tracing_the_rest_is_no_dearer_all_of_it_is_traced():
+    frame = Frame(holes=0.05, wrong=0.94)
+    eye = frame.eye()
+    eye.fill()
+    refinement = eye.refine()
+    assert refinement.whole
+    assert refinement.fills[-1].method == "full"
+    assert eye.traced.all()
+
+
+def test_without_a_promise_nothing_is_probed_and_nothing_claimed():
+    frame = Frame(wrong=0.3)
+    eye = frame.eye(SETTINGS["draft"])
+    eye.fill()
+    refinement = eye.refine()
+    assert refinement.estimate is None
+    assert not eye.probed.any()
+    np.testing.assert_array_equal(eye.traced, frame.reprojection.reasons > 0)
+
+
+def test_a_frame_that_is_all_hole_needs_no_probe_to_be_as_rendered():
+    frame = Frame(holes=1.0)
+    eye = frame.eye()
+    assert not eye.wants_pilot
+    assert eye.fill().method == "full"
+    assert eye.refine().estimate.noise_ratio == 1.0
+
+
+def test_a_probe_of_which_one_trace_is_no_number_takes_the_other():
+    frame = Frame()
+    eye = frame.eye(asked="packed")
+    plain = frame.trace
+
+    def trace(method, view, pixels, *, twice=None):
+        passes = plain(method, view, pixels, twice=twice)
+        if twice is not None:
+            passes["Combined"][int(pixels.sum()) + 3] = np.nan
+        return passes
+
+    frame.trace = trace
+    eye.fill()
+    assert np.isfinite(eye.passes["Combined"]).all()
+    assert eye.refine().estimate.noise_ratio < 1.1
+
+
+def test_a_watched_frame_without_holes_is_probed_or_rendered_whole():
+    """Without any other way to trace, there is no other way to know."""
+    frame = Frame(holes=0.0, wrong=0.5)
+    eye = frame.eye(blockers={"packed": "no OSL", "card": "no card"})
+    assert eye.fill().method == "full"
+    assert eye.traced.all()
+    assert eye.refine().whole
+    unwatched = Frame(holes=0.0).eye(blockers={"packed": "no OSL", "card": "no card"}, watched=False)
+    unwatched.fill()
+    assert not unwatched.traced.any()
+
+
+class SlowError(Frame):
+    """A highlight that stands elsewhere for the other eye: the warp is brighter at its middle by as much as its noise.
+    The light is two passes' sum, of which one is another's times a colour."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+        light = NOISE * np.exp(-((x - 100) ** 2 + (y - 80) ** 2) / (2 * 30.0**2)).astype(np.float32)
+        combined = self.reprojection.passes["Combined"]
+        combined[..., :3] += 4.0 * light[..., None]
+        self.color = np.full((*SIZE, 3), 0.25, np.float32)
+        direct = combined[..., :3].copy()
+        self.reprojection.passes |= {
+            "Diffuse Direct": direct,
+            "Diffuse Color": self.color,
+            "Emission": combined[..., :3] - self.color * direct,
+            "Index": np.ones((*SIZE, 1), np.float32),
+        }
+
+
+def slow_error(**options):
+    frame = SlowError(holes=0.1, **options)
+    eye = frame.eye(asked="packed")
+    eye.fill()
+    return frame, eye
+
+
+def test_a_slow_error_of_a_noisy_picture_is_taken_away_and_not_traced():
+    """Or single tiles of it would be, and stand out of the others."""
+    frame, eye = slow_error()
+    warped = ~eye.traced
+    before, after = (
+        (image["Combined"] - frame.truth)[..., :3].mean(axis=-1) for image in (frame.reprojection.passes, eye.passes)
+    )
+    middle = np.s_[60:100, 80:120]
+    assert before[middle].mean() > 2.0 * NOISE
+    assert abs(after[middle][warped[middle]].mean()) < 0.25 * before[middle].mean()
+    refinement = eye.refine()
+    assert refinement.pixels.mean() < 0.02
+    assert frame.ratio(eye) <= min(1.03, refinement.estimate.noise_ratio + 0.03)
+
+
+def test_parts_of_the_light_still_add_up_when_a_slow_error_is_taken_away():
+    frame, eye = slow_error()
+    warped, passes = ~eye.traced, eye.passes
+    assert not np.array_equal(passes["Emission"], frame.reprojection.passes["Emission"])
+    parts = passes["Diffuse Color"] * passes["Diffuse Direct"] + passes["Emission"]
+    np.testing.assert_allclose(parts[warped], passes["Combined"][..., :3][warped], rtol=1e-5, atol=1e-6)
+    for name in ("Diffuse Color", "Index"):
+        assert np.array_equal(passes[name], frame.reprojection.passes[name]), name

@@ -1,0 +1,59 @@
+"""What is seen through a surface is traced where it may lie far behind and has contrast."""
+
+import numpy as np
+
+from stereo_reproject.holes.refracted import seen_through
+from stereo_reproject.images.risk import contrast_of, gradient_of
+from stereo_reproject.settings.accuracy import STEP
+
+SIZE = (40, 60)
+GLASS = (slice(10, 30), slice(15, 45))
+
+
+def flagged(*, stripes=True, disparity_behind=0.0, noise=0.01, limit=2.0):
+    rng = np.random.default_rng(0)
+    grey = 0.4 + 0.3 * np.sin(np.arange(SIZE[1]) / 2.0) * stripes
+    colour = np.repeat(np.broadcast_to(grey, SIZE)[..., None], 4, axis=2) + rng.normal(0, noise, (*SIZE, 4))
+    known = np.ones(SIZE, bool)
+    glass = np.zeros(SIZE, bool)
+    glass[GLASS] = True
+    disparity = np.full(SIZE, 20.0)
+    disparity[0, 0] = disparity_behind
+    contrast = contrast_of(colour, known)
+    return seen_through(glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=STEP)
+
+
+def test_glass_before_something_far_is_traced_and_nothing_else():
+    traced = flagged()
+    assert traced[GLASS].mean() > 0.6
+    traced[GLASS] = False
+    assert not traced.any()
+
+
+def test_glass_is_left_alone_where_nothing_shows():
+    assert not flagged(stripes=False).any()
+    assert not flagged(disparity_behind=20.0).any(), "nothing is farther than the glass itself"
+    assert not flagged(noise=0.5).any()
+
+
+def test_a_stricter_limit_traces_no_less():
+    assert (flagged(limit=1.2) >= flagged(limit=3.0)).all()
+
+
+def test_without_any_depth_nothing_is_claimed():
+    glass = np.ones((8, 8), bool)
+    colour = np.zeros((8, 8, 4))
+    known = np.zeros((8, 8), bool)
+    nothing = np.full((8, 8), np.nan)
+    assert not seen_through(
+        glass, nothing, gradient_of(colour, known), contrast_of(colour, known), limit=2.0, unseen=0.0
+    ).any()
+
+
+def test_without_noise_what_nobody_sees_is_left_alone():
+    glass = np.ones(SIZE, bool)
+    colour = np.repeat(np.broadcast_to(0.4 + 1e-5 * np.arange(SIZE[1]), SIZE)[..., None], 4, axis=2)
+    disparity = np.full(SIZE, 20.0)
+    disparity[0, 0] = 0.0
+    gradient, contrast = gradient_of(colour, glass), contrast_of(colour, glass)
+    assert not seen_through(glass, disparity, gradient, contrast, limit=2.0, unseen=STEP).any()

@@ -1,0 +1,112 @@
+"""Denoised pictures: who gives which pixel, and how much noise a denoiser leaves."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.images.denoising import WINDOW, WINDOWS, Denoising, denoise_source, denoise_target, noise_left
+from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
+from stereo_reproject.images.risk import box_sum
+
+NOISE = 0.05
+ROUGHLY = 0.2
+"""How far the share that is said to be left may be off: the windows hold some ten thousand independent means."""
+
+
+def blurred(pictures, reach=2):
+    """The mean over (2 reach + 1)^2 pixels: it leaves that share of the variance."""
+    result = []
+    for picture in pictures:
+        noisy = picture[NOISY_PASS]
+        count = box_sum(np.ones(noisy.shape[:2]), (reach, reach))
+        means = [box_sum(noisy[..., k], (reach, reach)) / count for k in range(3)]
+        result.append(np.stack(means, axis=-1).astype(np.float32))
+    return result
+
+
+def in_blocks(pictures, side):
+    """The mean over each block of side x side pixels: denoised once more, nothing changes, as with a real denoiser."""
+    result = []
+    for picture in pictures:
+        colour = picture[NOISY_PASS][..., :3].copy()
+        rows, columns = (np.arange(size) // side for size in colour.shape[:2])
+        blocks = rows[:, None] * (columns[-1] + 1) + columns
+        count = np.bincount(blocks.ravel())
+        for k in range(3):
+            colour[..., k] = (np.bincount(blocks.ravel(), colour[..., k].ravel()) / count)[blocks]
+        result.append(colour)
+    return result
+
+
+def picture(shape=(256, 480), *, noise=NOISE, seed=1):
+    rng = np.random.default_rng(seed)
+    colour = np.full((*shape, 4), 0.5, np.float32)
+    colour[..., :3] += rng.normal(0.0, noise, (*shape, 3)).astype(np.float32)
+    nothing = np.zeros((*shape, 3), np.float32)
+    return {COLOUR_PASS: colour, NOISY_PASS: colour.copy(), ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
+
+
+@pytest.mark.parametrize("side", [2, 4, 8])
+def test_the_share_of_noise_that_is_left_is_found_without_another_render(side):
+    source = picture()
+    clean = source[COLOUR_PASS].copy()
+    clean[..., :3] = in_blocks([source], side)[0]
+    left = noise_left({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
+    assert left == pytest.approx(side**-2, rel=ROUGHLY)
+
+
+def test_a_denoiser_that_does_nothing_leaves_all_of_it():
+    source = picture()
+    assert noise_left(source, lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures]) == 1.0
+
+
+@pytest.mark.parametrize("shape", [(300, 520), (128, 160), (9, 11), (1, 1), (2000, 30)])
+def test_a_picture_of_any_size_has_windows(shape):
+    sizes = []
+
+    def denoise(pictures):
+        sizes.extend(p[NOISY_PASS].shape[:2] for p in pictures)
+        return blurred(pictures)
+
+    left = noise_left(picture(shape), denoise)
+    assert 0.0 < left <= 1.0
+    assert set(sizes) == {WINDOW if len(sizes) == WINDOWS[0] * WINDOWS[1] else shape}
+
+
+def test_the_source_keeps_its_alpha_and_its_noisy_pixels():
+    source = picture()
+    source[NOISY_PASS][..., 3] = 0.25
+    clean = denoise_source(source, Denoising(blurred))
+    assert np.array_equal(clean[COLOUR_PASS][..., :3], blurred([source])[0])
+    assert np.all(clean[COLOUR_PASS][..., 3] == 0.25)
+    assert np.array_equal(clean[NOISY_PASS], source[NOISY_PASS])
+
+
+def test_of_the_target_only_what_was_traced_is_denoised_as_a_whole():
+    target = picture()
+    warped = np.full_like(target[COLOUR_PASS], 0.7)
+    kept = np.zeros(warped.shape[:2], bool)
+    kept[:, :100] = True
+    finished = denoise_target({**target, COLOUR_PASS: warped}, kept, Denoising(blurred))
+    assert np.array_equal(finished[COLOUR_PASS][kept], warped[kept])
+    assert np.array_equal(finished[COLOUR_PASS][~kept][:, :3], blurred([target])[0][~kept])
+
+
+def test_a_target_of_which_nothing_was_traced_is_not_denoised_at_all():
+    def never(pictures):
+        raise AssertionError
+
+    target = picture()
+    kept = np.ones(target[COLOUR_PASS].shape[:2], bool)
+    assert denoise_target(target, kept, Denoising(never)) is target
+
+
+def test_beside_what_was_refined_the_warped_colours_change_over():
+    target = picture((64, 96), noise=0.0)
+    target[COLOUR_PASS][...] = 0.7
+    refined = np.zeros((64, 96), bool)
+    refined[:, 40:56] = True
+    finished = denoise_target(target, ~refined, Denoising(blurred), refined=refined)[COLOUR_PASS][32, :, 0]
+    assert np.allclose(finished[40:56], 0.5)
+    assert np.allclose(finished[:30], 0.7)
+    assert np.all(np.diff(finished[30:41]) <= 1e-6)
+    assert np.abs(np.diff(finished)).max() < 0.05

@@ -1,0 +1,132 @@
+"""How wrong a picture is, measured in its own noise."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.images.metrics import border_step, noise_ratio, rmse, squared_error, tile_rmse, tone, worst_tiles
+
+SHAPE = (170, 250)  # not a multiple of the tiles' 16
+
+NOISE = 0.1
+
+RATIO_TOLERANCE = 0.01
+"""A mean square over 127 500 independent values is good to 0.4 %, its root to half of that; two of them, thrice."""
+
+TILE_SPREAD = 1.25
+"""Over 16 x 16 x 3 values a root mean square is good to 2.6 %, a ratio of two to 3.7 %; over 176 tiles, some at the
+border smaller than a third, the worst hundredth lies three deviations out."""
+
+
+def picture():
+    i, j = np.meshgrid(np.arange(SHAPE[0]), np.arange(SHAPE[1]), indexing="ij")
+    rgb = np.stack([0.5 + 0.3 * np.sin(i / 20), 1.5 + np.cos(j / 30), 0.4 + 0.0 * i], axis=-1)
+    return np.concatenate([rgb, np.ones((*SHAPE, 1))], axis=-1)
+
+
+def noisy(seed, scale=NOISE):
+    return (picture() + np.random.default_rng(seed).normal(scale=scale, size=(*SHAPE, 4))).astype(np.float32)
+
+
+def test_a_third_plain_render_stands_at_one():
+    for seed in range(3):
+        ratio = noise_ratio(noisy(3 * seed), noisy(3 * seed + 1), noisy(3 * seed + 2))
+        assert ratio == pytest.approx(1.0, abs=RATIO_TOLERANCE)
+        assert worst_tiles(noisy(3 * seed), noisy(3 * seed + 1), noisy(3 * seed + 2)) < TILE_SPREAD
+
+
+def test_less_noise_and_more_noise():
+    """Against a reference with noise of its own: variances add."""
+    reference, again = noisy(1), noisy(2)
+    assert noise_ratio(picture(), reference, again) == pytest.approx(np.sqrt(0.5), abs=RATIO_TOLERANCE)
+    assert noise_ratio(noisy(3, 2 * NOISE), reference, again) == pytest.approx(np.sqrt(2.5), abs=0.05)
+    assert noise_ratio(reference, reference, again) == 0.0
+
+
+def test_a_bias_shows():
+    reference, again = noisy(1), noisy(2)
+    assert noise_ratio(noisy(3) + np.float32(0.2), reference, again) > 1.3
+    dimmer = noisy(3)
+    dimmer[..., 3] = 0.0
+    assert noise_ratio(dimmer, reference, again) == pytest.approx(1.0, abs=RATIO_TOLERANCE), "alpha is left out"
+
+
+def test_worst_tiles_finds_bad_tiles_that_the_mean_hides():
+    ours, reference, again = noisy(3), noisy(1), noisy(2)
+    for i, j in ((2, 3), (7, 9), (8, 1)):  # a hundredth of the tiles and a little more
+        ours[16 * i : 16 * i + 16, 16 * j : 16 * j + 16, :3] += 2.0
+    assert noise_ratio(ours, reference, again) < 1.5
+    assert worst_tiles(ours, reference, again) > 2.5
+
+
+def test_worst_tiles_are_measured_against_no_less_than_the_median_noise():
+    """A tile without noise, whose error is like everyone's noise, is not a bad one."""
+    ours, reference, again = noisy(3), noisy(1), noisy(2)
+    again[:48, :48] = reference[:48, :48]
+    assert worst_tiles(ours, reference, again) < TILE_SPREAD
+
+
+def test_tiles_by_brute_force():
+    a, b = noisy(1), noisy(2)
+    error = squared_error(a, b)
+    tiles = tile_rmse(a, b)
+    assert tiles.shape == (11, 16)
+    for i in range(11):
+        for j in range(16):
+            expected = np.sqrt(error[16 * i : 16 * i + 16, 16 * j : 16 * j + 16].mean())
+            assert tiles[i, j] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (16, 16), (5, 40)])
+def test_small_pictures_have_tiles_too(shape):
+    a, b = noisy(1)[: shape[0], : shape[1]], noisy(2)[: shape[0], : shape[1]]
+    assert np.sqrt(np.mean(squared_error(a, b))) == pytest.approx(rmse(a, b), rel=1e-12)
+    assert np.all(tile_rmse(a, b) > 0)
+
+
+def test_rmse_by_hand():
+    a, b = np.zeros((2, 2, 3), np.float32), np.zeros((2, 2, 4), np.float32)
+    b[0, 0, :3] = 1.0  # tone maps to a half
+    assert rmse(a, b) == pytest.approx(0.25)
+    assert rmse(a, b) == rmse(b, a)
+    assert rmse(b, b) == 0.0
+
+
+def test_without_any_noise_equal_is_one_and_anything_else_is_infinite():
+    still, other = picture(), picture()
+    other[3, 4, 0] += 1e-3
+    assert noise_ratio(still, still, still) == 1.0
+    assert worst_tiles(still, still, still) == 1.0
+    assert noise_ratio(other, still, still) == np.inf
+    assert worst_tiles(other, still, still) in (1.0, np.inf)
+    changed = still.copy()
+    changed[:64, :64] += 1.0
+    assert worst_tiles(changed, still, still) == np.inf
+
+
+def test_tone_keeps_the_order_and_bounds_what_is_bright():
+    values = np.array([-3.0, 0.0, 0.01, 1.0, 1e3, 1e8])
+    toned = tone(np.repeat(values[:, None], 4, axis=1))
+    assert toned.shape == (6, 3)
+    assert toned.dtype == np.float32
+    np.testing.assert_allclose(toned[:, 0], [0.0, 0.0, 0.01 / 1.01, 0.5, 1e3 / 1001, 1.0], rtol=1e-6)
+    assert np.all(toned <= 1.0)
+
+
+def test_a_firefly_does_not_drown_the_rest():
+    ours, reference, again = noisy(3), noisy(1), noisy(2)
+    ours[5, 5, :3] = 1e7
+    assert noise_ratio(ours, reference, again) == pytest.approx(1.0, abs=RATIO_TOLERANCE)
+
+
+def test_the_step_across_borders_is_that_of_a_seam():
+    picture = np.full((20, 30, 3), 1.0, np.float32)
+    holes = np.zeros((20, 30), bool)
+    holes[5:10, 5:15] = True
+    assert border_step(picture, holes) == 0.0
+    picture[holes] = 3.0
+    assert border_step(picture, holes) == pytest.approx(0.25)
+    assert border_step(picture, ~holes) == border_step(picture, holes)
+
+
+def test_without_a_border_there_is_no_step():
+    assert border_step(np.random.default_rng(0).random((8, 8, 4)), np.ones((8, 8), bool)) == 0.0

@@ -1,0 +1,76 @@
+"""How far a run is said to be."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.jobs.progress import USUAL, Progress, clock
+
+
+def test_nothing_is_said_of_the_time_before_anything_tells():
+    progress = Progress(100.0, USUAL["render"])
+    progress.begin("load", 100.0)
+    assert progress.remaining(101.0) is None
+    assert progress.fraction(101.0) == 0.0
+
+
+def test_a_run_as_expected_counts_down_evenly():
+    progress = Progress(0.0, {"source": 60.0, "fill": 40.0}, in_seconds=True)
+    progress.begin("source", 0.0)
+    assert (progress.fraction(30.0), progress.remaining(30.0)) == (pytest.approx(0.3), pytest.approx(70.0))
+    progress.begin("fill", 60.0)
+    assert (progress.fraction(80.0), progress.remaining(80.0)) == (pytest.approx(0.8), pytest.approx(20.0))
+
+
+def test_a_first_stage_of_half_the_pace_makes_the_rest_twice_as_long():
+    progress = Progress(0.0, {"source": 60.0, "fill": 40.0}, in_seconds=True)
+    progress.begin("source", 0.0)
+    progress.begin("fill", 120.0)
+    assert progress.remaining(120.0) == pytest.approx(80.0)
+
+
+def test_samples_tell_more_than_the_clock():
+    progress = Progress(0.0, {"source": 60.0, "fill": 40.0}, in_seconds=True)
+    progress.begin("source", 0.0)
+    progress.advance(0.5, 60.0)
+    assert progress.fraction(60.0) == pytest.approx(0.3)
+    assert progress.remaining(60.0) == pytest.approx(140.0)
+
+
+def test_what_takes_longer_than_expected_is_never_done_before_it_is():
+    progress = Progress(0.0, {"source": 1.0, "fill": 1.0}, in_seconds=True)
+    progress.begin("source", 0.0)
+    assert 0.4 < progress.fraction(1000.0) < 0.5
+    assert progress.remaining(1000.0) > 0.0
+
+
+def test_frames_are_counted_by_their_stages_starting_over():
+    progress = Progress(0.0, {"source": 3.0, "fill": 1.0}, in_seconds=True, frames=4)
+    for frame in range(4):
+        progress.begin("source", 4.0 * frame)
+        assert progress.fraction(4.0 * frame) == pytest.approx(frame / 4)
+        assert progress.remaining(4.0 * frame) == pytest.approx(16.0 - 4.0 * frame)
+        progress.begin("fill", 4.0 * frame + 3.0)
+
+
+def test_frames_of_an_animation_are_counted_from_the_first_on():
+    """By the stages as they come; a stage out of order would hide where a frame begins."""
+    progress = Progress(0.0, USUAL["animate"], frames=4)
+    progress.begin("load", 0.0)
+    told = []
+    for frame in range(4):
+        for k, stage in enumerate(("prepare", "source", "warp", "fill", "refine", "composite", "account", "write")):
+            progress.begin(stage, 80.0 * frame + 10.0 * k)
+        told.append(progress.fraction(80.0 * frame + 70.0))
+    assert np.diff(told) == pytest.approx([0.25] * 3, abs=0.02)
+
+
+def test_a_stage_that_nobody_expects_changes_nothing_but_comes_last():
+    progress = Progress(0.0, {"source": 3.0, "fill": 1.0}, in_seconds=True)
+    progress.begin("polish", 4.0)
+    assert progress.fraction(5.0) == 1.0
+    assert progress.remaining(5.0) == 0.0
+
+
+@pytest.mark.parametrize(("seconds", "shown"), [(0.4, "0:00"), (42.0, "0:42"), (185.4, "3:05"), (3750.0, "1:02:30")])
+def test_clock(seconds, shown):
+    assert clock(seconds) == shown

@@ -1,0 +1,68 @@
+"""The price of the next better setting: predicted from the frame that is finished, and never less than it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stereo_reproject.estimate.tracing import Means, Refinement
+from stereo_reproject.pipeline.price import WHOLE, price_of
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.trace.fill import FillChoice, SourceCost
+
+SIZE = (40, 60)
+COST = SourceCost(20.0, 0.0)
+SECONDS = {"source": 20.0, "warp": 1.0, "fill": 2.6, "composite": 0.4, "total": 24.0}
+FILL = FillChoice("packed", "asked for", 2.6)
+NOTHING = Refinement(np.zeros(SIZE, bool))
+
+
+def reprojection(share):
+    """One of which any accuracy flags this share of the pixels."""
+    reasons = np.zeros(SIZE, np.uint16)
+    reasons[:, : int(share * SIZE[1])] = 1
+    return SimpleNamespace(reasons=reasons, reasons_at=lambda _: reasons)
+
+
+def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None, whole=False):
+    means = Means("auto", COST, blockers or {})
+    return price_of(name, reprojection(share), refinement, means, SECONDS, fill, watched=watched, whole=whole)
+
+
+def test_more_pixels_cost_more_at_the_pace_of_this_frame():
+    told = price()
+    assert told.more_seconds == pytest.approx(Means("auto", COST, {}).choose(0.2).predicted_seconds - 2.6)
+    assert told.seconds == pytest.approx(24.0 + told.more_seconds)
+    assert told.traced == pytest.approx(0.2)
+    slower = price(fill=FillChoice("packed", "asked for", 1.3))
+    assert slower.more_seconds > told.more_seconds + 2.0
+
+
+def test_nothing_better_is_cheaper():
+    assert price(share=0.0).more_seconds == 0.0
+
+
+def test_probes_have_their_price_where_there_are_any():
+    unwatched, watched = price(), price(watched=True)
+    assert watched.seconds > unwatched.seconds
+    assert watched.traced == pytest.approx(unwatched.traced + 1.0 / SETTINGS["high"].probe_spacing ** 2)
+    assert unwatched.complete
+    assert not watched.complete, "what the probes would ask for is not known"
+
+
+def test_beyond_the_best_setting_is_a_full_render():
+    told = price(WHOLE)
+    assert told.seconds == pytest.approx(21.4 + COST.fixed + COST.per_frame)
+    assert told.traced == 1.0
+    assert told.complete
+
+
+def test_a_frame_that_was_rendered_whole_has_nothing_better():
+    told = price(whole=True)
+    assert (told.accuracy, told.more_seconds, told.seconds, told.traced) == (WHOLE, None, 24.0, 1.0)
+
+
+def test_a_full_render_that_costs_nothing_more_is_better_all_the_same():
+    cheap = SourceCost(1.0, 0.0)
+    told = price_of(WHOLE, reprojection(0.2), NOTHING, Means("auto", cheap, {}), SECONDS, FILL, watched=False)
+    assert told.more_seconds == 0.0

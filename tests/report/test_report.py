@@ -1,0 +1,343 @@
+"""report.json: what is asked of it, how it is written, and the table made from it."""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+
+from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.files import write_json
+from stereo_reproject.report.report import check_report, format_report_table
+
+COMPARE = {
+    "multiview_seconds": 20.0,
+    "speedup": 1.786,
+    "rmse": 0.021,
+    "noise_rmse": 0.0209,
+    "noise_ratio": 1.005,
+    "worst_tiles": 1.12,
+    "flip": 0.0312,
+    "noise_flip": 0.0309,
+}
+
+
+@pytest.fixture
+def report():
+    return {
+        "schema": 1,
+        "scene": "room.blend",
+        "frame": 7,
+        "size": [960, 540],
+        "samples": 64,
+        "blender": "5.2.3",
+        "accuracy": "balanced",
+        "fill": {"method": "packed", "reason": "6 % of the pixels are holes"},
+        "grid": {"cells": 2040, "subdivided": 210, "triangles": 30000},
+        "fractions": {"disoccluded": 0.03, "outside": 0.0, "silhouette": 0.0456, "invalid": 0.0, "rerendered": 0.0712},
+        "seconds": {
+            "load": 1.25,
+            "source": 10.0,
+            "warp": 0.125,
+            "fill": 1.0,
+            "composite": 0.1,
+            "write": 0.5,
+            "total": 11.2,
+        },
+        "memory": {"peak_mb": 812.4},
+    }
+
+
+def change(report, key, value):
+    """A copy of the report with the value at the dotted key replaced, or taken out where value is `...`."""
+    changed = copy.deepcopy(report)
+    *path, last = key.split(".")
+    place = changed
+    for name in path:
+        place = place[name]
+    if value is ...:
+        del place[last]
+    else:
+        place[last] = value
+    return changed
+
+
+def test_complete_report_passes(report):
+    check_report(report)
+    check_report({**report, "compare": COMPARE, "warnings": ["one"], "predicted_speedup": 1.8})
+
+
+def test_report_with_numpy_scalars_passes(report):
+    check_report(change(report, "seconds.fill", np.float32(0.5)))
+    check_report(change(report, "grid.cells", np.int64(5)))
+
+
+KEYS = {
+    "": "schema scene frame size samples blender accuracy fill grid fractions seconds memory",
+    "fill.": "method reason",
+    "grid.": "cells subdivided triangles",
+    "fractions.": "disoccluded outside silhouette rerendered",
+    "seconds.": "load source warp fill composite write total",
+    "memory.": "peak_mb",
+}
+
+
+@pytest.mark.parametrize("key", [group + name for group, names in KEYS.items() for name in names.split()])
+def test_missing_key_is_named(report, key):
+    with pytest.raises(StereoReprojectError, match=f"has no {key}"):
+        check_report(change(report, key, ...))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("schema", 2),
+        ("schema", True),
+        ("scene", None),
+        ("frame", 1.5),
+        ("size", [960]),
+        ("size", [0, 540]),
+        ("samples", "64"),
+        ("accuracy", "perfect"),
+        ("fill.method", "auto"),
+        ("grid.cells", -1),
+        ("fractions.silhouette", 1.01),
+        ("fractions.invalid", -0.1),
+        ("fractions.rerendered", math.nan),
+        ("seconds.fill", math.inf),
+        ("seconds.fill", None),
+        ("seconds.total", True),
+        ("memory.peak_mb", "much"),
+        ("predicted_speedup", "fast"),
+        ("warnings", "one text"),
+        ("warnings", [1]),
+    ],
+)
+def test_wrong_value_is_named(report, key, value):
+    report = {**report, "warnings": [], "predicted_speedup": None}
+    with pytest.raises(StereoReprojectError, match=f"{key} in the report must be"):
+        check_report(change(report, key, value))
+
+
+@pytest.mark.parametrize("name", COMPARE)
+def test_incomplete_comparison_is_named(report, name):
+    compare = {key: value for key, value in COMPARE.items() if key != name}
+    with pytest.raises(StereoReprojectError, match=f"has no compare.{name}"):
+        check_report({**report, "compare": compare})
+
+
+def test_comparison_without_noise_may_lack_a_ratio(report):
+    check_report({**report, "compare": {**COMPARE, "noise_ratio": None, "worst_tiles": math.inf}})
+
+
+def test_json_is_strict(tmp_path):
+    values = {
+        "nan": math.nan,
+        "deep": [{"inf": np.float32(np.inf)}, (-math.inf, np.float64(0.5), np.int32(3), np.bool_(True))],
+        "text": "Küche \udcff",
+    }
+    write_json(tmp_path / "report.json", values)
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    text = (tmp_path / "report.json").read_text(encoding="utf-8")
+    assert json.loads(text, parse_constant=refuse) == {
+        "nan": None,
+        "deep": [{"inf": None}, [None, 0.5, 3, True]],
+        "text": "Küche \udcff",
+    }
+
+
+def test_failed_write_leaves_the_old_file_alone(tmp_path):
+    path = tmp_path / "report.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(TypeError, match="object"):
+        write_json(path, {"a": object()})
+    assert json.loads(path.read_text(encoding="utf-8")) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_rename_that_fails_leaves_nothing_beside(tmp_path):
+    (tmp_path / "report.json").mkdir()
+    with pytest.raises(OSError, match=r"report\.json"):
+        write_json(tmp_path / "report.json", {"a": 1})
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_table_of_a_measured_run(report):
+    table = format_report_table({**report, "compare": COMPARE, "predicted_speedup": 9.9})
+    assert table.splitlines() == [
+        "room.blend, frame 7, 960x540, 64 samples, balanced",
+        "took              seconds",
+        "  load                1.25   not in the total",
+        "  source             10.00",
+        "  warp                0.12",
+        "  fill                1.00",
+        "  composite           0.10",
+        "  write               0.50   not in the total",
+        "  total              11.20   from the look at the scene to the finished pair",
+        "traced        of the target eye's pixels (one pixel may have several reasons)",
+        "  disoccluded       3.00 %",
+        "  silhouette        4.56 %",
+        "  rerendered        7.12 %",
+        "fill          packed: 6 % of the pixels are holes",
+        "gained        1.79 x over Blender's multiview (20.00 s), measured",
+        "  noise ratio 1.005   1 = as good as rendering it again",
+        "  worst tiles 1.120",
+        "  FLIP        0.0312   of noise alone 0.0309",
+        "memory        812 MB at its peak",
+    ]
+
+
+def test_table_calls_a_prediction_predicted(report):
+    table = format_report_table({**report, "predicted_speedup": 1.76})
+    assert "about 1.76 x over Blender's multiview, predicted" in table
+    assert "measured" not in table
+
+
+def test_table_claims_no_gain_without_figures(report):
+    assert "gained" not in format_report_table(report)
+
+
+def test_table_shows_what_has_no_value(report):
+    table = format_report_table({**report, "compare": {**COMPARE, "noise_ratio": None, "flip": math.nan}})
+    assert "noise ratio n/a" in table
+    assert "FLIP        n/a" in table
+
+
+def test_table_says_why_there_is_no_ratio_to_noise(report):
+    compare = {**COMPARE, "noise_ratio": None, "worst_tiles": None, "no_noise": "two renders are the same"}
+    check_report({**report, "compare": compare})
+    lines = format_report_table({**report, "compare": compare}).splitlines()
+    assert "  noise ratio n/a   two renders are the same" in lines
+    assert "  error       0.021   root mean square, tone-mapped" in lines
+    assert not [line for line in lines if "worst tiles" in line]
+    with pytest.raises(StereoReprojectError, match=r"compare\.no_noise"):
+        check_report({**report, "compare": {**compare, "no_noise": 1.0}})
+
+
+def test_table_keeps_further_stages(report):
+    assert "  refine              2.00\n" in format_report_table(change(report, "seconds.refine", 2.0))
+
+
+ESTIMATE = {
+    "noise_ratio": 1.0123,
+    "low": 0.98,
+    "high": 1.04,
+    "excess": 0.0247,
+    "promise": 1.02,
+    "worst_tiles": 1.15,
+    "worst_tiles_promise": 1.2,
+    "kept": True,
+    "from": "probes",
+}
+PRICE = {"accuracy": "full", "seconds": 21.0, "more_seconds": 9.8, "traced": 1.0, "complete": True}
+EFFECTS = [
+    {"effect": "glossy", "called_for": True, "handling": "probed", "fraction": 0.0312, "seconds": 1.5, "excess": 0.01},
+    {"effect": "hair", "called_for": False, "handling": "nothing", "fraction": 0.0, "seconds": 0.0, "excess": None},
+]
+
+
+def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report):
+    report.update(estimate=ESTIMATE, price=PRICE, effects=EFFECTS)
+    check_report(report)
+    table = format_report_table(report)
+    assert "noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
+    assert "worst tiles 1.15, see estimate.png; at most 1.2 promised: kept" in table
+    assert "full: 9.8 s more, 100.0 % traced, predicted" in table
+    assert "glossy                3.12 %    1.50 s" in table
+    assert "hair" not in table
+    report["estimate"] = {**ESTIMATE, "kept": False, "worst_tiles": 1.25}
+    report["price"] = {**PRICE, "complete": False}
+    table = format_report_table(report)
+    assert "at most 1.02 promised: kept" in table
+    assert "worst tiles 1.25, see estimate.png; at most 1.2 promised: not kept" in table
+    assert "full: at least 9.8 s more" in table
+    report["estimate"] = {
+        **ESTIMATE,
+        "noise_ratio": 1.03,
+        "kept": False,
+        "worst_tiles": 1.0,
+        "worst_tiles_promise": None,
+    }
+    table = format_report_table(report)
+    assert "at most 1.02 promised: not kept" in table
+    assert "worst tiles" not in table
+
+
+@pytest.mark.parametrize(
+    ("price", "words"),
+    [
+        ({"more_seconds": 0.05}, "price         full: 0.1 s more, 100.0 % traced, predicted"),
+        ({"more_seconds": 0.049}, "price         full: less than 0.1 s more, 100.0 % traced, predicted"),
+        (
+            {"accuracy": "high", "more_seconds": 0.0, "traced": 0.08, "complete": False},
+            "price         high: less than 0.1 s more, but for what its probes ask for, 8.0 % traced, predicted",
+        ),
+        ({"more_seconds": None}, "price         nothing better can be had: the target was rendered whole"),
+    ],
+)
+def test_the_price_is_told_where_it_is_next_to_nothing_and_where_there_is_none(report, price, words):
+    report["price"] = {**PRICE, **price}
+    check_report(report)
+    assert words in format_report_table(report).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [("estimate", "low", "about 1"), ("estimate", "kept", "yes"), ("price", "traced", 1.5), ("price", "seconds", -1.0)],
+)
+def test_wrong_values_of_estimate_and_price_are_named(report, part, name, value):
+    report.update(estimate=ESTIMATE, price=PRICE)
+    report[part] = {**report[part], name: value}
+    with pytest.raises(StereoReprojectError, match=f"{part}.{name}"):
+        check_report(report)
+
+
+def test_a_wrong_value_of_an_effect_is_named(report):
+    report["effects"] = [{**EFFECTS[0], "seconds": "long"}]
+    with pytest.raises(StereoReprojectError, match=r"effects.seconds"):
+        check_report(report)
+
+
+def test_table_says_why_there_is_no_estimate(report):
+    unknown = dict.fromkeys(name for name in ESTIMATE if name != "promise")
+    report["estimate"] = {**unknown, "promise": 1.1, "from": "nothing looks different"}
+    check_report(report)
+    assert "estimate      none: nothing looks different" in format_report_table(report)
+
+
+LAYERS = [
+    {"name": "Beauty", "rerendered": 0.25, "fill": "packed", "noise_ratio": 1.125, "seconds": 8.0},
+    {"name": "Front", "rerendered": 0.0, "fill": "packed", "noise_ratio": None, "seconds": 3.25},
+]
+
+
+def test_the_view_layers_have_a_line_each(report):
+    told = {**report, "layers": LAYERS}
+    check_report(told)
+    lines = format_report_table(told).splitlines()
+    (beauty,) = [line for line in lines if line.startswith("  Beauty ")]
+    (front,) = [line for line in lines if line.startswith("  Front ")]
+    assert ("25.00 %" in beauty, "8.00 s" in beauty, "noise ratio 1.125" in beauty) == (True, True, True)
+    assert ("3.25 s" in front, "noise ratio" in front) == (True, False)
+    assert "view layers" not in format_report_table(report)
+
+
+def test_a_view_layer_without_its_share_is_a_defect(report):
+    broken = [{**LAYERS[0], "rerendered": None}]
+    with pytest.raises(StereoReprojectError, match=r"layers\.rerendered"):
+        check_report({**report, "layers": broken})
+
+
+@pytest.mark.parametrize(
+    ("rendered", "words"), [(37, "37 of 64 samples in 2.5 s"), (None, "an unknown number of 64 samples in 2.5 s")]
+)
+def test_table_says_what_a_time_limit_left(report, rendered, words):
+    limited = {**report, "time_limit": 2.5, "samples_rendered": rendered}
+    check_report(limited)
+    assert words in format_report_table(limited).splitlines()[0]
+    with pytest.raises(StereoReprojectError, match="samples_rendered"):
+        check_report({**limited, "samples_rendered": "some"})

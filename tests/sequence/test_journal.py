@@ -1,0 +1,761 @@
+"""The journal of an animation: what it says of a frame whatever has become of its files, and whose a frame is."""
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.sequence import journal as journal_module
+from stereo_reproject.sequence import runs as runs_module
+from stereo_reproject.sequence.frame_record import is_confined
+from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
+from stereo_reproject.sequence.runs import BEAT_DIGITS, Runs, machine, run_at_work
+from tests.jobs.clock import Clock
+from tests.programs.tokens import token_of
+from tests.warp.strange import STRANGE, make_folder, make_huge_file
+
+posix = pytest.mark.skipif(os.name != "posix", reason="named pipes and links as POSIX has them")
+
+ROOT = Path(__file__).resolve().parents[2]
+SECONDS = 30.0
+
+FIRST, SECOND, LATE, GONE, NEXT, FAR, NEW, NOBODY = map(
+    token_of, ("first", "second", "late", "gone", "next", "far", "new", "nobody")
+)
+"""Runs."""
+
+WANTED = Fingerprints("settings", {"Object": "1", "Mesh": "2"})
+
+AT_WORK = """
+import sys
+from pathlib import Path
+from stereo_reproject.sequence.runs import Runs, run_at_work
+
+with run_at_work(Runs(Path(sys.argv[1]))) as token:
+    print(token, flush=True)
+    sys.stdin.read()
+"""
+
+BEATING = """
+from stereo_reproject.programs import heartbeat
+heartbeat.BEAT_SECONDS = 0.01
+heartbeat.main()
+"""
+
+
+@pytest.fixture
+def clock():
+    return Clock(1000.0)
+
+
+@pytest.fixture
+def journal(tmp_path, clock):
+    made = Journal(tmp_path, "shot_")
+    made.make()
+    made.runs = Runs(made.folder, clock=clock)
+    return made
+
+
+@pytest.fixture
+def start():
+    """Starts a Python of its own, with the package in it."""
+    started = []
+
+    def start_python(code, *arguments):
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        started.append(process)
+        return process
+
+    yield start_python
+    for process in started:
+        with process:
+            process.kill()
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def finish(journal, frame, *, wanted=WANTED, files=("_L.png", "_R.png")):
+    """A frame that is whole: its files and its record."""
+    paths = paths_of(journal, frame, files)
+    for path in paths:
+        path.write_bytes(f"pixels of {path.name}".encode())
+    sums = {path.name: checksum(path) for path in paths}
+    record = Record(frame, sums, wanted.settings, wanted.scene, "run", {"wall_seconds": 1.5})
+    journal.write(record)
+    return record
+
+
+def paths_of(journal, frame, files=("_L.png", "_R.png")):
+    return [journal.frames_folder / f"shot_{frame:04d}{end}" for end in files]
+
+
+def state(journal, frame=1, wanted=WANTED):
+    return journal.state(frame, paths_of(journal, frame), wanted)
+
+
+def elsewhere(journal, token, beat=0):
+    """The file of a run on another machine."""
+    facts = {"host": "farm-7", "machine": "another", "pid": os.getpid()}
+    journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{beat:0{BEAT_DIGITS}}")
+
+
+def dead_here(journal, token):
+    """The file of a run on this machine whose process is gone."""
+    finished = subprocess.Popen([sys.executable, "-c", ""])
+    finished.wait()
+    facts = {"host": platform.node(), "machine": machine(), "pid": finished.pid}
+    journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{7:0{BEAT_DIGITS}}")
+
+
+# Records
+
+
+def test_a_record_comes_back_as_it_was_written(journal):
+    record = finish(journal, 12)
+    assert journal.record(12) == record
+    assert (journal.record(13), journal.has_record(13)) == (None, False)
+
+
+def test_all_records_come_in_order_and_only_those_of_the_same_name(journal):
+    for frame in (10000, 3, 0):
+        finish(journal, frame)
+    other = Journal(journal.frames_folder, "shot_1")
+    finish(other, 4)
+    assert [record.frame for record in journal.records()] == [0, 3, 10000]
+    assert [record.frame for record in journal.records([3, 4])] == [3]
+    assert [record.frame for record in other.records()] == [4]
+
+
+def test_no_folder_is_no_records(tmp_path):
+    empty = Journal(tmp_path)
+    assert (empty.records(), empty.record(1), empty.holder(1)) == ([], None, None)
+
+
+RUBBISH = {
+    "nothing": b"",
+    "cut in half": None,
+    "zeros": bytes(200),
+    "no text": b"\xff\xfe\x00",
+    "another type": b"[]",
+    "null": b"null",
+    "no fields": b"{}",
+    "a field too many": {"colour": "red"},
+    "another schema": {"schema": 2},
+    "another frame": {"frame": 2},
+    "no files": {"files": {}},
+    "a list of files": {"files": ["a.png"]},
+    "files without sums": {"files": {"a.png": 1}},
+    "an endless file": b'{"files": {"a.png": {"bytes": 1e999, "sha256": ""}}}',
+    "no scene": {"scene": None},
+    "no figures": {"figures": 1},
+}
+
+
+@pytest.mark.parametrize("kind", RUBBISH)
+def test_rubbish_is_no_record_and_its_frame_is_unknown(journal, kind):
+    record, rubbish = finish(journal, 1), RUBBISH[kind]
+    path = journal.folder / "shot_0001.json"
+    if rubbish is None:
+        rubbish = path.read_bytes()[: path.stat().st_size // 2]
+    elif isinstance(rubbish, dict):
+        rubbish = json.dumps({**asdict(record), **rubbish}).encode()
+    path.write_bytes(rubbish)
+    assert journal.record(1) is None
+    assert journal.records() == []
+    assert state(journal) is FrameState.UNKNOWN
+    for file in paths_of(journal, 1):
+        file.unlink()
+    assert state(journal) is FrameState.UNKNOWN
+
+
+FIELDS = {
+    "frame": [True, -1, 1.0, "1", None],
+    "files": [
+        {"a.png": {"bytes": "1", "sha256": ""}},
+        {"a.png": {"bytes": 1, "sha256": None}},
+        {"a.png": {"bytes": 1}},
+    ],
+    "settings": [1, None, ["settings"]],
+    "scene": [{"Object": 1}, [], "Object"],
+    "run": [7, None, ["run"]],
+    "figures": [[], None, "none"],
+    "schema": [True, 1.0, "1"],
+}
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_each_field_of_a_record_is_of_its_kind_or_nothing_is_believed(journal, field):
+    record = finish(journal, 1)
+    path = journal.folder / "shot_0001.json"
+    for value in FIELDS[field]:
+        path.write_text(json.dumps({**asdict(record), field: value}))
+        assert journal.record(1) is None, value
+        assert state(journal) is FrameState.UNKNOWN
+    assert str(path) in journal.doubts()[0]
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_lies_in_a_records_place_is_named_and_its_frame_unknown(journal, make):
+    finish(journal, 1)
+    path = journal.folder / "shot_0001.json"
+    path.unlink()
+    make(path)
+    assert journal.record(1) is None
+    assert state(journal) is FrameState.UNKNOWN
+    (doubt,) = journal.doubts()
+    assert doubt.startswith(f"{path} is no record that can be read (it is ")
+    assert doubt.endswith("): frame 1 counts as not rendered")
+    assert journal.doubts() == [], "once is enough"
+    if make is make_folder:
+        with pytest.raises(OSError, match=re.escape("shot_0001.json in journal is a folder: move it")):
+            finish(journal, 1)
+    else:
+        finish(journal, 1)
+        assert state(journal) is FrameState.WHOLE
+
+
+OUTSIDE = [
+    "../a.png",
+    "/etc/passwd",
+    "a/../../b.png",
+    "..\\a.png",
+    "a\\..\\..\\b.png",
+    "",
+    ".",
+    "a//b.png",
+    "a\0b",
+    "a/",
+]
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_a_record_that_names_files_elsewhere_is_none(journal, name):
+    record = finish(journal, 1)
+    known = next(iter(record.files.values()))
+    journal.write(replace(record, files={**record.files, name: known}))
+    assert journal.record(1) is None
+    (doubt,) = journal.doubts()
+    assert repr(name) in doubt
+
+
+@pytest.mark.parametrize(
+    ("name", "windows", "posix"),
+    [
+        ("holes/0001.png", True, True),
+        ("a\\b.png", True, True),
+        ("C:a.png", False, True),
+        ("a.png:stream", False, True),
+        ("\\\\host\\share\\a.png", False, False),
+        ("C:\\a.png", False, True),
+        (f"holes/{251 * 'n'}.png", True, True),
+        (f"{252 * 'n'}.png", False, False),
+        ("/".join(600 * "n"), False, False),
+        ("\ud800.png", False, False),
+    ],
+)
+def test_a_name_leads_to_something_in_the_folder_or_not(name, windows, posix):
+    assert (is_confined(name, windows=True), is_confined(name, windows=False)) == (windows, posix)
+
+
+@posix
+@pytest.mark.parametrize("make", [make for make in STRANGE if make is not make_huge_file])
+def test_whatever_else_lies_in_a_files_place_is_not_read(journal, make):
+    record = finish(journal, 1)
+    (path, _) = paths_of(journal, 1)
+    path.unlink()
+    make(path)
+    size = path.lstat().st_size
+    journal.write(replace(record, files={name: {**known, "bytes": size} for name, known in record.files.items()}))
+    assert state(journal) is FrameState.DAMAGED
+
+
+@posix
+@pytest.mark.parametrize("of_folder", [False, True])
+def test_a_link_that_leaves_the_folder_is_no_file_of_it(journal, tmp_path_factory, of_folder):
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "a.png").write_bytes(b"pixels")
+    place = journal.frames_folder / "holes"
+    if of_folder:
+        place.symlink_to(outside, target_is_directory=True)
+    else:
+        place.mkdir()
+        (place / "a.png").symlink_to(outside / "a.png")
+    record = finish(journal, 1)
+    journal.write(replace(record, files={**record.files, "holes/a.png": checksum(outside / "a.png")}))
+    assert state(journal) is FrameState.DAMAGED
+
+
+def test_of_two_records_of_a_frame_its_own_counts_and_the_other_is_named(journal):
+    finish(journal, 3)
+    twin = journal.folder / "shot_00003.json"
+    twin.write_bytes((journal.folder / "shot_0003.json").read_bytes())
+    assert [record.frame for record in journal.records()] == [3]
+    assert journal.doubts() == [f"{twin} is passed over: the record of frame 3 is shot_0003.json"]
+
+
+def test_records_of_frames_whose_name_goes_on_with_digits_are_nobodys_doubt(journal):
+    for name in ("shot_0", "shot_1"):
+        sums = {f"{name}0003.png": {"bytes": 1, "sha256": "0"}}
+        Journal(journal.frames_folder, name).write(Record(3, sums, WANTED.settings, WANTED.scene, "run", {}))
+    assert (journal.records(), journal.doubts()) == ([], [])
+
+
+@posix
+def test_a_link_is_no_journal(tmp_path):
+    outside, frames = tmp_path / "outside", tmp_path / "frames"
+    outside.mkdir()
+    frames.mkdir()
+    journal = Journal(frames)
+    journal.folder.symlink_to(outside, target_is_directory=True)
+    claim = outside / "0001.claim.1"
+    claim.write_text("0" * 16)
+    with pytest.raises(BadInputError, match="is a link to another folder"):
+        journal.make()
+    journal.runs.clear(own="")
+    assert claim.read_text() == "0" * 16
+
+
+# What there is of a frame
+
+
+def test_a_frame_is_whole_as_it_was_published(journal):
+    finish(journal, 1)
+    assert state(journal) is FrameState.WHOLE
+
+
+def test_a_frame_of_which_nothing_is_known_and_nothing_there_is_missing(journal):
+    assert state(journal) is FrameState.MISSING
+    for path in paths_of(journal, 1):
+        path.touch()  # as Blender's own placeholders are
+    assert state(journal) is FrameState.MISSING
+
+
+def test_files_that_nobody_recorded_are_unknown(journal):
+    paths_of(journal, 1)[1].write_bytes(b"somebody's")
+    assert state(journal) is FrameState.UNKNOWN
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_one_file_that_is_gone_is_missing(journal, which):
+    finish(journal, 1)
+    paths_of(journal, 1)[which].unlink()
+    assert state(journal) is FrameState.MISSING
+
+
+def damaged_in_one_byte(data):
+    return bytes([data[0] ^ 1]) + data[1:]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        damaged_in_one_byte,
+        lambda data: data[:-1],
+        lambda data: data + b"\0",
+        lambda _: b"",
+        lambda data: bytes(len(data)),
+    ],
+    ids=["one byte", "shorter", "longer", "empty", "zeros"],
+)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_file_that_is_not_as_it_was_is_damaged(journal, which, damage):
+    finish(journal, 1)
+    path = paths_of(journal, 1)[which]
+    path.write_bytes(damage(path.read_bytes()))
+    assert state(journal) is FrameState.DAMAGED
+
+
+def test_other_settings_and_another_scene_are_told_apart(journal):
+    finish(journal, 1)
+    other_settings = replace(WANTED, settings="others")
+    moved = replace(WANTED, scene={"Object": "9", "Mesh": "2", "World": "3"})
+    assert state(journal, wanted=other_settings) is FrameState.OTHER_SETTINGS
+    assert state(journal, wanted=moved) is FrameState.OTHER_SCENE
+    assert state(journal, wanted=replace(moved, settings="others")) is FrameState.OTHER_SCENE
+    assert moved.changed(journal.record(1)) == ["Object", "World"]
+    assert WANTED.changed(journal.record(1)) == []
+
+
+def test_a_digest_depends_on_values_and_not_on_their_order():
+    assert digest({"a": 1, "b": [2]}) == digest({"b": [2], "a": 1}) != digest({"a": 1, "b": [3]})
+
+
+# Whose a frame is
+
+
+def test_of_many_that_take_a_frame_one_has_it(journal):
+    tokens = [token_of(f"run{number}") for number in range(12)]
+    for token in tokens:
+        elsewhere(journal, token)
+    barrier, taken = threading.Barrier(len(tokens)), {}
+
+    def take(token):
+        own = Journal(journal.frames_folder, "shot_")
+        barrier.wait()
+        taken[token] = own.take(5, token)
+
+    threads = [threading.Thread(target=take, args=(token,)) for token in tokens]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    winners = [token for token, claim in taken.items() if claim is not None]
+    assert len(winners) == 1
+    assert journal.holder(5) == winners[0]
+    assert journal.take(5, LATE) is None
+    assert journal.take(6, LATE) == 1
+
+
+def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
+    assert journal.take(5, GONE) == 1
+    barrier, taken = threading.Barrier(8), []
+    for number in range(8):
+        elsewhere(journal, token_of(f"run{number}"))
+
+    def take(number):
+        own = Journal(journal.frames_folder, "shot_")
+        barrier.wait()
+        taken.append(own.take(5, token_of(f"run{number}")))
+
+    threads = [threading.Thread(target=take, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(claim for claim in taken if claim is not None) == [2]
+
+
+def test_a_frame_that_is_given_free_can_be_taken_again(journal):
+    elsewhere(journal, FIRST)
+    claim = journal.take(1, FIRST)
+    assert journal.take(1, SECOND) is None
+    journal.release(1, claim, FIRST)
+    assert journal.holder(1) is None
+    assert journal.take(1, SECOND) == 1
+
+
+def test_giving_a_frame_free_leaves_who_has_taken_over(journal):
+    dead_here(journal, FIRST)
+    elsewhere(journal, SECOND)
+    first = journal.take(1, FIRST)
+    second = journal.take(1, SECOND)
+    assert (first, second) == (1, 2)
+    journal.release(1, first, FIRST)
+    assert journal.holder(1) == SECOND
+    journal.release(1, second, SECOND)
+    assert journal.holder(1) is None
+
+
+def test_what_a_dead_run_of_this_machine_has_is_taken_over_at_once(journal):
+    dead_here(journal, GONE)
+    assert not journal.runs.lives(GONE)
+    assert journal.take(1, GONE) == 1
+    assert journal.take(1, NEXT) == 2
+    assert journal.holder(1) == NEXT
+
+
+def test_a_run_without_a_file_is_dead(journal):
+    assert not journal.runs.lives(NOBODY)
+    assert not journal.runs.lives("")
+
+
+def test_a_run_of_another_machine_lives_as_long_as_its_number_changes(journal, clock):
+    elsewhere(journal, FAR, beat=1)
+    assert journal.take(1, FAR) == 1
+    assert journal.runs.lives(FAR)
+    clock.now += runs_module.STALE_SECONDS - 1
+    assert journal.runs.lives(FAR)
+    elsewhere(journal, FAR, beat=2)
+    assert journal.runs.lives(FAR)
+    clock.now += runs_module.STALE_SECONDS - 1
+    assert journal.take(1, NEXT) is None
+    clock.now += 1
+    assert not journal.runs.lives(FAR)
+    assert journal.take(1, NEXT) == 2
+
+
+def test_a_run_that_comes_back_lives_again(journal, clock):
+    elsewhere(journal, FAR, beat=1)
+    assert journal.runs.lives(FAR)
+    clock.now += runs_module.STALE_SECONDS
+    assert not journal.runs.lives(FAR)
+    elsewhere(journal, FAR, beat=2)
+    assert journal.runs.lives(FAR)
+
+
+def test_a_run_is_seen_for_the_first_time_when_one_looks_first(journal, clock):
+    """However long ago it was written: clocks of machines need not agree."""
+    elsewhere(journal, FAR)
+    os.utime(journal.runs.path(FAR), (0, 0))
+    assert journal.runs.lives(FAR)
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"{", b"null\n0", b"\xff" * 40])
+def test_a_run_file_without_sense_is_given_time_and_then_dead(journal, clock, content):
+    journal.runs.path(NEW).write_bytes(content)
+    assert journal.runs.lives(NEW)
+    clock.now += runs_module.STALE_SECONDS
+    assert not journal.runs.lives(NEW)
+
+
+def test_a_claim_that_names_no_run_yet_is_given_time_and_then_taken_over(journal, clock):
+    (journal.folder / "shot_0001.claim.1").touch()
+    assert journal.take(1, NEXT) is None
+    clock.now += runs_module.STALE_SECONDS
+    assert journal.take(1, NEXT) == 2
+
+
+DAMAGED_CLAIMS = [bytes(16), b"\xff" * 16, b"../../somewhere", b"0123456789ABCDEF", b"\n", b"x"]
+
+
+@pytest.mark.parametrize("content", DAMAGED_CLAIMS)
+def test_a_damaged_claim_is_given_time_and_then_taken_over(journal, clock, content):
+    """After a power cut it may hold anything; but it may also be one that was made a moment ago."""
+    (journal.folder / "shot_0001.claim.1").write_bytes(content)
+    assert journal.take(1, NEXT) is None
+    clock.now += runs_module.STALE_SECONDS
+    assert journal.take(1, NEXT) == 2
+
+
+@pytest.mark.parametrize("content", [b"x" * 5000, b"\0" * 5000])
+def test_a_claim_that_no_run_can_have_made_is_taken_over(journal, content):
+    (journal.folder / "shot_0001.claim.1").write_bytes(content)
+    assert journal.take(1, NEXT) == 2
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_is_called_as_a_claim_holds_nobody_up_and_stays(journal, make):
+    strange = journal.folder / "shot_0001.claim.7"
+    make(strange)
+    number = journal.take(1, NEXT)
+    assert (number, journal.holder(1)) == (8, NEXT)
+    journal.release(1, number, NEXT)
+    journal.runs.clear(NEXT)
+    assert [path.name for path in journal.folder.iterdir()] == ([] if make is make_huge_file else [strange.name])
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_is_called_as_a_run_is_none(journal, make):
+    make(journal.runs.path(NEW))
+    assert not journal.runs.lives(NEW)
+    assert not journal.runs.any_lives(but=NEXT)
+    with run_at_work(journal.runs):
+        pass
+    left = [path for path in journal.folder.iterdir() if not path.is_file() or path.is_symlink()]
+    assert left == list(journal.folder.iterdir())
+
+
+@pytest.mark.parametrize("token", ["../outside", "first", "", "0123456789abcdef0", "shot_0001.claim.1/../x", "\0"])
+def test_what_is_no_token_leads_to_no_file(journal, token):
+    (journal.frames_folder / "outside").write_text("{}\n0")
+    (journal.folder / "run-first").write_text("{}\n0")
+    assert not journal.runs.lives(token)
+
+
+OTHERS = [
+    "notes.claim.1", "0001.claim.x", "shot_0001.claim.01", "shot 0001.claim.1", ".0001.json.tmp", ".x.json.77.tmp",
+    ".swp.tmp", "run-1", "run-0123456789ABCDEF", ".run-1.tmp", ".a.psd.0123456789abcdef.tmp", "0001.claim.1.bak",
+]  # fmt: skip
+OURS = [
+    "0001.claim.1", "shot_10001.claim.12", ".0001.json.0123456789abcdef.tmp", ".animation.svg.0123456789abcdef.tmp",
+    ".shot_animation.png.0123456789abcdef.tmp", ".run-0123456789abcdef.tmp", "run-0123456789abcdef",
+]  # fmt: skip
+
+
+def test_only_what_is_exactly_ours_is_cleared_away(journal):
+    for name in (*OTHERS, *OURS):
+        (journal.folder / name).write_text("")
+    dead_here(journal, "0123456789abcdef")
+    journal.runs.clear(NEXT)
+    assert {path.name for path in journal.folder.iterdir()} == set(OTHERS)
+
+
+@posix
+def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkeypatch):
+    flushed, flush = [], os.fsync
+
+    def watched(descriptor):
+        flushed.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        flush(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    journal.take(1, NEXT)
+    assert flushed == ["shot_0001.claim.1", "journal"]
+    flushed.clear()
+    with run_at_work(journal.runs) as token:
+        assert flushed == [f".run-{token}.tmp", "journal"]
+    flushed.clear()
+    finish(journal, 1)
+    assert [name.split(".")[1] if name.startswith(".") else name for name in flushed] == ["shot_0001", "journal"]
+    flushed.clear()
+    journal.agree_on("key", {"seconds": 1.0})
+    assert flushed == ["found-key.json", "journal"]
+
+
+# A run's own process
+
+
+def test_a_run_lives_for_others_and_is_dead_when_it_is_killed(journal, start):
+    process = start(AT_WORK, journal.folder)
+    token = process.stdout.readline().decode().strip()
+    assert journal.runs.lives(token)
+    assert journal.take(1, token) == 1
+    assert journal.take(1, NEXT) is None
+    process.kill()
+    process.wait()
+    assert journal.take(1, NEXT) == 2
+    # What counts its number up finds that out too, and clears away.
+    wait_until(lambda: not journal.runs.path(token).exists())
+
+
+def test_a_run_that_is_over_leaves_nothing(tmp_path):
+    runs = Runs(tmp_path)
+    with run_at_work(runs) as token:
+        assert [path.name for path in tmp_path.iterdir()] == [f"run-{token}"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_heart_beats_as_long_as_its_run_holds_on_to_it(tmp_path, start):
+    path = tmp_path / "run-token"
+    path.write_text(f"{{}}\n{0:0{BEAT_DIGITS}}")
+    process = start(BEATING, path)
+    wait_until(lambda: int(path.read_bytes()[-BEAT_DIGITS:]) > 3)
+    assert path.read_bytes()[:3] == b"{}\n"
+    assert path.stat().st_size == 3 + BEAT_DIGITS
+    process.stdin.close()
+    process.wait(SECONDS)
+    assert (process.returncode, path.exists()) == (0, False)
+
+
+# What a frame has found
+
+
+def test_values_are_agreed_on_by_whoever_comes_first(journal):
+    assert journal.found("key") is None
+    assert journal.agree_on("key", {"seconds": 2.0}) == {"seconds": 2.0}
+    assert journal.agree_on("key", {"seconds": 9.0}) == {"seconds": 2.0}
+    assert journal.agree_on("other", {"seconds": 9.0}) == {"seconds": 9.0}
+
+
+@pytest.mark.parametrize(
+    "rubbish",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b'{"seconds": "long"}',
+        b'{"seconds": NaN}',
+        b"[" * 100_000,
+        b'{"seconds": 1%s}' % (b"0" * 400),
+        b"\xff",
+        b'{"seconds": true}',
+        b'{"seconds": "2"}',
+        b'{"seconds": -1}',
+        b'{"seconds": [2]}',
+    ],
+)
+def test_values_that_cannot_be_read_are_agreed_on_anew(journal, monkeypatch, rubbish):
+    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
+    (journal.folder / "found-key.json").write_bytes(rubbish)
+    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.found("key") == {"seconds": 3.0}
+
+
+@posix
+@pytest.mark.parametrize("make", [make for make in STRANGE if make is not make_folder])
+def test_whatever_else_is_called_as_what_was_found_is_replaced(journal, monkeypatch, make):
+    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
+    make(journal.folder / "found-key.json")
+    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.found("key") == {"seconds": 3.0}
+
+
+# Movies of the frames
+
+
+def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
+    movie = tmp_path / "film.mp4"
+    movie.write_bytes(b"moving")
+    assert not journal.knows_movie(movie)
+    journal.note_movie(movie)
+    assert journal.knows_movie(movie)
+    assert journal.knows_movie(movie.rename(tmp_path / "renamed.mp4"))
+    movie.write_bytes(b"others")
+    assert not journal.knows_movie(movie)
+    others = Journal(journal.frames_folder, "others_")
+    assert not others.knows_movie(tmp_path / "renamed.mp4"), "of other frames in the same folder"
+    (note,) = journal.folder.glob("movie-*.json")
+    note.write_bytes(b"[1]")
+    assert not journal.knows_movie(tmp_path / "renamed.mp4")
+
+
+@posix
+@pytest.mark.parametrize("make", STRANGE)
+def test_whatever_else_lies_in_a_movies_place_or_its_notes_is_unknown(journal, tmp_path, make):
+    movie = tmp_path / "film.mp4"
+    movie.write_bytes(b"moving")
+    journal.note_movie(movie)
+    (note,) = journal.folder.glob("movie-*.json")
+    note.unlink()
+    make(note)
+    assert not journal.knows_movie(movie)
+    if make is not make_huge_file:
+        movie.unlink()
+        make(movie)
+        assert not journal.knows_movie(movie)
+
+
+def test_a_movie_that_was_not_put_in_its_place_takes_nothing_from_the_one_that_is_there(journal, tmp_path):
+    movie, following = tmp_path / "film.mp4", tmp_path / "made.mp4"
+    for content in (b"moving", b"moving on", b"moving on still"):
+        following.write_bytes(content)
+        journal.note_movie(following)
+    movie.write_bytes(b"moving")
+    assert journal.knows_movie(movie)
+
+
+# Names
+
+
+def test_names_that_not_every_drive_can_have_are_told_apart(tmp_path):
+    names = {Journal(tmp_path, name).name for name in ("左_", "右_", "__", "a b", "a_b")}
+    assert len(names) == 5
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]*", name) for name in names)
+
+
+def test_a_frame_under_another_name_is_missing(journal):
+    """Another output path, or another suffix for a view."""
+    name = next(iter(files_of_one(journal)))
+    renamed = journal.frames_folder / f"other{name.suffix}"
+    assert journal.state(1, [name], WANTED) is FrameState.WHOLE
+    assert journal.state(1, [renamed], WANTED) is FrameState.MISSING
+
+
+def files_of_one(journal):
+    path = journal.frames_folder / "shot_0001.png"
+    path.write_bytes(b"frame 1")
+    record = Record(1, {path.name: checksum(path)}, WANTED.settings, WANTED.scene, "run", {})
+    journal.write(record)
+    return [path]
