@@ -6,11 +6,10 @@ removes the run's private folder, and only a complete result is moved into the o
 
 The worker (`python -m stereo_reproject.programs.worker`)
 ------------------------------------------------
-stdin    one line of JSON: {"command": what to do, "blend" (null where no scene is opened), "output" (null without
-         files), "work": absolute paths, "settings": StereoSettings as nested dicts, "files": those to be made, "only":
-         names of runs, "session": a Session as a dict, "animation": AnimationSettings as a dict, or null, "bench":
-         BenchSettings as a dict, or null, "strict": whether a warning that is known before the first render is an
-         error}.
+stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
+         "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
+         Session as a dict, "animation": AnimationSettings as a dict, or null, "strict": whether a warning that is known
+         before the first render is an error}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
@@ -44,7 +43,6 @@ from ..files import is_missing
 from ..report.report import check_report
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
-from .bench import BenchSettings
 from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
@@ -80,14 +78,14 @@ class Session:
 class Job:
     """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
 
-    blend is None where no scene is opened. files are those that the command (one of `worker.COMMANDS`) is to make, the
+    files are those that the command (one of `worker.COMMANDS`) is to make, the
     one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
-    have; without any it has all. animation is how the frames of one are rendered, bench what is measured of the warp.
+    have; without any it has all. animation is how the frames of one are rendered.
     strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
     is no setting of those that tell whether a frame is to be rendered again.
     """
 
-    blend: Path | None
+    blend: Path
     output: Path | None
     settings: StereoSettings
     command: str = "render"
@@ -95,13 +93,7 @@ class Job:
     only: tuple[str, ...] = ()
     session: Session = field(default_factory=Session)
     animation: AnimationSettings | None = None
-    bench: BenchSettings | None = None
     strict: bool = False
-
-    @property
-    def program(self) -> str:
-        """What runs in the worker, in a word."""
-        return "Blender" if self.bench is None else "the measurement"
 
 
 class WorkerCrashedError(StereoReprojectError):
@@ -123,7 +115,7 @@ def run_worker(
     left behind.
     """
     interrupts = interrupts or Interrupts()
-    with _work_folder(job) as work, _plain_blend(job) as blend, interrupts.until_cleaning():
+    with _work_folder(job) as work, plain_blend(job.blend) as blend, interrupts.until_cleaning():
         interrupts.check()
         with start_worker(command, work) as worker, _told_when_gone(job, worker):
             worker.send(_message(job, work, blend))
@@ -168,18 +160,9 @@ def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
         raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error
 
 
-@contextlib.contextmanager
-def _plain_blend(job: Job) -> Iterator[Path | None]:
-    if job.blend is None:
-        yield None
-        return
-    with plain_blend(job.blend) as blend:
-        yield blend
-
-
-def _known_names(work: Path, blend: Path | None) -> dict[bytes, bytes]:
+def _known_names(work: Path, blend: Path) -> dict[bytes, bytes]:
     """Paths that stand in for others, and those in their place, as JSON has them."""
-    plain = {str(folder): str(folder.resolve()) for folder in (work, blend and blend.parent) if folder}
+    plain = {str(folder): str(folder.resolve()) for folder in (work, blend.parent)}
     return {_json_text(name): _json_text(known) for name, known in plain.items() if name.startswith(STAND_INS)}
 
 
@@ -187,11 +170,11 @@ def _json_text(text: str) -> bytes:
     return json.dumps(text)[1:-1].encode()
 
 
-def _message(job: Job, work: Path, blend: Path | None) -> bytes:
+def _message(job: Job, work: Path, blend: Path) -> bytes:
     """The job as the worker is told it; blend is how Blender finds the job's."""
     fields = {
         "command": job.command,
-        "blend": None if blend is None else str(blend),
+        "blend": str(blend),
         "output": None if job.output is None else str(job.output),
         "work": str(work),
         "settings": asdict(job.settings),
@@ -199,7 +182,6 @@ def _message(job: Job, work: Path, blend: Path | None) -> bytes:
         "only": list(job.only),
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
-        "bench": None if job.bench is None else asdict(job.bench),
         "strict": job.strict,
     }
     return json.dumps(fields).encode() + b"\n"
@@ -237,9 +219,7 @@ def _listen(
                 on_event(stage)
             continue
         if not line:
-            raise WorkerCrashedError(
-                crash_message(worker, str(stage["stage"]), program=job.program, kept=_kept_by(job))
-            )
+            raise WorkerCrashedError(crash_message(worker, str(stage["stage"]), kept=_kept_by(job)))
         event = _parse(line, names)
         match event.get("event"):
             case "stage":

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError
-from ..jobs.bench import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings
 from ..settings.accuracy import SETTINGS
 from ..settings.animation import AnimationSettings, read_every, read_frames
 from ..settings.frame import (
@@ -164,27 +163,6 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"only these of its runs: {', '.join(names)}",
     )
     _add_quiet(parser)
-
-
-def add_bench_warp_arguments(parser: argparse.ArgumentParser) -> None:
-    def measured(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
-        default = getattr(BenchSettings, field)
-        parser.add_argument(
-            option, metavar=metavar, type=value_of(BenchSettings, field, read), default=default, help=text
-        )
-
-    measured("--size", "WxH", "size", size, "size of one eye in pixels (1920x1080)")
-    parser.add_argument(
-        "--scene",
-        choices=SCENES,
-        default=BenchSettings.scene,
-        help="a room full of posts, or one smooth surface, for which the adaptive grid is made (%(default)s)",
-    )
-    parser.add_argument("--mode", choices=MODES, default=BenchSettings.mode, help="how the eyes converge (%(default)s)")
-    parser.add_argument("--warp", choices=CARRIERS, default=BenchSettings.warp, help="who does the work (%(default)s)")
-    measured("--runs", "N", "runs", whole_number, f"how often it is timed, at least {FEWEST_RUNS} times (%(default)s)")
-    _add_grid_threshold(parser)
-    parser.add_argument("--json", metavar="FILE", help="also write all figures into this file")
 
 
 def _promises() -> str:

@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..errors import BadInputError, StereoReprojectError
-from ..files import to_json, write_json
-from ..jobs.bench import BenchSettings, format_bench
+from ..files import to_json
 from ..jobs.console import PROGRAM, Console
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import Event, Job, run_worker
@@ -31,7 +30,6 @@ from ..settings.frame import StereoSettings
 from ..tradeoff.cases import TRADEOFF_FILES, format_price_table
 from .arguments import (
     add_animate_arguments,
-    add_bench_warp_arguments,
     add_inspect_arguments,
     add_render_arguments,
     add_tradeoff_arguments,
@@ -156,54 +154,6 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
     return 0
 
 
-def _bench_warp(arguments: argparse.Namespace, console: Console, host: Host) -> int:
-    file = None if arguments.json is None else _file_to_write(arguments.json)
-    settings = StereoSettings(grid_threshold=arguments.grid_threshold)
-    bench = BenchSettings(arguments.size, arguments.scene, arguments.mode, arguments.warp, arguments.runs)
-    job = Job(None, None, settings, "bench-warp", files=(), bench=bench)
-    report = _have_done(job, console, host, console.on_event)
-    console.show(format_bench(report))
-    if file is not None:
-        try:
-            write_json(file, report)
-        except OSError as error:
-            raise BadInputError(f"{file} cannot be written ({error.strerror}); name another file") from error
-        console.show(f"file          {file}")
-    return 0
-
-
-def _file_to_write(name: str) -> Path:
-    """The absolute path of a file that is to be written, where links lead. Raises BadInputError where it cannot be."""
-    if not name:
-        raise BadInputError("the file has no name; give it one")
-    try:
-        path = _absolute(name).resolve()
-        what = _mode_of(path)
-        beside = path.parent.is_dir()
-    except (OSError, RuntimeError) as error:
-        # Links in a circle are a RuntimeError up to Python 3.12.
-        why = error.strerror if isinstance(error, OSError) else error
-        raise BadInputError(f"{name} cannot be written ({why}); name another file") from error
-    if what is not None and stat.S_ISDIR(what):
-        raise BadInputError(f"{path} is a folder; name a file in it")
-    if what is not None and not stat.S_ISREG(what):
-        # What appears whole takes the place of what is there.
-        raise BadInputError(f"{path} is not a regular file; name one, or a new one")
-    if not beside:
-        raise BadInputError(f"the folder {path.parent} does not exist; make it, or name a file in another")
-    if not os.access(path.parent, os.W_OK):
-        raise BadInputError(f"the folder {path.parent} cannot be written; name a file in another")
-    return path
-
-
-def _mode_of(path: Path) -> int | None:
-    """None where nothing is there. Raises OSError."""
-    try:
-        return path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-
-
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
     """The job for the scene and the output folder that were given; `what` is done as `Job` has it."""
     if not arguments.output:
@@ -310,13 +260,6 @@ COMMANDS = (
         "  %(prog)s room.blend --output prices --size 640x360 --samples 64\n",
         add_tradeoff_arguments,
         _tradeoff,
-    ),
-    Command(
-        "bench-warp",
-        "Measure the warp stage on a made-up scene, on one core, against SciPy's bare lookup; needs SciPy.",
-        "  %(prog)s --size 3840x2160 --json warp.json\n  %(prog)s --size 3840x2160 --scene smooth --grid-threshold 0\n",
-        add_bench_warp_arguments,
-        _bench_warp,
     ),
 )
 

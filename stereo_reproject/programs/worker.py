@@ -6,7 +6,6 @@ anything but one line. See `supervisor` for the other side.
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import sys
@@ -24,7 +23,7 @@ from ..settings.frame import SceneOverrides, StereoSettings
 
 if TYPE_CHECKING:
     # It takes numpy.
-    from ..warp.stage import WarpStage
+    pass
 
 Emit = Callable[..., None]
 
@@ -144,39 +143,12 @@ def _plan(job: dict[str, Any], emit: Emit) -> None:
     _inspect(job, emit, sketch=False)
 
 
-def _bench_warp(job: dict[str, Any], emit: Emit) -> None:
-    """Measure the warp stage on a made-up scene. No .blend is opened, and nothing but a GPU takes Blender."""
-    from ..jobs.bench import BenchSettings, use_one_core
-
-    core = use_one_core()
-    from ..jobs.warp_bench import measure
-
-    fields = job["bench"]
-    settings = BenchSettings(**{**fields, "size": tuple(fields["size"])})
-    threshold = _settings(job["settings"]).grid_threshold
-    report = measure(settings, threshold, core=core, find_gpu=_find_gpu, on_part=_on_stage(emit))
-    emit("done", report=report, files=[])
-
-
-def _find_gpu() -> tuple[WarpStage | None, str]:
-    """The GPU that can warp, or None and why there is none."""
-    try:
-        # Without bpy, which brings `gpu`, there is still numpy to be measured.
-        importlib.import_module("bpy")
-        gpu_warp = importlib.import_module("..blender.gpu.warp", __package__)
-    except ImportError as error:
-        return None, f"no usable GPU ({error})"
-    stage = gpu_warp.gpu_stage()
-    return stage, "" if stage is not None else "no usable GPU (Blender finds none)"
-
-
 COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
     "render": _render,
     "animate": _animate,
     "tradeoff": _tradeoff,
     "inspect": _inspect,
     "plan": _plan,
-    "bench-warp": _bench_warp,
 }
 
 

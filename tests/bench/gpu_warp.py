@@ -2,7 +2,7 @@
 
     python tests/bench/gpu_warp.py [--runs 5]
 
-The picture is the room of bench-warp, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
+The picture is the synthetic room, 1920 x 1080, seen by an off-axis and by a toed-in pair. As a whole the
 two are timed in turn. The steps are timed apart from that, each with a wait for the GPU after it.
 """
 
@@ -21,9 +21,9 @@ import bpy
 
 from stereo_reproject.blender.gpu import textures as gpu_textures
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.jobs.bench import MODES
-from stereo_reproject.jobs.made_up import eyes, room
 from stereo_reproject.warp import carrying
+from tests.bench.warp.scenes import eyes, room
+from tests.bench.warp.settings import MODES
 
 SIZE = (1920, 1080)
 

@@ -16,9 +16,6 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.jobs.bench import CARRIERS, MODES
-from stereo_reproject.jobs.warp_bench import LEFT_TO_NUMPY
-from stereo_reproject.jobs.warp_profile import STEPS
 from stereo_reproject.jobs.work_folder import work_folder
 from tests.bench.performance import __main__ as bench
 from tests.bench.performance import fits, paper, running, stage_tables, tables
@@ -47,6 +44,10 @@ from tests.bench.performance.plan import (
 )
 from tests.bench.performance.results import analysed, write_csv
 from tests.bench.performance.running import ROOT, Ended, last_json, record_of, run_process
+from tests.bench.warp import __main__ as program
+from tests.bench.warp.measure import LEFT_TO_NUMPY
+from tests.bench.warp.profile import STEPS
+from tests.bench.warp.settings import CARRIERS, MODES
 
 SECONDS = 60.0
 EXACT = 1e-6
@@ -465,11 +466,9 @@ def test_the_warp_stage_is_measured_toed_in_and_on_smooth_surfaces_natively_and_
     assert {run.size for run in runs if run.picture.scene == "smooth"} == {TINY.stage_size}
 
 
-def test_a_picture_of_the_warp_stage_is_asked_for_in_words_that_bench_warp_knows(room):
-    from stereo_reproject.programs.cli import _parser
-
+def test_a_picture_of_the_warp_stage_is_asked_for_in_words_that_its_program_knows(room):
     for run in (case.run for case in planned(room) if case.part == STAGE):
-        told = _parser("test").parse_args(["bench-warp", *run.options()])
+        told = program.parse(run.options())
         assert (told.scene, told.mode, told.grid_threshold) == tuple(asdict(run.picture).values())
 
 

@@ -153,7 +153,7 @@ def test_the_pictures_are_of_different_things(facts):
 
 
 def test_the_window_s_gpu_warps_as_numpy_does(facts):
-    """OpenGL or Vulkan; the size is the picture's that bench-warp makes up."""
+    """OpenGL or Vulkan; the size is the picture's of a synthetic room."""
     found = facts["warp"]
     assert found.pop("device")
     assert len(found) > 1

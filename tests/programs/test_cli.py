@@ -888,7 +888,9 @@ def test_nobody_reads_the_answer(option, unbuffered):
 
 
 def test_parent_process_never_imports_blender(place):
-    code = "import sys; from stereo_reproject.programs import cli; sys.exit(any(n in sys.modules for n in ('bpy', 'numpy')))"
+    code = (
+        "import sys; from stereo_reproject.programs import cli; sys.exit(not {'bpy', 'numpy'}.isdisjoint(sys.modules))"
+    )
     finished = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
     assert finished.returncode == 0
 

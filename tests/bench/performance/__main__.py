@@ -24,7 +24,6 @@ from typing import Any
 from stereo_reproject.blender.scene.file_digest import file_digest
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.files import whole_file, write_json
-from stereo_reproject.jobs.bench import machine_facts, versions
 from stereo_reproject.jobs.work_folder import WORK_PREFIX, work_folder
 from stereo_reproject.programs.cli import version
 from stereo_reproject.tradeoff.charts import check_charts
@@ -36,6 +35,7 @@ from tests.bench.performance.plan import DEMO, PATH, TRIANGLES, Case, Plan, Run,
 from tests.bench.performance.results import analysed, write_csv
 from tests.bench.performance.running import ROOT, Runner, code_digest, commit, last_json, run_process
 from tests.bench.performance.tables import as_markdown
+from tests.bench.warp.settings import machine_facts, versions
 
 RESULTS = ("results.csv", "results.md", "results.json")
 PACKAGES = ("bpy", "numpy", "scipy", "matplotlib")

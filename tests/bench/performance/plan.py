@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from stereo_reproject.blender.scene.file_digest import file_digest
-from stereo_reproject.jobs import made_up
-from stereo_reproject.jobs.bench import CARRIERS, MODES
 from stereo_reproject.settings.frame import StereoSettings
+from tests.bench.warp import scenes as made_up
+from tests.bench.warp.settings import CARRIERS, MODES
 
 MULTIVIEW = "multiview"
 METHODS = ("card", "packed")
@@ -101,7 +101,7 @@ class Run:
         return replace(self, method=MULTIVIEW)
 
     def options(self) -> list[str]:
-        """Those of `render`, without the scene and the output folder; of `bench-warp`, where a carrier is measured."""
+        """Those of `render`, without scene and output folder; of `tests.bench.warp`, where a carrier is measured."""
         if self.method in CARRIERS:
             return [f"--size={self.size[0]}x{self.size[1]}", f"--warp={self.method}", *self.picture.options()]
         optional = {
@@ -211,7 +211,7 @@ def cases(plan: Plan, scenes: Sequence[Scene], study: Scene, path: Scene, subdiv
 
 
 def _of_stage(plan: Plan) -> Iterator[Case]:
-    """Once each: bench-warp has repeats of its own."""
+    """Once each: that measurement has repeats of its own."""
     for size in plan.stage_sizes:
         yield from (Case(STAGE, Run(MADE_UP, carrier, size, 0)) for carrier in CARRIERS)
     for picture in (TOED_IN, *NATIVE_AND_ADAPTIVE):

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.jobs.bench import CARRIERS
-from stereo_reproject.jobs.warp_bench import LEFT_TO_NUMPY
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Record
 from tests.bench.performance.plan import MULTIVIEW, Run
+from tests.bench.warp.measure import LEFT_TO_NUMPY
+from tests.bench.warp.settings import CARRIERS
 
 ROOT = Path(__file__).resolve().parents[3]
 END_SECONDS = 20.0
@@ -28,7 +28,7 @@ END_SECONDS = 20.0
 MESSAGE_LENGTH = 240
 
 NO_GPU = ("no usable GPU", LEFT_TO_NUMPY)
-"""What bench-warp says where there is none, or none for pictures of that size, which is no failure."""
+"""Words of `tests.bench.warp` where there is none, or none for pictures of that size, which is no failure."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class Runner:
 
     def _stage(self, run: Run) -> Record:
         file = self._work / "stage.json"
-        ended = run_process(["-m", "stereo_reproject", "bench-warp", *run.options(), f"--json={file}"], self._work)
+        ended = run_process(["-m", "tests.bench.warp", *run.options(), f"--json={file}"], self._work)
         if any(words in ended.errors for words in NO_GPU):
             return {"status": LEFT_OUT, "message": ended.message()}
         report = _read(file)

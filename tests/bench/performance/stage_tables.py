@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stereo_reproject.jobs.warp_profile import STEPS
 from tests.bench.performance import paper
 from tests.bench.performance.cells import NONE, cell, milliseconds, share, size_text, table, times
+from tests.bench.warp.profile import STEPS
 
 Rows = Sequence[Mapping[str, Any]]
 

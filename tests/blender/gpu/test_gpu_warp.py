@@ -13,11 +13,11 @@ import pytest
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.images.passes import OF_SOURCE
-from stereo_reproject.jobs.bench import MODES
-from stereo_reproject.jobs.made_up import SCENES as SCENES_OF_THE_BENCH
-from stereo_reproject.jobs.made_up import eyes, room
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.warp.motion import moving
+from tests.bench.warp.scenes import SCENES as SCENES_OF_THE_BENCH
+from tests.bench.warp.scenes import eyes, room
+from tests.bench.warp.settings import MODES
 from tests.blender.gpu.gpu_cases import (
     HAS_GPU,
     RECTIFIED,

@@ -36,7 +36,6 @@ RENDER = ("render", SCENE, "--output", "out")
 ANIMATE = ("animate", SCENE, "--output", "out")
 TRADEOFF = ("tradeoff", SCENE, "--output", "out")
 INSPECT = ("inspect", SCENE)
-BENCH = ("bench-warp",)
 
 Argument = str | bytes
 
@@ -292,17 +291,14 @@ def _numbers() -> Iterator[Refusal]:
     yield from _values(RENDER, "--frame", (*whole, "-1048575", "1048575", "2147483648", "1-5", "1,2"))
     yield from _values(ANIMATE, "--samples", (*whole[::2], "0", "-0", "-1", "16777217", "4294967297"))
     yield from _values(INSPECT, "--seed", (*whole[1::2], "-1", "2147483648", "4294967296"))
-    yield from _values(BENCH, "--runs", (*whole[::4], "0", "1", "2", "-5", "1e1"))
     yield from _values(RENDER, "--interocular", (*NO_NUMBER, "-0.065", "-1e-300", "1e309", "0.065m", "6.5cm", "auto"))
     yield from _values(ANIMATE, "--convergence", (*NO_NUMBER[::2], "0", "-0", "0e5", "1e-400", "-2", "2m", "1e400"))
     yield from _values(RENDER, "--tolerance", (*NO_NUMBER[1::2], "1", "1.0", "0.999", "0", "-1.1", "1e999", "110%"))
     yield from _values(INSPECT, "--grid-threshold", (*NO_NUMBER[::3], "-1", "-1e-9", "1e999", "1'", "0.1deg"))
-    yield from _values(BENCH, "--grid-threshold", (*NO_NUMBER[1::4], "-0.5"))
 
 
 def _shapes() -> Iterator[Refusal]:
     yield from _values(RENDER, "--size", NO_SIZE)
-    yield from _values(BENCH, "--size", NO_SIZE[::3])
     yield from _values(ANIMATE, "--frames", NO_FRAMES)
     yield from _values(ANIMATE, "--compare", NO_EVERY)
 
@@ -319,9 +315,6 @@ def _choices() -> Iterator[Refusal]:
     yield from _values(RENDER, "--warp", (*NO_CHOICE[6:9], "GPU", "cuda", "0", "numpy,gpu"))
     yield from _values(ANIMATE, "--layout", (*NO_CHOICE, "side by side", "sbs", "side_by_side", "anaglyph", "_LR"))
     yield from _values(TRADEOFF, "--only", (*NO_CHOICE[:9], "Full", "holes", "full,card"))
-    yield from _values(BENCH, "--scene", (*NO_CHOICE[:3], "Room", "cornell-box", SCENE))
-    yield from _values(BENCH, "--mode", ("parallel", "TOE-IN", "toe in"))
-    yield from _values(BENCH, "--warp", ("auto", "NUMPY", ""))
 
 
 def _structures() -> Iterator[Refusal]:
@@ -398,15 +391,6 @@ def _structures() -> Iterator[Refusal]:
         (TRADEOFF, ("--accuracy", "draft"), "--accuracy"),
         (TRADEOFF, ("--fill", "packed"), "--fill"),
         (TRADEOFF, ("--compare",), "--compare"),
-        (BENCH, (SCENE,), "unrecognized"),
-        (BENCH, ("--output", "out"), "--output"),
-        (BENCH, ("--json",), "--json"),
-        (BENCH, ("--json", ""), "no name"),
-        (BENCH, ("--json", "."), "folder"),
-        (BENCH, ("--json", "/dev/null"), "not a regular file"),
-        (BENCH, ("--json", "missing/file.json"), "missing"),
-        (BENCH, ("--json", "x" * 300), "x" * 300),
-        (BENCH, ("--samples", "4"), "--samples"),
     ):
         yield Refusal(_named(command or ("",), *arguments).replace(SCENE, "SCENE"), (*command, *arguments), (word,))
 

@@ -1,4 +1,4 @@
-"""bench-warp on the GPU that Blender has, as a user runs it."""
+"""The measurement of the warp on the GPU that Blender has, as a user runs it."""
 
 import json
 import os
@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from stereo_reproject.jobs.bench import cpu_name
+from tests.bench.warp.settings import cpu_name
 from tests.blender.gpu.gpu_cases import HAS_GPU, SAME_COLOURS, SAME_MASK
 from tests.conftest import TESTS
 
@@ -20,7 +20,7 @@ def test_the_gpu_is_measured_and_held_against_numpy(tmp_path, mode):
     file = tmp_path / "warp.json"
     options = ["--size", "64x36", "--warp", "gpu", "--mode", mode, "--json", str(file)]
     done = subprocess.run(
-        [sys.executable, "-m", "stereo_reproject", "bench-warp", *options],
+        [sys.executable, "-m", "tests.bench.warp", *options],
         env={**os.environ, "PYTHONPATH": str(TESTS.parent)},
         cwd=tmp_path,
         capture_output=True,

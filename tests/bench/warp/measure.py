@@ -16,21 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import BadInputError
-from ..holes.reprojection import Reprojection, reproject
-from ..images.passes import COLOUR_PASS, DEPTH_PASS
-from ..settings.accuracy import SETTINGS
-from ..warp.depth_steps import TEAR, disparity_of, disparity_steps
-from ..warp.forward import forward_warp
-from ..warp.grid import build_grid
-from ..warp.stage import NUMPY, WarpStage
-from .bench import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
-from .made_up import CONVERGENCE, INTEROCULAR, SCENES, eyes
-from .warp_profile import profiled
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.holes.reprojection import Reprojection, reproject
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.warp.depth_steps import TEAR, disparity_of, disparity_steps
+from stereo_reproject.warp.forward import forward_warp
+from stereo_reproject.warp.grid import build_grid
+from stereo_reproject.warp.stage import NUMPY, WarpStage
+from tests.bench.warp.profile import profiled
+from tests.bench.warp.scenes import CONVERGENCE, INTEROCULAR, SCENES, eyes
+from tests.bench.warp.settings import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
 
 ACCURACY = "balanced"
 RATIO = "median of the ratios of each turn"
-NEEDS_SCIPY = "bench-warp compares with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
+NEEDS_SCIPY = "the warp stage is compared with SciPy's lookup, and SciPy is missing ({}); run `pip install scipy`"
 
 LEFT_TO_NUMPY = "has left a picture of this size to numpy"
 
@@ -98,7 +98,7 @@ def measure(
     find_gpu: FindGpu,
     on_part: Callable[[str, str], None] = lambda *_: None,
 ) -> dict[str, Any]:
-    """The report of bench-warp; core is the one that this process is pinned to. Raises BadInputError.
+    """The report; core is the one that this process is pinned to. Raises BadInputError.
 
     on_part is told of each part of the work as it begins, and of its detail.
     """

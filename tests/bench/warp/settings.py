@@ -1,4 +1,4 @@
-"""What `bench-warp` is asked to measure, what it says of the machine, and how a person reads the result."""
+"""The measurement of the warp stage: what it is asked for, what it says of the machine, and its result for a person."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import BadInputError
-from ..settings.frame import WARPS, SceneOverrides
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.settings.frame import WARPS, SceneOverrides
 
 BENCH_SCHEMA = 2
 
 SCENES = ("room", "smooth")
-"""The names of `made_up.SCENES`, which take numpy to look up."""
+"""The names of `scenes.SCENES`, which take numpy to look up."""
 
 MODES = ("off-axis", "toe-in")
 """How the eyes converge. Off-axis is warped row by row, toe-in quad by quad."""
@@ -97,7 +97,7 @@ def versions(*packages: str) -> dict[str, str | None]:
 
 
 def format_bench(report: Mapping[str, Any]) -> str:
-    """The report of `warp_bench.measure` as a person reads it, in lines of plain ASCII."""
+    """The report of `measure.measure` as a person reads it, in lines of plain ASCII."""
     width, height = report["size"]
     all_seconds, grid, scene = report["all_seconds"], report["grid"], report["scene"]
     spread = f"median of {report['runs']}, from {min(all_seconds):.4f} to {max(all_seconds):.4f}"

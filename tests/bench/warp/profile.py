@@ -7,13 +7,13 @@ import statistics
 from collections.abc import Callable
 from types import CodeType
 
-from ..holes.reprojection import Marking
-from ..warp.carrying import carry
-from ..warp.composite import warp_passes
-from ..warp.depth_steps import disparity_of, disparity_steps
-from ..warp.empty import empty_reasons
-from ..warp.forward import forward_warp
-from ..warp.grid import build_grid
+from stereo_reproject.holes.reprojection import Marking
+from stereo_reproject.warp.carrying import carry
+from stereo_reproject.warp.composite import warp_passes
+from stereo_reproject.warp.depth_steps import disparity_of, disparity_steps
+from stereo_reproject.warp.empty import empty_reasons
+from stereo_reproject.warp.forward import forward_warp
+from stereo_reproject.warp.grid import build_grid
 
 RUNS = 3
 

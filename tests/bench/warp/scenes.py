@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes
-from ..views.camera import PerspectiveCamera, ViewPlane
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, Passes
+from stereo_reproject.views.camera import PerspectiveCamera, ViewPlane
 
 INTEROCULAR, CONVERGENCE = 0.065, 3.0
 VIEW_ANGLE = np.radians(60.0)
