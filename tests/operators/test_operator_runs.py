@@ -183,7 +183,7 @@ def test_a_destination_that_is_taken_is_said_before_anything_is_rendered(extensi
 
 def test_a_delivery_that_fails_leaves_the_scene_as_it_was(extension, scene, place, monkeypatch):
     from stereo_reproject_extension.operators import jobs
-    from stereo_reproject_extension.stereo_reproject.blender import delivery
+    from stereo_reproject_extension.stereo_reproject.blender.output import delivery
 
     def fails(*_args, **_how):
         raise RuntimeError("forced in delivery")

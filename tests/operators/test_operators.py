@@ -203,7 +203,7 @@ def test_a_compositor_that_shows_what_is_not_rendered_is_left_out_with_a_word(ex
 )
 def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, kind, words):
     from stereo_reproject_extension.operators.panels import _means
-    from stereo_reproject_extension.stereo_reproject.blender.devices import devices_in_use, use_devices
+    from stereo_reproject_extension.stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 
     kept = devices_in_use()
     try:
