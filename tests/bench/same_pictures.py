@@ -3,10 +3,10 @@
     python -m tests.bench.same_pictures BEFORE [AFTER] --scenes DIR [--output DIR] [--size WxH] [--samples N]
 
 BEFORE and AFTER are commits (AFTER is the checkout as it stands, unless given). The scenes are a denoised one, one that
-BEFORE and AFTER are commits (AFTER is the checkout as it stands, unless given). The scenes are a denoised one, one of
-EEVEE, one toed in, one with two view layers, and three frames of an animation; holes are traced packed and numpy
-compared, and of each report what was decided: reasons, traced pixels, the grid, and the estimate. DIR gets what was
-rendered. Exit status 1 where anything differs by more than 1e-6.
+EEVEE renders, one toed in, one with two view layers, and three frames of an animation; holes are traced packed and
+numpy warps, for what depends on the time that something takes would differ anyway. All channels of all EXR files are
+compared, and of each report what was decided: reasons, traced pixels, the grid, and the estimate. --output gets what
+was rendered. Exit status 1 where anything differs by more than 1e-6.
 """
 
 from __future__ import annotations
