@@ -1,7 +1,7 @@
 """Stereo Reproject: a stereo pair for little more than the price of one eye.
 
 `import stereo_reproject` needs numpy only; whatever needs Blender lives in `stereo_reproject.blender`. Start
-reading at `pipeline.render_stereo_frame`: it is the way of a frame, top to bottom.
+reading at `pipeline.frame.render_stereo_frame`: it is the way of a frame, top to bottom.
 
 Conventions, the same in every file
 -----------------------------------

@@ -40,7 +40,7 @@ WORTH_OF_DENOISED = 0.3
 
 
 class Tracer(Protocol):
-    """The part of `pipeline.Renderer` that traces."""
+    """The part of `pipeline.frame.Renderer` that traces."""
 
     def trace(
         self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None

@@ -61,10 +61,10 @@ HANDED_OVER = "write"
 class Session:
     """What an open Blender knows that a .blend which it saved does not say; as it is, what a .blend says itself.
 
-    scene is as `blender.scene.scene_key` has it, None the one that was active; devices are as `blender.devices` has
-    them, None those of the worker's own preferences. original is the path of the file that the .blend is a copy of,
-    empty for one that was never saved: what is written belongs beside it. scripts of the .blend run only when told to.
-    layers are the names of the view layers that its window renders.
+    scene is as `blender.scene.working.scene_key` has it, None the one that was active; devices are as
+    `blender.scene.devices` has them, None those of the worker's own preferences. original is the path of the file that
+    the .blend is a copy of, empty for one that was never saved: what is written belongs beside it. scripts of the
+    .blend run only when told to. layers are the names of the view layers that its window renders.
     """
 
     scene: tuple[str, str | None] | None = None

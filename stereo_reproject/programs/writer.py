@@ -1,9 +1,9 @@
 """The process that writes an animation's frames while the next ones are rendered.
 
 Writing needs Blender: its compositor, view transform, formats and file naming run after a render call, here one of
-`blender.delivery`. But a render call for one scene has Blender drop what Cycles keeps of any other, and writing would
-cost the renderer its synced scene with each frame. So it is done in a Blender of its own, which opens the same file and
-keeps nothing of it but what pictures go through. `writer_process` is the other side.
+`blender.output.delivery`. But a render call for one scene has Blender drop what Cycles keeps of any other, and writing
+would cost the renderer its synced scene with each frame. So it is done in a Blender of its own, which opens the same
+file and keeps nothing of it but what pictures go through. `writer_process` is the other side.
 
 stdin    one line of JSON, a WriterOrder as a dict; then a line for each frame, a WrittenFrame as a dict. At its end the
          frames that were handed over are still written, and the process ends.

@@ -35,7 +35,7 @@ class Record:
 
 def read_record(read: Any) -> Record:
     """A record from JSON, each field of its own kind; of the figures only that they have names, for whoever uses them
-    looks at them (`animation_figures`). Raises ValueError, which says what is wrong with it."""
+    looks at them (`figures`). Raises ValueError, which says what is wrong with it."""
     if not isinstance(read, dict) or read.keys() != {field.name for field in fields(Record)}:
         raise ValueError("it has not the fields of a record")
     for name, is_as_it_should_be in _KINDS.items():

@@ -1,7 +1,7 @@
 """The way of an animation: which of its frames are to be rendered, and then one after the other, each of them once.
 
-What renders a frame and writes its files is handed in (`blender.animation` has the one that ships), so that this can be
-read, and killed at any moment in a test, without Blender.
+What renders a frame and writes its files is handed in (`blender.commands.animation` has the one that ships), so that
+this can be read, and killed at any moment in a test, without Blender.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def plan_frames(
     *,
     on_look: Callable[[int], None] = lambda _: None,
 ) -> FramePlan:
-    """What is to be done about frames with these files. existing is one of `animation_settings.EXISTING`; on_look is
+    """What is to be done about frames with these files. existing is one of `settings.animation.EXISTING`; on_look is
     called for each frame of which there was something to be looked at, which takes a while.
 
     Raises BadInputError when frames are there that are not to be touched, and OSError.

@@ -96,7 +96,7 @@ class WriterProcess:
             time.sleep(ANSWER_SECONDS)
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """As `animation.FrameMaker` has it."""
+        """As `frames.FrameMaker` has it."""
         self._look()
         while wait and self._pending:
             time.sleep(ANSWER_SECONDS)

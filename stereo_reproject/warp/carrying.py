@@ -1,6 +1,6 @@
 """From the source's passes to the target's: grid, forward warp, colours, and where nothing landed.
 
-That is the part of the warp stage which a GPU may do as well, see `warp_stage`; this is how numpy does it.
+That is the part of the warp stage which a GPU may do as well, see `warp.stage`; this is how numpy does it.
 """
 
 from __future__ import annotations

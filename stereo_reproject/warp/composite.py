@@ -26,7 +26,7 @@ from .motion import Moving, standing_still, warp_motion
 from .rectified import shift_of
 
 LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
-"""A pass (H, W, C) as the target sees it, (h, w, C), found by one of `lookup.INTERPOLATIONS`."""
+"""A pass (H, W, C) as the target sees it, (h, w, C), found by `lookup.lookup`."""
 
 
 def warp_passes(

@@ -31,7 +31,7 @@ LARGEST_AREA = 1e12
 def draw_quads(
     depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """x, y and nearness of a `warp.Warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn."""
+    """x, y and nearness of a `forward.Warp`; torn (H + 1, W + 1) are quads that are not drawn in a subdivided cell."""
     vertices = lattice_depth(depth)
     # Beyond the frame's outer ring there is nothing.
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))

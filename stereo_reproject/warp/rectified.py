@@ -78,7 +78,7 @@ def warp_rows(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Source x (H, width) in pixels, NaN where nothing lands, and nearness (H, width), -inf there.
 
-    depth (H, W) as for `warp.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
+    depth (H, W) as for `forward.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
     """
     height = depth.shape[0]
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)

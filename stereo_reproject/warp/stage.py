@@ -26,7 +26,7 @@ NUMPY = WarpStage(carry)
 def choose_stage(
     asked: str, pixels: int, gpu: Callable[[], WarpStage | None], is_faster: Callable[[WarpStage], bool]
 ) -> WarpStage:
-    """Of `settings.WARPS` what was asked for; numpy, without a word, where there is no GPU that works.
+    """Of `settings.frame.WARPS` what was asked for; numpy, without a word, where there is no GPU that works.
 
     gpu finds one, which takes a while; is_faster measures whether one is, for pictures of so many pixels.
     """

@@ -138,7 +138,7 @@ class Scene:
         return Outcome(self.name, knob.name, value, seed, float(np.mean(eye.traced)), *truth, estimate)
 
     def _finished(self, accuracy: Accuracy, seed: int) -> tuple[TargetEye, float]:
-        """As `pipeline.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
+        """As `frame.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
         warped = replace(self.warped, passes=passes, accuracy=accuracy)

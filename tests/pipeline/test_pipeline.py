@@ -75,7 +75,7 @@ BOX_REACH = 1.5
 
 @dataclass
 class Caster:
-    """A renderer that the pipeline can ask, after `pipeline.Renderer`; it remembers what it was asked."""
+    """A renderer that the pipeline can ask, after `pipeline.frame.Renderer`; it remembers what it was asked."""
 
     world: World
     cameras: dict

@@ -101,7 +101,7 @@ class AgreedPrecedent(Precedent):
 
 
 class BlenderFrameMaker:
-    """Renders frames with one working scene that stays, and hands them to the writer: `animation.FrameMaker`."""
+    """Renders frames with one working scene that stays, and hands them to the writer: `frames.FrameMaker`."""
 
     def __init__(
         self,

@@ -41,7 +41,7 @@ FILL_SEED = 1_000_003
 
 
 class BlenderRenderer:
-    """Renders a scene that `scene.working_scene` made; `folder` is private and takes the files between the stages.
+    """Renders a scene that `working.working_scene` made; `folder` is private and takes the files between the stages.
 
     user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """

@@ -1,11 +1,11 @@
 """The steps after the warp: what is empty and why, and what of the passes each target pixel shows.
 
-Written as those in `gpu_warp_source` are, with its parts.
+Written as those in `warp_source` are, with its parts.
 """
 
 from __future__ import annotations
 
-# holes._behind_empty; a row is one invocation's, there and back, whatever is empty in it.
+# empty._behind_empty; a row is one invocation's, there and back, whatever is empty in it.
 NEIGHBOURS = """
 void main() {
   int row = int(gl_GlobalInvocationID.x);
@@ -25,7 +25,7 @@ void main() {
 }
 """
 
-# holes.empty_reasons; here the target is what points come from.
+# empty.empty_reasons; here the target is what points come from.
 FLAGS = """
 uint flags_of_empty(ivec2 pixel) {
   float before = texelFetch(before_map, pixel, 0).x, after = texelFetch(after_map, pixel, 0).x;

@@ -67,7 +67,7 @@ CONSTANTS = {
     "disparity_scale": "FLOAT",
     "shift_line": "VEC2",  # offset and change per nearness
     "key_way": "IVEC2",  # a key is 2 (x + y * interval), greater where nearer, and odd where it is shown
-    "move_x": "VEC4",  # see gpu_warp._moves
+    "move_x": "VEC4",  # see warp._moves
     "move_y": "VEC4",
     "move_depth": "VEC4",
     "move_scale": "VEC4",

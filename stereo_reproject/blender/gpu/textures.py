@@ -22,7 +22,7 @@ class NoRoomError(RuntimeError):
 
 @cache
 def shader(name: str) -> gpu.types.GPUShader:
-    """One of `gpu_shaders.PROGRAMS`, compiled when it is first needed."""
+    """One of `shaders.PROGRAMS`, compiled when it is first needed."""
     return compile_program(PROGRAMS[name])
 
 

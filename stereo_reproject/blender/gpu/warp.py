@@ -1,4 +1,4 @@
-"""The warp stage on the GPU: what `carrying.carry` does with numpy, by the compute shaders of `gpu_shaders`.
+"""The warp stage on the GPU: what `carrying.carry` does with numpy, by the compute shaders of `shaders`.
 
 The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait
 for the answer. All that follows stays there, and every picture goes there and comes back once.
@@ -212,7 +212,7 @@ def _draw(bench: Bench, source: Camera, target: Camera) -> None:
 
 
 def _empty(bench: Bench, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """(H, W) as `holes.empty_reasons` has it."""
+    """(H, W) as `empty.empty_reasons` has it."""
     for name in ("before", "after"):
         bench.create(name, _size(target))
     bench.run("neighbours", (target.height, 1))
@@ -253,7 +253,7 @@ def _looked_up(bench: Bench, image: NDArray[np.float32], how: str, target: Camer
 
 
 def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
-    """How far a point of the source moves, as `gpu_shaders.MOVE` computes it.
+    """How far a point of the source moves, as `warp_source.MOVE` computes it.
 
     By coefficients of (x, y, 1, nearness or depth), x and y in pixels from the middle of the picture. Of a place in the
     target, a quotient, the place in the source is taken away before the division and not after it: what is left is

@@ -82,7 +82,7 @@ bool is_torn(ivec2 quad) {
 }
 """
 
-# holes.disparity_steps
+# depth_steps.disparity_steps
 CUTS = """
 float disparity_at(ivec2 pixel) {
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, source_size))) return NO_NUMBER;

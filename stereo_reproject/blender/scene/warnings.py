@@ -35,7 +35,7 @@ def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict:
 
 
 def _engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
-    """The source's engine, by a name of the scene's own or of `scene.EEVEE`."""
+    """The source's engine, by a name of the scene's own or of `working.EEVEE`."""
     by_name = {"cycles": CYCLES, "eevee": EEVEE[0], None: scene.render.engine}
     return by_name[overrides.source_engine]
 

@@ -1,6 +1,7 @@
 """Depths, colours, eyes and lenses at their worst: the GPU's mask and colours are numpy's, either way between the eyes.
 
-What numpy's are worth is for `tests/warp/test_hard_cases.py` and `test_hard_rigs.py` to say, whose cases these are.
+What numpy's are worth is for `tests/warp/test_hard_cases.py` and `tests/warp/test_hard_rigs.py`
+to say, whose cases these are.
 """
 
 from __future__ import annotations
