@@ -186,14 +186,22 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
 
 def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
     # Not in the folder where the caller stands, in which Python looks first: anything may lie there under these names.
-    here = os.path.realpath(os.curdir)
-    path = [entry for entry in sys.path if os.path.realpath(entry or os.curdir) != here]
+    here = _resolved(os.curdir)
+    path = [entry for entry in sys.path if _resolved(entry or os.curdir) not in (None, here)]
     for name in modules:
         with contextlib.suppress(ImportError, ValueError):
             found = importlib.machinery.PathFinder.find_spec(name, path)
             if found is not None and found.origin is not None:
                 place = Path(found.origin).resolve().parent
                 yield place.parent if found.submodule_search_locations else place
+
+
+def _resolved(folder: str) -> str | None:
+    """The folder's own path, None where the caller stands in a folder that is gone."""
+    try:
+        return os.path.realpath(folder)
+    except OSError:
+        return None
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

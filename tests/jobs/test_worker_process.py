@@ -109,6 +109,15 @@ def test_frames_are_read_whatever_the_encoding_of_standard_input(encoding, tmp_p
     assert json.loads((tmp_path / "7.json").read_text())["status"] == 1
 
 
+@pytest.mark.skipif(os.name != "posix", reason="a folder goes while somebody stands in it")
+def test_who_stands_in_a_folder_that_is_gone_finds_the_libraries_too(tmp_path, monkeypatch):
+    before = worker_process.worker_environment().get("PYTHONPATH")
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert worker_process.worker_environment().get("PYTHONPATH") == before
+
+
 def test_a_module_where_the_caller_stands_is_not_taken_for_a_library(tmp_path, monkeypatch):
     (tmp_path / "OpenEXR.py").write_text("raise SystemExit")
     monkeypatch.chdir(tmp_path)
