@@ -1,1 +1,1 @@
-"""What starts by name: command line, worker, writer, heartbeat. They alone reach up, inside of functions."""
+"""What starts by name: command line, worker, writer, heartbeat. They import Blender in functions alone."""

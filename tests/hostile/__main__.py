@@ -87,7 +87,9 @@ class _Attempt:
 
 def _try(case: Case, folder: Path, answer: Connection) -> None:
     os.setpgid(0, 0)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Whoever started this in the background may have switched the second off, and the runs of a case inherit that.
+    for signum in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signum, signal.SIG_DFL)
     os.chdir(folder)
     os.environ[CASE_MARK] = str(folder)
     error = ""

@@ -122,7 +122,9 @@ def offence(entry: Import, importer: str) -> str | None:
     wanted = floor_of(target, FLOORS)
     if wanted is None:
         return f"{target} is no room"
-    if wanted > (floor_of(room, FLOORS) or 0) or (room == "programs" and entry.lazy):
+    if room == "programs" and target == "blender" and not entry.lazy:
+        return "the process that talks to the user must not load Blender: import it inside a function"
+    if wanted > (floor_of(room, FLOORS) or 0):
         return None
     return f"{target} is not below {room}"
 
@@ -194,6 +196,7 @@ def test_every_module_is_in_a_room():
         ("stereo_reproject/cellar/wine.py", "import math", False),
         ("stereo_reproject/warp/grid.py", "from ..cellar import wine", False),
         ("stereo_reproject/programs/cli.py", "def f():\n    from ..blender.commands import frame", True),
+        ("stereo_reproject/programs/cli.py", "from ..blender.commands import frame", False),
         ("stereo_reproject/programs/cli.py", "from ..jobs.supervisor import Job", True),
         ("stereo_reproject/jobs/supervisor.py", "def f():\n    from ..programs import worker", False),
         ("stereo_reproject/programs/cli.py", "def f():\n    import bpy", False),
