@@ -22,7 +22,7 @@ import bpy
 from ..errors import BadInputError, StereoReprojectError
 from ..jobs.supervisor import Session
 from ..jobs.work_folder import pair_files, publish, superseded_by, work_folder
-from ..sequence.progress import Told
+from ..sequence.progress import Listener
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
 from .commands.animation import render_animation_files
@@ -126,7 +126,7 @@ def render_animation(
             scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             layers=tuple(layers_to_render(scene)),
         )
-        told = Told(on_frame=on_frame)
+        told = Listener(on_frame=on_frame)
         return render_animation_files(scene, settings, options, work, save_copy(work), session, told=told)
 
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..images.contrast import box_sum
 from ..images.denoising import Denoising, guided
 from ..images.metrics import squared_error, tone, untone
 from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes
-from ..images.risk import box_sum
 from .bias import SourceNoise, bias_of
-from .probes import FirstTold, Probes
+from .probes import Probes, SelectionEvidence
 
 BELIEVED = 0.5
 """Share of what a tile is taken to be off by that its own probe tells, the rest being told by its material."""
@@ -36,13 +36,13 @@ NOISELESS = 1e-12
 
 
 @dataclass(frozen=True)
-class Look:
+class DenoisedEvidence:
     """The colour (H, W, C) with its bias taken away; what a trace of the probes is then expected to have (N, 3),
     as if their own had not been heard; and what the first traces tell."""
 
     colour: NDArray[np.float32]
     at_probes: NDArray[np.float32]
-    first: FirstTold
+    first: SelectionEvidence
 
 
 def look(
@@ -56,7 +56,7 @@ def look(
     risk: NDArray[np.float32],
     shown: NDArray[np.integer] | None,
     denoising: Denoising,
-) -> Look:
+) -> DenoisedEvidence:
     """passes are the target's, with the traced pixels among them; warped (H, W) the pixels whose colour is not traced.
 
     traces are the scene-linear colours (N, 4) of each probe's two, before (N, C) what the warp had there, and noisy
@@ -77,7 +77,7 @@ def look(
     own, by_material = error * probes.in_tiles(warped), _by_material(probes, error, np.where(warped, risk, 0.0), kinds)
     likely = BELIEVED * own + (1.0 - BELIEVED) * by_material
     expected = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
-    return Look(colour, expected, FirstTold(likely, _seen_noise(probes, passes, warped)))
+    return DenoisedEvidence(colour, expected, SelectionEvidence(likely, _seen_noise(probes, passes, warped)))
 
 
 def _source_noise(

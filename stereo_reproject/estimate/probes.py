@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..images.contrast import Contrast, box_sum
 from ..images.metrics import squared_error, tone
-from ..images.risk import Contrast, box_sum
 from .shown_materials import ShownMaterials, materials_by_tile
 
 EVEN = 0.5
@@ -143,7 +143,7 @@ def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True)
-class Measured:
+class TileEvidence:
     """What the probes say, per tile (N,) that has one.
 
     excess: as above, summed over the tile's warped pixels: from its probe, or, of a tile that was traced since
@@ -194,7 +194,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class FirstTold:
+class SelectionEvidence:
     """What the first traces tell of a denoised picture: the excess that each tile (N,) is likely to have. source_noise
     (N,) is in proportion to the variance of a traced pixel, as the source shows it."""
 
@@ -212,8 +212,8 @@ def measure(
     *,
     shown: NDArray[np.integer] | None = None,
     denoised: float = 1.0,
-    first: FirstTold | None = None,
-) -> Measured:
+    first: SelectionEvidence | None = None,
+) -> TileEvidence:
     """w, a, b (N, >= 3) are the scene-linear colours of the probes' pixels; warped (H, W) as in `place_probes`.
 
     shown (H, W) is a number for the materials that each pixel shows, if that is known. denoised is the variance that is
@@ -228,7 +228,7 @@ def measure(
     share = _heard(probes, noise)
     risk = np.where(warped, contrast.signal + NOISE_AS_RISK * contrast.noise, 0.0)
     excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
-    return Measured(
+    return TileEvidence(
         probes=probes,
         excess=excess,
         left=excess,
@@ -246,7 +246,7 @@ def measure(
 
 
 def _by_second(
-    probes: Probes, residual: NDArray, noise: NDArray[np.float64], first: FirstTold, denoised: float
+    probes: Probes, residual: NDArray, noise: NDArray[np.float64], first: SelectionEvidence, denoised: float
 ) -> NDArray[np.float64]:
     """(N,) excess of the probes' pixels as b tells it. A tile's own a must have no part in it: the noise is the local
     one of the source, at the scale that all probes give it."""
@@ -281,7 +281,7 @@ def _heard(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def with_refined(
-    measured: Measured,
+    measured: TileEvidence,
     refined: NDArray[np.bool_],
     pixels: NDArray[np.bool_],
     noise: NDArray[np.float64],
@@ -289,7 +289,7 @@ def with_refined(
     warped: NDArray,
     traced: NDArray,
     by_own: NDArray[np.bool_] | None = None,
-) -> Measured:
+) -> TileEvidence:
     """The same when the tiles set in refined (N,) have been traced: their excess is known from every pixel now.
 
     pixels (H, W) are those that were traced, warped and traced (H, W, >= 3) the colours before and after; noise (N,) is
@@ -314,7 +314,9 @@ def with_refined(
     )
 
 
-def _likely_after(measured: Measured, refined: NDArray[np.bool_], excess: NDArray[np.float64]) -> NDArray[np.float64]:
+def _likely_after(
+    measured: TileEvidence, refined: NDArray[np.bool_], excess: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(N,): what tiles are likely to have, now that some are known: more around those that had more."""
     assert measured.likely is not None
     had, foretold = (

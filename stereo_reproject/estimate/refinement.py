@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..holes.silhouettes import ALIKE
 from ..images.metrics import TILE
-from .probes import Measured
+from .probes import TileEvidence
 
 NEIGHBOURS = 2
 """Tiles each way that tell how wrong a tile is likely to be, for the frame as a whole."""
@@ -68,7 +68,7 @@ AS_RENDERED = Estimate(1.0, float("nan"), float("nan"))
 """Of an eye that was rendered whole and of whose noise nothing is known, or that has none."""
 
 
-def estimate(measured: Measured) -> Estimate:
+def estimate(measured: TileEvidence) -> Estimate:
     """The frame's noise ratio, with the tiles that are refined traced."""
     if not measured.frame_noise:
         return AS_RENDERED
@@ -79,14 +79,14 @@ def estimate(measured: Measured) -> Estimate:
     return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(measured, measured.refined))
 
 
-def as_rendered(measured: Measured | None) -> Estimate:
+def as_rendered(measured: TileEvidence | None) -> Estimate:
     """Of a frame that is traced throughout: 1, give or take what chance does to any one render."""
     if measured is None or not measured.frame_noise:
         return AS_RENDERED
     return _interval(0.0, _own_noise(measured, np.ones_like(measured.refined)))
 
 
-def _own_noise(measured: Measured, traced: NDArray[np.bool_]) -> float:
+def _own_noise(measured: TileEvidence, traced: NDArray[np.bool_]) -> float:
     """Variance of the excess from the noise that the traced pixels happen to have, with these tiles (N,) among them."""
     pixels = measured.frame_pixels - measured.pixels[~traced].sum()
     return float(pixels * np.average(measured.noise**2, weights=measured.probes.weight) / measured.frame_noise**2)
@@ -97,8 +97,8 @@ def _interval(excess: float, variance: float) -> Estimate:
     return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach)))
 
 
-def choose_refined(
-    measured: Measured, promise: float, *, worst: float = np.inf, unseen: float = 0.0, sure: float = SURE
+def choose_tiles(
+    measured: TileEvidence, promise: float, *, worst: float = np.inf, unseen: float = 0.0, sure: float = SURE
 ) -> NDArray[np.bool_]:
     """(N,): the tiles to be traced beyond those that are.
 
@@ -123,7 +123,7 @@ def choose_refined(
     return chosen | (free & _mostly_traced(measured, chosen, unseen))
 
 
-def _mostly_traced(measured: Measured, chosen: NDArray[np.bool_], unseen: float) -> NDArray[np.bool_]:
+def _mostly_traced(measured: TileEvidence, chosen: NDArray[np.bool_], unseen: float) -> NDArray[np.bool_]:
     """(N,): tiles of a denoised picture on whose material most tiles are chosen (N,), or were before.
 
     But none where nothing is to be seen that may have moved: around there too, contrast is less than `unseen`.
@@ -137,7 +137,7 @@ def _mostly_traced(measured: Measured, chosen: NDArray[np.bool_], unseen: float)
     return mostly[material] & (probes.around_and_own(measured.risk) >= unseen**2 * probes.around_and_own(pixels))
 
 
-def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: float) -> NDArray[np.float64]:
+def _bound(measured: TileEvidence, order: NDArray[np.intp], likely: NDArray, sure: float) -> NDArray[np.float64]:
     """(K + 1,): what is to come down to the promise's excess when the first k tiles of `order` (K,) are traced.
 
     The excess of the frame with some certainty. What single traces say of a denoised picture is nearly all noise: there
@@ -151,7 +151,7 @@ def _bound(measured: Measured, order: NDArray[np.intp], likely: NDArray, sure: f
     return (left.sum() - gone) / measured.frame_noise
 
 
-def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _believed(measured: TileEvidence) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N,) excess of a pixel of each tile of a denoised picture, and its standard error.
 
     What the denoised probes tell of each, or the others' traces where those tell of more beyond chance; in all no more
@@ -168,7 +168,7 @@ def _believed(measured: Measured) -> tuple[NDArray[np.float64], NDArray[np.float
     return likely, ROUGHLY * likely
 
 
-def stands_out(measured: Measured, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
+def outlier_tiles(measured: TileEvidence, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
     """(N,): tiles whose own probe alone says, beyond all doubt, that their noise ratio is above `worst`."""
     if measured.likely is not None:
         return np.zeros_like(measured.refined)
@@ -178,7 +178,7 @@ def stands_out(measured: Measured, worst: float, *, unseen: float = 0.0) -> NDAr
     return ~measured.refined & (measured.excess > np.maximum(limit, doubt))
 
 
-def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
+def expected_gain(measured: TileEvidence, chosen: NDArray[np.bool_]) -> float:
     """Excess of the frame over its noise that tracing the chosen tiles (N,) is likely to take away."""
     if not measured.frame_noise:
         return 0.0
@@ -186,7 +186,7 @@ def expected_gain(measured: Measured, chosen: NDArray[np.bool_]) -> float:
     return float(likely[chosen].sum()) / measured.frame_noise
 
 
-def worst_tiles(measured: Measured) -> float:
+def worst_tiles(measured: TileEvidence) -> float:
     """What `metrics.worst_tiles` is likely to be, but for chance: a second plain render too is above 1 by that.
 
     Each tile is judged by those around it and by its materials: what is wrong in one alone is told too low.
@@ -203,7 +203,7 @@ def worst_tiles(measured: Measured) -> float:
     return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))
 
 
-def tile_estimates(measured: Measured) -> NDArray[np.float64]:
+def tile_estimates(measured: TileEvidence) -> NDArray[np.float64]:
     """(N, 3): noise ratio of each tile, and the ends of its 95 % interval.
 
     Told as in `worst_tiles`. 1 for what was refined; not a number where there is no noise at all.
@@ -215,7 +215,7 @@ def tile_estimates(measured: Measured) -> NDArray[np.float64]:
     return np.sqrt(np.maximum(1.0 + ends, 0.0))
 
 
-def _over_noise(measured: Measured) -> tuple[NDArray, NDArray]:
+def _over_noise(measured: TileEvidence) -> tuple[NDArray, NDArray]:
     """(N,) likely excess of each tile over the noise of two plain renders, and its standard error; 0 where refined.
 
     As in `metrics.worst_tiles`, what is quieter than most is as noisy as those; where most is sky, as a hundredth
@@ -232,7 +232,7 @@ def _over_noise(measured: Measured) -> tuple[NDArray, NDArray]:
     return per_noise * likely, per_noise * error
 
 
-def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
+def _remaining(measured: TileEvidence, order: NDArray[np.intp]) -> tuple[NDArray, NDArray]:
     """(K + 1,) excess of the frame over its noise when the first k tiles of `order` (K,) are traced too, and its
     standard error: that of a ratio of two sums over the same probes (linearized), each tile a stratum."""
     noise, weight = measured.frame_noise, measured.probes.weight
@@ -248,7 +248,7 @@ def _remaining(measured: Measured, order: NDArray[np.intp]) -> tuple[NDArray, ND
     return excess, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
+def _likely(measured: TileEvidence, reach: int) -> tuple[NDArray, NDArray]:
     """(N,) excess of a pixel of each tile, judged by those around it and by its materials, its own probe left out; and
     the standard error of that."""
     if measured.likely is not None:
@@ -256,7 +256,7 @@ def _likely(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     return _with_materials(measured, *_nearby(measured, reach))
 
 
-def _with_materials(measured: Measured, nearby: NDArray, error: NDArray) -> tuple[NDArray, NDArray]:
+def _with_materials(measured: TileEvidence, nearby: NDArray, error: NDArray) -> tuple[NDArray, NDArray]:
     """`_likely`, from what those around each tell and the standard error of that."""
     if measured.materials is None:
         return nearby, error
@@ -264,7 +264,7 @@ def _with_materials(measured: Measured, nearby: NDArray, error: NDArray) -> tupl
     return likely / measured.pixels, np.hypot(error, more / measured.pixels)
 
 
-def _nearby(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
+def _nearby(measured: TileEvidence, reach: int) -> tuple[NDArray, NDArray]:
     """The same judged by the risk of the tile and the excess over the risk of those around it."""
     around = measured.probes.around(measured.excess, reach)
     risk = np.maximum(np.maximum(measured.probes.around(measured.risk, reach), measured.risk), 1e-30)
@@ -275,7 +275,7 @@ def _nearby(measured: Measured, reach: int) -> tuple[NDArray, NDArray]:
     return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
 
 
-def local_noise(measured: Measured) -> NDArray[np.float64]:
+def local_noise(measured: TileEvidence) -> NDArray[np.float64]:
     """(N,): variance of one traced pixel in each tile.
 
     Probes around tell it, but beside something noisy they tell too much; so does the picture's own noise where it has a
@@ -297,7 +297,7 @@ def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) 
     return float(values[order][np.searchsorted(upto, 0.5 * upto[-1])])
 
 
-def _beyond(measured: Measured, worst: float, unseen: float) -> NDArray[np.bool_]:
+def _beyond(measured: TileEvidence, worst: float, unseen: float) -> NDArray[np.bool_]:
     """(N,): tiles that are likely to have a noise ratio above `worst`, as `metrics.worst_tiles` measures it.
 
     Or of which those around it alone are sure of that: a material may be wrong in one small place.

@@ -22,7 +22,7 @@ FEWEST = 4
 class ShownMaterials:
     """Which materials the tiles (N,) show, as pairs (P,) of a tile and a material in it, and what their probes found.
 
-    risk (P,) is summed over the tile's pixels that show the material (see `probes.Measured`); of_probe (N,) is the
+    risk (P,) is summed over the tile's pixels that show the material (see `probes.TileEvidence`); of_probe (N,) is the
     material at each tile's probe, and found (N,) the excess that it found, summed over its tile. Materials are numbers
     from 0; what they stand for does not matter here.
     """

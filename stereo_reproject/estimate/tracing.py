@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..holes.reprojection import Reprojection
+from ..images.contrast import contrast_of
 from ..images.denoising import Denoising
 from ..images.effects_pass import materials_of
 from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes, filtered, is_light
-from ..images.risk import contrast_of
 from ..settings.accuracy import Accuracy
 from ..trace.fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
 from ..warp.composite import composite
 from .bias import SourceNoise, bias_of, multiplied
 from .denoised_probes import look
-from .probes import Measured, Probes, measure, place_probes, place_regular_probes, with_refined
-from .refinement import Estimate, as_rendered, choose_refined, estimate, expected_gain, local_noise, stands_out
+from .probes import Probes, TileEvidence, measure, place_probes, place_regular_probes, with_refined
+from .refinement import Estimate, as_rendered, choose_tiles, estimate, expected_gain, local_noise, outlier_tiles
 
 PILOT_SPACING = 4
 """How many times further apart the probes of a pilot are."""
@@ -48,7 +48,7 @@ class Tracer(Protocol):
 
 
 @dataclass(frozen=True)
-class Means:
+class FillPlanner:
     """How pixels may be traced: the fill that was asked for, what the source has cost, and why methods cannot be used
     (by method, as for `choose_fill`)."""
 
@@ -77,7 +77,7 @@ class Refinement:
     pixels: NDArray[np.bool_]
     fills: tuple[FillChoice, ...] = ()
     estimate: Estimate | None = None
-    measured: Measured | None = field(default=None, repr=False)
+    measured: TileEvidence | None = field(default=None, repr=False)
     whole: bool = False
 
 
@@ -92,7 +92,7 @@ class TargetEye:
         self,
         tracer: Tracer,
         view: str,
-        means: Means,
+        means: FillPlanner,
         reprojection: Reprojection,
         accuracy: Accuracy,
         *,
@@ -110,8 +110,8 @@ class TargetEye:
         self._accuracy = accuracy
         self._promise = accuracy.promise if watched and not holes.all() else None
         self._contrast = None if self._promise is None else contrast_of(warped[COLOUR_PASS], ~holes)
-        self._measured: Measured | None = None
-        self._pilot: Measured | None = None
+        self._measured: TileEvidence | None = None
+        self._pilot: TileEvidence | None = None
         self._seed = seed
         self._denoising = denoising
         self._wanted = np.zeros_like(holes)
@@ -143,7 +143,7 @@ class TargetEye:
         nothing = np.zeros_like(self._holes)
         measured = self._trace_probed("packed", nothing, self._accuracy.probe_spacing * PILOT_SPACING, self._seed)
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
-        chosen = choose_refined(measured, self._promise, unseen=self._accuracy.unseen, sure=-1.0)
+        chosen = choose_tiles(measured, self._promise, unseen=self._accuracy.unseen, sure=-1.0)
         self._pilot = measured
         self.pilot_share = float(measured.pixels[chosen].sum() / self._holes.size)
 
@@ -174,8 +174,8 @@ class TargetEye:
             return Refinement(np.zeros_like(before), estimate=as_rendered(self._pilot) if whole else None, whole=whole)
         while len(fills) < ROUNDS:
             worst, unseen = self._accuracy.tile_limit, self._accuracy.unseen
-            chosen = choose_refined(measured, self._promise, worst=worst, unseen=unseen)
-            by_own = stands_out(measured, worst, unseen=unseen) & ~chosen
+            chosen = choose_tiles(measured, self._promise, worst=worst, unseen=unseen)
+            by_own = outlier_tiles(measured, worst, unseen=unseen) & ~chosen
             chosen |= by_own
             pixels = measured.probes.pixels_of(chosen) & ~self.traced
             if not pixels.any() or (fills and not self._worth_a_render(measured, chosen)):
@@ -192,7 +192,7 @@ class TargetEye:
             measured = with_refined(measured, chosen, pixels, noise, warped=warped, traced=traced, by_own=by_own)
         return Refinement(self.traced & ~before, tuple(fills), estimate(measured), measured)
 
-    def _worth_a_render(self, measured: Measured, chosen: NDArray[np.bool_]) -> bool:
+    def _worth_a_render(self, measured: TileEvidence, chosen: NDArray[np.bool_]) -> bool:
         assert self._promise is not None
         gain = expected_gain(measured, chosen)
         if self._denoising is not None:
@@ -207,7 +207,7 @@ class TargetEye:
             self.traced = self.traced | pixels
             self._wanted |= pixels | (method == "full")
 
-    def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> Measured:
+    def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> TileEvidence:
         """Trace the holes (H, W) once and probes among the rest twice, in one render; what the probes say of the rest.
 
         Probes are pixels of the result too: each becomes the mean of its two traces.
@@ -233,7 +233,7 @@ class TargetEye:
 
     def _measure(
         self, probes: Probes, warped: NDArray[np.bool_], before: NDArray, once: NDArray, again: NDArray
-    ) -> Measured:
+    ) -> TileEvidence:
         """What the probes say of the pixels that stay warped (H, W), which are corrected by it.
 
         before (N, C) is what the warp has at the probes, once and again (N, C) are their traces.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.risk import Contrast
+from ..images.contrast import Contrast
 from ..views.camera import Camera, PerspectiveCamera
 from ..views.frustum import Lens
-from ..warp.depth_steps import Steps
+from ..warp.discontinuities import DepthDiscontinuities
 from .silhouettes import ALIKE
 
 SMALLEST = 1.0
@@ -33,7 +33,7 @@ def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[n
 
 
 def blurred_edges(
-    steps: Steps,
+    steps: DepthDiscontinuities,
     radius: NDArray[np.float32],
     gradient: NDArray[np.float32],
     contrast: Contrast,
@@ -62,7 +62,7 @@ def blurred_edges(
     return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, ALIKE**2))
 
 
-def _largest_step(steps: Steps) -> NDArray[np.float32]:
+def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
     """(H, W): the largest step to one of the four neighbours, or from one of them to its own."""
     height, width = steps.right.shape[0], steps.down.shape[1]
     result = np.zeros((height, width), np.float32)
@@ -104,7 +104,7 @@ def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.flo
     return result
 
 
-def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
+def in_focus(steps: DepthDiscontinuities, blur: NDArray[np.float32]) -> DepthDiscontinuities:
     """The steps, less where they lie out of focus.
 
     Depth is that of one ray through the lens: where blur (H, W) is the circle of confusion's radius, it belongs to a
@@ -114,4 +114,4 @@ def in_focus(steps: Steps, blur: NDArray[np.float32]) -> Steps:
         return steps
     right = 1.0 + np.maximum(blur[:, 1:], blur[:, :-1])
     down = 1.0 + np.maximum(blur[1:], blur[:-1])
-    return Steps((steps.right / right).astype(np.float32), (steps.down / down).astype(np.float32))
+    return DepthDiscontinuities((steps.right / right).astype(np.float32), (steps.down / down).astype(np.float32))

@@ -10,26 +10,26 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..images.contrast import contrast_of, gradient_of
 from ..images.effects import Effect
 from ..images.effects_pass import shows
 from ..images.lookup import touches
 from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, known_depth, seen_in_mirrors
 from ..images.reasons import Reason
-from ..images.risk import contrast_of, gradient_of
 from ..settings.accuracy import Accuracy
 from ..views.camera import Camera, PerspectiveCamera, see_the_same
 from ..views.frustum import Lens, covered_by
-from ..warp.carrying import Carry, carry
-from ..warp.depth_steps import TEAR, Steps, disparity_of, disparity_of_nearness, disparity_steps
+from ..warp.discontinuities import TEAR, DepthDiscontinuities, disparity_of, disparity_of_nearness, disparity_steps
 from ..warp.forward import Warp, narrow
 from ..warp.grid import Grid
 from ..warp.mirrors import Images, images_in_mirrors, seen_in_both
 from ..warp.motion import Moving
+from ..warp.warper import Warper, warp_view
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
-from .refracted import seen_through
 from .silhouettes import differing, edge_band
-from .thin import THRESHOLD, landings, sparse, thin_things
+from .thin import THRESHOLD, sparse, target_pixels, thin_things
+from .transmission import transmission_parallax
 
 PINHOLE = Lens()
 
@@ -59,14 +59,14 @@ class InMirrors:
 @dataclass(frozen=True)
 class Reprojection:
     """The source's passes as the target sees them, and where they are not the answer. grid and warp are of surfaces;
-    carried_by is as `Carried` has it."""
+    carried_by is as `WarpedView` has it."""
 
     passes: Passes
     grid: Grid
     warp: Warp
-    marking: Marking
+    marking: HoleClassifier
     accuracy: Accuracy
-    carried_by: str
+    warped_by: str
     mirrors: InMirrors | None = None
 
     @cached_property
@@ -103,7 +103,7 @@ def reproject(
     lens: Lens = PINHOLE,
     volumes: Sequence[NDArray] = (),
     motion: tuple[Moving, Moving] | None = None,
-    carry: Carry = carry,
+    warp_view: Warper = warp_view,
 ) -> Reprojection:
     """Warp the source into the target and flag what is known beforehand to need tracing.
 
@@ -117,7 +117,7 @@ def reproject(
     source = {**source, DEPTH_PASS: known_depth(source[DEPTH_PASS])}
 
     def carried(passes: Passes) -> Reprojection:
-        made = carry(
+        made = warp_view(
             passes,
             source_camera,
             target_camera,
@@ -129,7 +129,7 @@ def reproject(
         disparity = disparity_of(passes[DEPTH_PASS][..., 0], source_camera, target_camera)
         steps = made.steps or disparity_steps(disparity)
         cubic = "cubic" in (interpolation, colour_interpolation)
-        marking = Marking(
+        marking = HoleClassifier(
             passes, source_camera, target_camera, disparity, steps, made.empty, invalid, cubic, lens, volumes
         )
         return Reprojection(made.passes, made.grid, made.warp, marking, accuracy, made.by)
@@ -164,14 +164,14 @@ def _with_mirrors(seen: Reprojection, images: Reprojection, found: Images) -> Re
 
 
 @dataclass(frozen=True)
-class Marking:
+class HoleClassifier:
     """All that flagging pixels needs, but for what was warped and how accurate it is to be."""
 
     source: Passes
     source_camera: Camera
     target_camera: Camera
     disparity: NDArray[np.float32]
-    steps: Steps
+    steps: DepthDiscontinuities
     empty: NDArray[np.uint16]
     """(H, W) flags of the target's pixels on which nothing landed."""
     invalid: NDArray[np.bool_]
@@ -211,7 +211,7 @@ class Marking:
         """(H, W) target pixels: what has next to no area in the grid shows on either side of where it lands."""
         depth = self.source[DEPTH_PASS][..., 0]
         alone = narrow(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
-        landed = landings(sparse(alone) & blurred, depth, self.source_camera, self.target_camera, warp)
+        landed = target_pixels(sparse(alone) & blurred, depth, self.source_camera, self.target_camera, warp)
         return dilate(landed, accuracy.silhouette_radius)
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
@@ -240,7 +240,7 @@ def _within_fur(warped: Passes, warp: Warp) -> NDArray[np.bool_]:
     return strands & ~dilate(warp.covered & ~strands, FUR) if strands.any() else strands
 
 
-def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool_]:
+def _source_silhouettes(marking: HoleClassifier, accuracy: Accuracy) -> NDArray[np.bool_]:
     """(H, W) source pixels that mix what the two sides of an edge show."""
     blur = circle_of_confusion(marking.source[DEPTH_PASS][..., 0], marking.source_camera, marking.lens)
     steps = in_focus(marking.steps, blur)
@@ -253,7 +253,7 @@ def _source_silhouettes(marking: Marking, accuracy: Accuracy) -> NDArray[np.bool
 class _TargetEdges:
     """Edges of the target eye, judged by the warped depth: what a plain render would filter or blur over them."""
 
-    def __init__(self, marking: Marking, warped: Passes, warp: Warp) -> None:
+    def __init__(self, marking: HoleClassifier, warped: Passes, warp: Warp) -> None:
         self._marking, self._warped, self._warp = marking, warped, warp
         source, target = marking.source_camera, marking.target_camera
         self._disparity = disparity_of_nearness(warp.nearness, target, source)
@@ -289,7 +289,7 @@ class _TargetEdges:
             )
         if through and isinstance(self._marking.target_camera, PerspectiveCamera):
             limit, unseen = accuracy.tile_limit, accuracy.unseen
-            result[Reason.TRANSPARENT] = seen_through(
+            result[Reason.TRANSPARENT] = transmission_parallax(
                 glass, self._disparity, gradient, contrast, limit=limit, unseen=unseen
             )
         return result

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.masks import dilate
 from ..images.metrics import tone
-from ..warp.depth_steps import Steps
+from ..warp.discontinuities import DepthDiscontinuities
 
 WINDOW = 3
 """Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
@@ -27,7 +27,7 @@ ALIKE = 1e-3
 """Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
 
 
-def edge_band(steps: Steps, *, threshold: float, radius: int) -> NDArray[np.bool_]:
+def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> NDArray[np.bool_]:
     """(H, W): pixels within `radius` of a step in disparity above `threshold` pixels."""
     if radius <= 0:
         return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)

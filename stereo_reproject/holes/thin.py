@@ -50,7 +50,7 @@ def sparse(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return pixels & (count_within(pixels, NEAR) <= FEW * (2 * NEAR + 1) ** 2)
 
 
-def landings(
+def target_pixels(
     pixels: NDArray[np.bool_], depth: NDArray[np.float32], source: Camera, target: Camera, warp: Warp
 ) -> NDArray[np.bool_]:
     """(H, W): target pixels in which the centres of these source `pixels` (H, W) land, where nothing hides them.

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .contrast import box_sum
 from .metrics import squared_error
 from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
-from .risk import box_sum
 
 Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
 """Pictures of one size, with NOISY_PASS, ALBEDO_PASS and NORMAL_PASS, to their denoised colours (H, W, 3)."""

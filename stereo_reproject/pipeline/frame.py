@@ -11,7 +11,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.tracing import Means, Refinement, TargetEye
+from ..estimate.tracing import FillPlanner, Refinement, TargetEye
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from ..images.effects import Effect, EffectsPlan
@@ -24,15 +24,15 @@ from ..settings.frame import StereoSettings
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
-from ..warp.carrying import Carry
-from ..warp.composite import contain, count_pixels, not_numbers, spoilt
+from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
 from ..warp.grid import Grid
 from ..warp.motion import Moving
 from ..warp.stage import NUMPY, WarpStage, choose_stage, takes
-from .accounting import Account, accounts
-from .matched_eye import MatchedEye, Matcher
-from .precedent import Precedent
+from ..warp.warper import Warper
+from .effect_costs import EffectCost, accounts
+from .matched_eye import LightMatcher, MatchedEye
 from .price import WHOLE, Price, next_better, price_of
+from .shared_findings import SharedFindings
 
 
 class Renderer(Protocol):
@@ -57,7 +57,7 @@ class Renderer(Protocol):
     denoise: Denoise | None
     """What the scene denoises with; None where it does not. All passes then have those that `denoising` is about."""
     foreign: bool
-    """Whether another engine traces than the one that renders the source; it is then a `matched_eye.Matcher` too."""
+    """Whether another engine traces than the one that renders the source; then it is a `LightMatcher` too."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole, and not denoised."""
@@ -96,7 +96,7 @@ class StereoFrame:
     pilot_share: float | None
     seconds: dict[str, float]
     source_cost: SourceCost
-    accounts: dict[Effect, Account]
+    accounts: dict[Effect, EffectCost]
     price: Price
     invalid_pixels: dict[str, int]
     metadata: dict[str, str]
@@ -134,7 +134,7 @@ def render_stereo_frame(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     accuracy: Accuracy | None = None,
-    precedent: Precedent | None = None,
+    precedent: SharedFindings | None = None,
     watch: Stopwatch | None = None,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
@@ -147,14 +147,14 @@ def render_stereo_frame(
     Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
-    precedent = precedent or Precedent()
+    precedent = precedent or SharedFindings()
     check_fill(settings.fill, renderer.fill_blockers())
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
     accuracy = for_size(accuracy or accuracy_of(settings), target_camera.width * target_camera.height)
 
     watch.lap("source")
     rendered, cost = renderer.render_source(settings.source)
-    source, invalid = contain(rendered)
+    source, invalid = replace_non_finite(rendered)
     lost = not_numbers(rendered)
 
     may_differ = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
@@ -186,12 +186,14 @@ def render_stereo_frame(
         volumes=renderer.volumes,
         motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
     )
-    stage = _warp_stage(settings, renderer, precedent, target_camera, lambda carry: warp(carry=carry).reasons)
-    reprojection = warp(carry=stage.carry)
+    stage = _warp_stage(
+        settings, renderer, precedent, target_camera, lambda warp_view: warp(warp_view=warp_view).reasons
+    )
+    reprojection = warp(warp_view=stage.warp_view)
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
-    means = Means(settings.fill, precedent.cost(cost), blockers)
+    means = FillPlanner(settings.fill, precedent.cost(cost), blockers)
     target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
         watch.lap("pilot")
@@ -234,15 +236,15 @@ def render_stereo_frame(
         invalid_pixels={settings.source: count_pixels(lost), settings.target: lost_in_target},
         metadata=dict(renderer.metadata),
         correction=target.correction if isinstance(target, MatchedEye) else None,
-        warped_by=reprojection.carried_by,
-        gpu=stage.device if reprojection.carried_by == "gpu" else None,
+        warped_by=reprojection.warped_by,
+        gpu=stage.device if reprojection.warped_by == "gpu" else None,
     )
 
 
 def _target_eye(
     renderer: Renderer,
     view: str,
-    means: Means,
+    means: FillPlanner,
     reprojection: Reprojection,
     accuracy: Accuracy,
     *,
@@ -251,7 +253,7 @@ def _target_eye(
 ) -> TargetEye:
     seed = renderer.seed
     if renderer.foreign:
-        return MatchedEye(cast("Matcher", renderer), view, means, reprojection, accuracy, seed=seed)
+        return MatchedEye(cast("LightMatcher", renderer), view, means, reprojection, accuracy, seed=seed)
     return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
 
 
@@ -260,7 +262,7 @@ def _without_lost(
 ) -> tuple[Passes, int]:
     """Return the target's passes with 0 for what is no number, or was looked up where the source has none, and in how
     many pixels that is."""
-    finished, _ = contain(target.passes)
+    finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     for name, pixels in spoilt(lost, reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
@@ -273,9 +275,9 @@ def _without_lost(
 def _warp_stage(
     settings: StereoSettings,
     renderer: Renderer,
-    precedent: Precedent,
+    precedent: SharedFindings,
     camera: Camera,
-    run: Callable[[Carry], object],
+    run: Callable[[Warper], object],
 ) -> WarpStage:
     def is_faster(gpu: WarpStage) -> bool:
         return precedent.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.tracing import Means, TargetEye
+from ..estimate.tracing import FillPlanner, TargetEye
 from ..holes.reprojection import Reprojection
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from ..images.reasons import Reason
@@ -31,7 +31,7 @@ that can be gained, takes as long."""
 WHOLE = "a second EEVEE render"
 
 
-class Matcher(Protocol):
+class LightMatcher(Protocol):
     """What is asked of a renderer whose source another engine traces."""
 
     def trace(
@@ -56,7 +56,7 @@ class Matcher(Protocol):
 
 
 def foreseen_fill(asked: str, blockers: Mapping[str, str | None], unmatchable: str | None) -> tuple[str, str]:
-    """The fill method and why, as far as the scene tells; `choose_fill` has the blockers, `Matcher` what cannot be
+    """The fill method and why, as far as the scene tells; `choose_fill` has the blockers, `LightMatcher` what cannot be
     matched."""
     if asked != "auto":
         return asked, "asked for"
@@ -76,9 +76,9 @@ class MatchedEye(TargetEye):
 
     def __init__(
         self,
-        matcher: Matcher,
+        matcher: LightMatcher,
         view: str,
-        means: Means,
+        means: FillPlanner,
         reprojection: Reprojection,
         accuracy: Accuracy,
         *,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.tracing import Means
+from ..estimate.tracing import FillPlanner
 from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
@@ -161,7 +161,7 @@ def predict(
     rest = 1.0 - holes.total
     if fill.method == "full" or accuracy.promise is None or shown == 0.0:
         return Prediction(cost, warp_seconds, holes, 0.0, shown * rest, fill, fill.predicted_seconds, (0.0, 0.0))
-    probes = 2.0 * rest / Means.spacing(fill.method, accuracy.probe_spacing) ** 2
+    probes = 2.0 * rest / FillPlanner.spacing(fill.method, accuracy.probe_spacing) ** 2
     filled = choose_fill(fill.method, holes.total, cost, blockers, spacing=accuracy.probe_spacing)
     traced = filled.predicted_seconds
     refine = choose_fill(asked, shown * rest, cost, blockers).predicted_seconds

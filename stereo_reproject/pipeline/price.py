@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..estimate.refinement import choose_refined
-from ..estimate.tracing import Means, Refinement
+from ..estimate.refinement import choose_tiles
+from ..estimate.tracing import FillPlanner, Refinement
 from ..holes.reprojection import Reprojection
 from ..settings.accuracy import SETTINGS, Accuracy, for_denoised, for_size
 from ..trace.fill import FillChoice
@@ -43,7 +43,7 @@ def price_of(
     name: str,
     reprojection: Reprojection,
     refinement: Refinement,
-    means: Means,
+    means: FillPlanner,
     seconds: Mapping[str, float],
     fill: FillChoice,
     *,
@@ -74,7 +74,7 @@ def price_of(
 
 
 def _tracing(
-    accuracy: Accuracy, reprojection: Reprojection, refinement: Refinement, means: Means, *, watched: bool
+    accuracy: Accuracy, reprojection: Reprojection, refinement: Refinement, means: FillPlanner, *, watched: bool
 ) -> tuple[float, float]:
     """Predicted seconds of the fill and of refinement at another accuracy, and the share of the target traced."""
     holes = reprojection.reasons_at(accuracy) > 0
@@ -87,7 +87,7 @@ def _tracing(
     if measured is None or accuracy.promise is None:
         return fill.predicted_seconds, min(float(np.mean(holes)) + probes, 1.0)
     worst, unseen = accuracy.tile_limit, accuracy.unseen
-    chosen = choose_refined(measured, accuracy.promise, worst=worst, unseen=unseen) | measured.refined
+    chosen = choose_tiles(measured, accuracy.promise, worst=worst, unseen=unseen) | measured.refined
     pixels = measured.probes.pixels_of(chosen) & ~holes
     refining = means.choose(float(np.mean(pixels))).predicted_seconds if pixels.any() else 0.0
     return fill.predicted_seconds + refining, min(float(np.mean(holes | pixels)) + probes, 1.0)

@@ -90,11 +90,11 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
     """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
     from ..blender.commands.animation import render_animation_files
     from ..jobs.supervisor import Session
-    from ..sequence.progress import Told
+    from ..sequence.progress import Listener
 
     warn = _warn_once(emit)
     scene, _ = _open(job, emit, warn)
-    told = Told(
+    told = Listener(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),

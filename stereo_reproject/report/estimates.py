@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ..estimate.refinement import Estimate, tile_estimates, worst_tiles
 from ..estimate.tracing import Refinement
 from ..images.effects import Effect, EffectsPlan
-from ..pipeline.accounting import Account
+from ..pipeline.effect_costs import EffectCost
 from ..settings.accuracy import Accuracy
 
 
-def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, Account]) -> list[dict[str, Any]]:
+def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, EffectCost]) -> list[dict[str, Any]]:
     """Per effect: called for or not, by what, how it is handled, and what of the frame is on its account."""
     rows = []
     for finding in plan.findings:
@@ -32,7 +32,7 @@ def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, Account]) -> lis
     return rows
 
 
-def _excess(account: Account | None) -> tuple[float | None, float | None, float | None]:
+def _excess(account: EffectCost | None) -> tuple[float | None, float | None, float | None]:
     return (None, None, None) if account is None or account.excess is None else account.excess
 
 

@@ -59,7 +59,7 @@ class FramePlan:
 
 
 @dataclass(frozen=True)
-class FramesTold:
+class FrameListener:
     """Who is told what: `done` of each frame that is finished, with its record; `failed` of those that are not, and
     why; `waits` of frames that another run has, when there is nothing else to do."""
 
@@ -161,7 +161,7 @@ def render_frames(
     wanted: Fingerprints,
     token: str,
     maker: FrameMaker,
-    told: FramesTold,
+    told: FrameListener,
 ) -> None:
     """Render what is to be rendered, each frame by one run alone; back when all are there or have failed.
 
@@ -187,7 +187,7 @@ class _Work:
     wanted: Fingerprints
     token: str
     maker: FrameMaker
-    told: FramesTold
+    told: FrameListener
     _failed_in_a_row: int = 0
     _rendered: int = 0
     _done: int = 0

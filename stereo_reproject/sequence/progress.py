@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from .figures import figures_of
-from .frames import FramePlan, FramesTold, spelled
+from .frames import FrameListener, FramePlan, spelled
 from .journal import Record
 
 
 @dataclass(frozen=True)
-class Told:
+class Listener:
     """Who is told what: on_stage of a stage's name and which frame it is of; on_frame of each frame that is done; note
     and warn of what is to be said."""
 
@@ -33,7 +33,7 @@ class AnimationProgress:
         self,
         plan: FramePlan,
         total: int,
-        told: Told,
+        told: Listener,
         failed: dict[int, str],
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -44,7 +44,7 @@ class AnimationProgress:
         self._since: float | None = None
         self._each = 0.0
         self._waited = False
-        self.told = FramesTold(self._on_done, self._on_failed, self._on_wait)
+        self.told = FrameListener(self._on_done, self._on_failed, self._on_wait)
 
     def _on_done(self, frame: int, record: Record) -> None:
         # Another run's record is as trustworthy as the drive that it lies on.

@@ -23,7 +23,7 @@ from ..images.passes import (
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
 from .forward import Warp
 from .motion import Moving, standing_still, warp_motion
-from .rectified import shift_of
+from .scanline import row_disparity_of
 
 LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
 """A pass (H, W, C) as the target sees it, (h, w, C), found by `lookup.lookup`."""
@@ -113,7 +113,7 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
     seen = lookup(nearness, warp.x, warp.y)[..., 0]
     same_depth = np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
-    moves = not same_depth and shift_of(source, target) is None
+    moves = not same_depth and row_disparity_of(source, target) is None
     for rows in bands(seen.shape):
         x, y, covered = warp.x[rows], warp.y[rows], warp.nearness[rows] > -np.inf
         away = source.depth_from_nearness(seen[rows])
@@ -152,7 +152,7 @@ def count_pixels(found: Mapping[str, NDArray[np.bool_]]) -> int:
     return int(np.any([*found.values()], axis=0).sum()) if found else 0
 
 
-def contain(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
+def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
     """The passes with NaN and infinities set to 0, and (H, W) where one that decides had any; depth keeps its
     infinities.
 

@@ -15,7 +15,7 @@ from ..images.bands import bands
 from ..views.camera import Camera
 from .grid import Grid
 from .quads import draw_quads
-from .rectified import Shift, shift_of, warp_rows
+from .scanline import RowDisparity, row_disparity_of, warp_rows
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ def forward_warp(
     what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     if shift is not None:
         return _along_rows(depth, source, target, shift, grid, torn)
     return Warp(*draw_quads(depth, source, target, grid, torn))
 
 
 def _along_rows(
-    depth: NDArray, source: Camera, target: Camera, shift: Shift, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, target: Camera, shift: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
     """The warp of a rectified pair. torn (H + 1, W + 1) are the quads that are."""
     x, nearness = warp_rows(depth, source, target.width, shift, grid, torn)

@@ -13,7 +13,7 @@ from ..images import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, target_px_from_source_px
 from .grid import CELL, Grid, lattice_depth
-from .rectified import EDGE_TOLERANCE, MAX_STRETCH
+from .scanline import EDGE_TOLERANCE, MAX_STRETCH
 
 CHUNK = 192
 """Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""

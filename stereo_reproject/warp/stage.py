@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .carrying import Carry, carry
+from .warper import Warper, warp_view
 
 LEAST_PIXELS = 4_000_000
 """From which a GPU is thought of unasked; for fewer, numpy takes too little time to be worth it."""
@@ -16,11 +16,11 @@ LEAST_PIXELS = 4_000_000
 class WarpStage:
     """Who carries; device is the GPU's name."""
 
-    carry: Carry
+    warp_view: Warper
     device: str | None = None
 
 
-NUMPY = WarpStage(carry)
+NUMPY = WarpStage(warp_view)
 
 
 def choose_stage(
@@ -36,8 +36,8 @@ def choose_stage(
     return NUMPY if found is None or (asked == "auto" and not is_faster(found)) else found
 
 
-def takes(run: Callable[[Carry], object], stage: WarpStage) -> float:
+def takes(run: Callable[[Warper], object], stage: WarpStage) -> float:
     """Seconds that `run` takes with it."""
     start = time.perf_counter()
-    run(stage.carry)
+    run(stage.warp_view)
     return time.perf_counter() - start

@@ -138,7 +138,7 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
 
     from stereo_reproject.blender.engines.render import render_views
     from stereo_reproject.pipeline.frame import colour
-    from stereo_reproject.warp.composite import contain
+    from stereo_reproject.warp.composite import replace_non_finite
 
     renders = max(math.ceil(options.reference_samples / options.samples), 2 * GROUPS)
     width, height = options.size
@@ -150,7 +150,7 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
     view = StereoSettings().target
     for number in range(renders):
         rendered = render_views(working, (view,), folder, seed=REFERENCE_SEED + number)
-        references.add(colour(contain(rendered.views[view])[0]))
+        references.add(colour(replace_non_finite(rendered.views[view])[0]))
     if kept is not None:
         kept.parent.mkdir(parents=True, exist_ok=True)
         references.save(kept)

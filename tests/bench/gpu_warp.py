@@ -21,7 +21,7 @@ import bpy
 
 from stereo_reproject.blender.gpu import textures as gpu_textures
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.warp import carrying
+from stereo_reproject.warp import warper
 from tests.bench.warp.scenes import eyes, room
 from tests.bench.warp.settings import MODES
 
@@ -72,9 +72,9 @@ def steps(call, runs: int) -> dict[str, float]:
 def measure(source: dict, pair: tuple, interpolation: str, runs: int) -> str:
     ours, numpys = [], []
     for _ in range(runs):
-        ours.append(seconds(lambda: gpu_warp.carry(source, *pair, interpolation=interpolation)))
-        numpys.append(seconds(lambda: carrying.carry(source, *pair, interpolation=interpolation)))
-    of_steps = steps(lambda: gpu_warp.carry(source, *pair, interpolation=interpolation), runs)
+        ours.append(seconds(lambda: gpu_warp.warp_view(source, *pair, interpolation=interpolation)))
+        numpys.append(seconds(lambda: warper.warp_view(source, *pair, interpolation=interpolation)))
+    of_steps = steps(lambda: gpu_warp.warp_view(source, *pair, interpolation=interpolation), runs)
     ratio = statistics.median(a / b for a, b in zip(ours, numpys, strict=True))
     times = ", ".join(f"{name} {1e3 * spent:.0f}" for name, spent in of_steps.items())
     whole = f"GPU {1e3 * statistics.median(ours):.0f} ms, numpy {1e3 * statistics.median(numpys):.0f} ms"

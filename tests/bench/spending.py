@@ -31,14 +31,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.estimate import probes, refinement, shown_materials, tracing
-from stereo_reproject.estimate.tracing import Means, TargetEye
+from stereo_reproject.estimate.tracing import FillPlanner, TargetEye
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
-from stereo_reproject.warp.composite import contain
+from stereo_reproject.warp.composite import replace_non_finite
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
 SHIPPED = SETTINGS["balanced"]
@@ -86,7 +86,7 @@ KNOBS = (
     Knob("FEWEST", (2, 4, 8, 10**6), vars(shown_materials)),
     Knob("EVEN", (1.0, 0.5, 0.2), vars(probes)),
     # The constant is a default argument, and that is bound when the function is defined.
-    Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_refined.__kwdefaults__, key="sure"),
+    Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_tiles.__kwdefaults__, key="sure"),
     Knob("tile_limit", (1.5, 2.0, 3.0)),
     Knob("ROUNDS", (1, 2), vars(tracing)),
 )
@@ -142,7 +142,7 @@ class Scene:
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
         warped = replace(self.warped, passes=passes, accuracy=accuracy)
-        tracer, means = StoredTracer(once, again), Means("auto", COST, {})
+        tracer, means = StoredTracer(once, again), FillPlanner("auto", COST, {})
         eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)
         if eye.wants_pilot:
             eye.send_pilot()
@@ -164,7 +164,7 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
         working.cycles.seed = SOURCE_SEED
         renderer = BlenderRenderer(working, Path(folder))
         rendered, targets = make_pictures(name, renderer, settings, options)
-        source, invalid = contain(rendered)
+        source, invalid = replace_non_finite(rendered)
         warped = reproject(
             source,
             renderer.cameras[settings.source],
@@ -203,7 +203,7 @@ def render_targets(renderer: Any, view: str) -> list[NDArray]:
 
     seeds = range(REFERENCE_SEED, REFERENCE_SEED + RENDERS)
     rendered = (render_views(renderer.scene, (view,), renderer.folder, seed=seed).views[view] for seed in seeds)
-    return [contain(passes)[0][COLOUR_PASS] for passes in rendered]
+    return [replace_non_finite(passes)[0][COLOUR_PASS] for passes in rendered]
 
 
 def save_pictures(path: Path, source: Passes, targets: Sequence[NDArray]) -> None:

@@ -44,8 +44,8 @@ def test_a_default_argument_is_turned_though_it_was_bound_long_ago():
     knob = next(knob for knob in KNOBS if knob.name == "SURE")
     assert knob.shipped() == refinement.SURE
     with knob.turned(7.0):
-        assert refinement.choose_refined.__kwdefaults__["sure"] == 7.0
-    assert refinement.choose_refined.__kwdefaults__["sure"] == refinement.SURE
+        assert refinement.choose_tiles.__kwdefaults__["sure"] == 7.0
+    assert refinement.choose_tiles.__kwdefaults__["sure"] == refinement.SURE
 
 
 def test_the_table_has_means_over_scenes_and_seeds_and_marks_what_ships():

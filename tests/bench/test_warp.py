@@ -14,8 +14,8 @@ import pytest
 
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.warp import composite
-from stereo_reproject.warp.carrying import carry
 from stereo_reproject.warp.stage import NUMPY, WarpStage
+from stereo_reproject.warp.warper import warp_view
 from tests.bench.warp import __main__ as program
 from tests.bench.warp import measure, profile, scenes, settings
 from tests.bench.warp.settings import BenchSettings, format_bench
@@ -48,7 +48,7 @@ FACTS = {
     "profile",
 }
 
-GPU = WarpStage(carry, "Grand 9000")
+GPU = WarpStage(warp_view, "Grand 9000")
 
 LEFT_UNTOLD = 0.25
 """Share of the stage's time that may be in none of its steps: a tenth at most sizes."""
@@ -148,7 +148,7 @@ def test_time_that_a_step_takes_longer_is_told_of_that_step_alone(monkeypatch):
 
 
 def test_a_gpu_has_no_profile():
-    grand = WarpStage(lambda *passes, **options: replace(carry(*passes, **options), by="gpu"), "Grand 9000")
+    grand = WarpStage(lambda *passes, **options: replace(warp_view(*passes, **options), by="gpu"), "Grand 9000")
     asked = BenchSettings(size=(96, 64), warp="gpu")
     report = measure.measure(asked, 1.0, core=None, find_gpu=lambda: (grand, ""))
     assert report["profile"] is None
@@ -174,13 +174,13 @@ def test_the_agreement_counts_holes_and_takes_the_largest_colour_difference_wher
     other = colour.copy()
     other[3, 3, 1], other[0, 0], other[1, 1] = -0.25, 9.0, 9.0
 
-    class Carried:
+    class WarpedView:
         def __init__(self, image):
             self.passes = {"Combined": image}
 
     class Stage:
         def whole(self, warp):
-            return (Carried(colour), ours) if warp is NUMPY else (Carried(other), theirs)
+            return (WarpedView(colour), ours) if warp is NUMPY else (WarpedView(other), theirs)
 
     agreement = measure._agreement(Stage(), lambda: (GPU, ""))
     assert agreement == {"holes": 1 / 20, "colour": 0.25, "why_none": None}
@@ -194,7 +194,7 @@ def test_a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for():
 
 def test_numpy_is_never_measured_as_a_gpu():
     """A GPU leaves what it cannot hold to numpy."""
-    small = WarpStage(carry, "A small GPU")
+    small = WarpStage(warp_view, "A small GPU")
     left = "A small GPU has left a picture of this size to numpy"
     for warp in settings.CARRIERS:
         asked = BenchSettings(size=(96, 64), warp=warp)

@@ -8,8 +8,8 @@ import pytest
 from stereo_reproject.estimate.bias import FACTOR, SourceNoise, _factor, bias_of
 from stereo_reproject.estimate.denoised_probes import _source_noise
 from stereo_reproject.estimate.probes import place_probes, place_regular_probes
+from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.metrics import squared_error, tone
-from stereo_reproject.images.risk import contrast_of
 
 SIZE = (240, 320)
 NOISE = 0.06

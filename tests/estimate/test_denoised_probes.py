@@ -8,11 +8,11 @@ import pytest
 from stereo_reproject.estimate import refinement
 from stereo_reproject.estimate.denoised_probes import look
 from stereo_reproject.estimate.probes import measure, place_regular_probes
-from stereo_reproject.estimate.refinement import choose_refined, estimate
+from stereo_reproject.estimate.refinement import choose_tiles, estimate
+from stereo_reproject.images.contrast import Contrast
 from stereo_reproject.images.denoising import Denoising
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
-from stereo_reproject.images.risk import Contrast
 from tests.images.test_denoising import blurred
 
 SIZE = (240, 360)
@@ -84,7 +84,7 @@ class Frame:
 def test_what_is_wrong_is_found_and_little_else_is_traced():
     frame = Frame(0.05, seed=1)
     measured = frame.measured()
-    chosen = choose_refined(measured, 1.1, worst=1.8)
+    chosen = choose_tiles(measured, 1.1, worst=1.8)
     pixels = measured.probes.pixels_of(chosen)
     wrong = np.zeros(SIZE, bool)
     wrong[MIRROR] = True
@@ -94,7 +94,7 @@ def test_what_is_wrong_is_found_and_little_else_is_traced():
 
 def test_where_nothing_is_wrong_next_to_nothing_is_traced():
     measured = Frame(0.0, seed=2).measured()
-    assert np.mean(choose_refined(measured, 1.1, worst=1.8)) < 0.15
+    assert np.mean(choose_tiles(measured, 1.1, worst=1.8)) < 0.15
 
 
 @pytest.mark.parametrize(("part", "whole"), [(0.6, True), (0.4, False)])
@@ -122,7 +122,7 @@ def test_estimates_are_honest_though_tiles_are_chosen_by_their_own_probe(bias):
     for seed in range(12):
         frame = Frame(bias, seed=seed)
         measured = frame.measured()
-        chosen = choose_refined(measured, 1.1, worst=1.8)
+        chosen = choose_tiles(measured, 1.1, worst=1.8)
         pixels = measured.probes.pixels_of(chosen)
         kept = measured.__class__(
             **{**measured.__dict__, "refined": chosen, "left": np.where(chosen, 0.0, measured.left)}

@@ -8,16 +8,16 @@ import pytest
 from stereo_reproject.estimate.probes import measure, place_probes, with_refined
 from stereo_reproject.estimate.refinement import (
     as_rendered,
-    choose_refined,
+    choose_tiles,
     estimate,
     local_noise,
-    stands_out,
+    outlier_tiles,
     tile_estimates,
     worst_tiles,
 )
 from stereo_reproject.estimate.tracing import Refinement
+from stereo_reproject.images.contrast import Contrast, box_sum, contrast_of
 from stereo_reproject.images.metrics import noise_ratio, squared_error
-from stereo_reproject.images.risk import Contrast, box_sum, contrast_of
 from stereo_reproject.report.estimates import estimate_fields, estimate_map
 from stereo_reproject.settings.accuracy import SETTINGS
 
@@ -114,7 +114,7 @@ def test_no_warped_pixel_no_probe_and_nothing_to_promise():
     measured = measure(probes, warped, even(warped.shape), none, none, none)
     assert estimate(measured).noise_ratio == 1.0
     assert worst_tiles(measured) == 1.0
-    assert not probes.pixels_of(choose_refined(measured, 1.1)).any()
+    assert not probes.pixels_of(choose_tiles(measured, 1.1)).any()
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.1, 0.5])
@@ -128,14 +128,14 @@ def test_the_estimate_is_the_true_noise_ratio(bias):
 
 
 def test_a_warp_that_is_good_enough_is_left_alone():
-    assert not choose_refined(Frame(0.0).measured(), 1.1, worst=2.0).any()
+    assert not choose_tiles(Frame(0.0).measured(), 1.1, worst=2.0).any()
 
 
 @pytest.mark.parametrize("promise", [1.1, 1.05, 1.02])
 def test_refinement_keeps_its_promise_and_traces_little_beside_what_is_wrong(promise):
     frame = Frame(0.4)
     measured = frame.measured()
-    after, pixels = frame.refined(measured, choose_refined(measured, promise))
+    after, pixels = frame.refined(measured, choose_tiles(measured, promise))
     true, told = frame.true_ratio(pixels), estimate(after)
     assert told.noise_ratio <= promise
     assert true <= promise + HONEST
@@ -162,7 +162,7 @@ def test_the_interval_after_the_choice_covers_the_truth(bias, shown):
     for seed in range(40):
         frame = Frame(bias, seed=seed)
         measured = frame.measured(seed, shown=shown)
-        after, pixels = frame.refined(measured, choose_refined(measured, 1.05, worst=1.5))
+        after, pixels = frame.refined(measured, choose_tiles(measured, 1.05, worst=1.5))
         told, true = estimate(after), frame.true_ratio(pixels)
         hits.append(told.low <= true + 0.01 and true - 0.01 <= told.high)
         off.append(told.noise_ratio - true)
@@ -174,11 +174,11 @@ def test_the_interval_after_the_choice_covers_the_truth(bias, shown):
 def test_a_small_thing_that_is_very_wrong_is_traced_though_the_frame_is_kept(shown):
     frame = Frame(0.5, mirror=(slice(104, 136), slice(104, 136)))
     measured = frame.measured(shown=shown)
-    assert not choose_refined(measured, 1.1).any(), "the frame as a whole asks for nothing"
-    pixels = measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0))
+    assert not choose_tiles(measured, 1.1).any(), "the frame as a whole asks for nothing"
+    pixels = measured.probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0))
     assert pixels[104:136, 104:136].mean() > 0.75
     assert pixels.sum() < 3 * 32**2
-    assert worst_tiles(measured) >= worst_tiles(frame.refined(measured, choose_refined(measured, 1.1, worst=2.0))[0])
+    assert worst_tiles(measured) >= worst_tiles(frame.refined(measured, choose_tiles(measured, 1.1, worst=2.0))[0])
 
 
 @pytest.mark.parametrize("known", [False, True], ids=["unknown", "materials"])
@@ -210,7 +210,7 @@ def test_the_intervals_of_the_tiles_hold_their_truth(known):
 
 def test_the_map_of_the_estimate_is_one_where_traced_and_unknown_where_no_probe_tells():
     frame = Frame(0.12)
-    measured, pixels = frame.refined(frame.measured(), choose_refined(frame.measured(), 1.1))
+    measured, pixels = frame.refined(frame.measured(), choose_tiles(frame.measured(), 1.1))
     told = estimate_map(Refinement(pixels, measured=measured), frame.holes | pixels)
     assert told.shape == (*SIZE, 3)
     assert (told[frame.holes | pixels] == 1.0).all()
@@ -257,8 +257,8 @@ def lone_tiles(seed, bias=0.5):
 def test_a_lone_tile_that_is_wrong_beyond_doubt_is_found_by_its_own_probe():
     measured = lone_tiles(1).measured()
     wrong = (measured.probes.tiles[0] % 8 == 2) & (measured.probes.tiles[1] % 8 == 2) & (measured.probes.tiles[1] < 36)
-    assert not choose_refined(measured, 1.25, worst=2.0)[wrong].any()
-    found = stands_out(measured, 2.0)
+    assert not choose_tiles(measured, 1.25, worst=2.0)[wrong].any()
+    found = outlier_tiles(measured, 2.0)
     assert found[wrong].mean() > 0.9
     assert found[~wrong].mean() < 0.005
 
@@ -268,7 +268,7 @@ def test_what_was_chosen_by_its_own_probe_does_not_flatter_what_is_told():
     for seed in range(25):
         frame = lone_tiles(seed, bias=0.3)
         measured = frame.measured(seed)
-        by_own = stands_out(measured, 2.0)
+        by_own = outlier_tiles(measured, 2.0)
         pixels = measured.probes.pixels_of(by_own) & ~frame.holes
         noise = local_noise(measured)
         after = with_refined(measured, by_own, pixels, noise, warped=frame.warped, traced=frame.traced(), by_own=by_own)
@@ -302,7 +302,7 @@ def test_a_texture_without_noise_does_not_make_the_noise_elsewhere_an_error():
     measured = measure(probes, ~frame.holes, contrast, *(image[probes.mask] for image in images))
     below = probes.tiles[0] > 26
     assert np.median(local_noise(measured)[below]) > 0.7 * np.median(measured.noise_around[below])
-    chosen = choose_refined(measured, 1.1, worst=1.5) | stands_out(measured, 1.5)
+    chosen = choose_tiles(measured, 1.1, worst=1.5) | outlier_tiles(measured, 1.5)
     assert chosen[below].mean() < 0.03
 
 
@@ -315,8 +315,8 @@ def test_tiles_that_were_traced_tell_more_of_their_neighbours_than_their_probes_
     left = reflection & (columns % 3 == 0)
     after, _ = frame.refined(measured, left)
     missed = reflection & ~left
-    found_before = choose_refined(measured, 1.25, worst=2.0)[missed].mean()
-    found_after = choose_refined(after, 1.25, worst=2.0)[missed].mean()
+    found_before = choose_tiles(measured, 1.25, worst=2.0)[missed].mean()
+    found_after = choose_tiles(after, 1.25, worst=2.0)[missed].mean()
     assert found_after > found_before + 0.1
 
 
@@ -331,7 +331,7 @@ def test_a_material_is_judged_as_a_whole_however_its_pieces_lie():
         frame.warped[mirrors > 0] += 0.3
         for shown in (None, mirrors):
             measured = frame.measured(seed, shown=shown)
-            pixels = measured.probes.pixels_of(choose_refined(measured, 1.02, worst=1.5))
+            pixels = measured.probes.pixels_of(choose_tiles(measured, 1.02, worst=1.5))
             found.append(pixels[mirrors > 0].mean())
             beside.append(pixels[(mirrors == 0) & ~frame.holes].mean())
     alone, together = np.mean(found[::2]), np.mean(found[1::2])
@@ -344,7 +344,7 @@ def test_what_materials_tell_is_of_probes_alone():
     frame = Frame(0.5)
     measured = frame.measured(shown=unlike_tiles())
     assert measured.materials is not None
-    after, _ = frame.refined(measured, choose_refined(measured, 1.3))
+    after, _ = frame.refined(measured, choose_tiles(measured, 1.3))
     assert after.refined.any()
     nearby = np.ones(after.refined.size)
     np.testing.assert_array_equal(after.materials.likely(nearby), measured.materials.likely(nearby))
@@ -356,14 +356,14 @@ def test_a_firefly_on_a_probe_refines_no_wall_and_hides_no_error(shown):
         a[w.shape[0] // 2] = 1000.0
 
     measured = Frame(0.0).measured(spoil=burn_one, shown=shown)
-    assert measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0)).sum() <= 9 * SPACING**2
+    assert measured.probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0)).sum() <= 9 * SPACING**2
 
     def burn_two(w, a, b):
         a[10] = b[500] = 1000.0
 
     frame = Frame(0.4)
     measured = frame.measured(spoil=burn_two, shown=shown)
-    _, pixels = frame.refined(measured, choose_refined(measured, 1.1, worst=2.0))
+    _, pixels = frame.refined(measured, choose_tiles(measured, 1.1, worst=2.0))
     assert frame.true_ratio(pixels) <= 1.1 + HONEST
 
 
@@ -372,7 +372,7 @@ def test_a_warped_firefly_refines_no_wall():
         w[w.shape[0] // 2] = 1000.0
 
     measured = Frame(0.0).measured(spoil=burn)
-    assert measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0)).sum() <= 25 * SPACING**2
+    assert measured.probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0)).sum() <= 25 * SPACING**2
 
 
 def test_a_firefly_counts_for_no_more_than_a_few_probes():
@@ -410,7 +410,7 @@ def test_a_noisy_thing_on_a_quiet_frame_is_neither_wrong_nor_a_reason_to_trace_i
     for seed in range(12):
         measured = NoisyObject(side, seed=seed).measured(seed)
         told.append(estimate(measured).excess)
-        pixels = measured.probes.pixels_of(choose_refined(measured, 1.1, worst=2.0))
+        pixels = measured.probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0))
         assert pixels.sum() <= 4 * side**2
     assert np.mean(told) == pytest.approx(0.0, abs=4.0 * np.std(told) / np.sqrt(len(told)))
 
@@ -424,13 +424,13 @@ def test_one_outlier_on_a_quiet_frame_does_not_have_everything_traced():
     w[100] = 3.0
     measured = measure(probes, warped, even(warped.shape), w, a, b)
     assert estimate(measured).noise_ratio > 1.1
-    assert choose_refined(measured, 1.1, worst=2.0).mean() <= 0.5, "no more than may have something to gain"
+    assert choose_tiles(measured, 1.1, worst=2.0).mean() <= 0.5, "no more than may have something to gain"
 
 
 def test_a_refining_trace_that_is_no_number_spoils_nothing():
     frame = Frame(0.4)
     measured = frame.measured()
-    chosen = choose_refined(measured, 1.1)
+    chosen = choose_tiles(measured, 1.1)
     pixels = measured.probes.pixels_of(chosen) & ~frame.holes
     traced = frame.traced()
     traced[np.argwhere(pixels)[5][0], np.argwhere(pixels)[5][1]] = np.nan
@@ -454,7 +454,7 @@ def test_without_noise_whatever_is_off_is_traced():
     probes, contrast = frame.probes()
     truth = frame.truth[probes.mask]
     measured = measure(probes, ~frame.holes, contrast, frame.warped[probes.mask], truth, truth)
-    pixels = probes.pixels_of(choose_refined(measured, 1.1, worst=2.0))
+    pixels = probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0))
     assert pixels[80:200, 104:256].all()
     assert not pixels[:72].any()
     assert np.isnan(tile_estimates(measured)).all(), "without noise there is no ratio to it"

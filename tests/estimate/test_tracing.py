@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import ROUNDS, Means, TargetEye
+from stereo_reproject.estimate.tracing import ROUNDS, FillPlanner, TargetEye
 from stereo_reproject.images.metrics import noise_ratio
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
@@ -53,7 +53,7 @@ class Frame:
         return {"Combined": once if twice is None else np.concatenate([once, self.traced()[twice]])}
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
-        means = Means(asked, COST, blockers or {})
+        means = FillPlanner(asked, COST, blockers or {})
         return TargetEye(self, "right", means, self.reprojection, accuracy, watched=watched, seed=self.seed)
 
     def ratio(self, eye):

@@ -5,7 +5,7 @@ import numpy as np
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
-from stereo_reproject.warp.carrying import carry
+from stereo_reproject.warp.warper import warp_view
 from tests.bench.warp.scenes import eyes, room
 from tests.bench.warp.settings import MODES
 
@@ -22,12 +22,13 @@ def agreement():
     for mode in MODES:
         options = {"accuracy": SETTINGS["balanced"], "invalid": invalid}
         ours, numpys = (
-            reproject(passes, *eyes(*SIZE, mode), carry=carrier, **options) for carrier in (gpu_warp.carry, carry)
+            reproject(passes, *eyes(*SIZE, mode), warp_view=carrier, **options)
+            for carrier in (gpu_warp.warp_view, warp_view)
         )
         told = (ours.reasons == 0) & (numpys.reasons == 0)
         apart = np.abs(ours.passes["Combined"] - numpys.passes["Combined"])[told]
         found[mode] = {
-            "by": ours.carried_by,
+            "by": ours.warped_by,
             "told": float(told.mean()),
             "mask": float(np.mean((ours.reasons != 0) != (numpys.reasons != 0))),
             "colour": float(apart.max()),

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from stereo_reproject.holes.defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
-from stereo_reproject.images.risk import contrast_of, gradient_of
+from stereo_reproject.images.contrast import contrast_of, gradient_of
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, ViewPlane
 from stereo_reproject.views.frustum import Lens
-from stereo_reproject.warp.depth_steps import disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_steps
 
 CAMERA = PerspectiveCamera(200, 100, np.eye(4), ViewPlane(-0.5, 0.5, -0.25, 0.25))
 LENS = Lens(aperture=0.05, focus=4.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.holes.silhouettes import differing, edge_band
-from stereo_reproject.warp.depth_steps import disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_steps
 
 SIZE = (80, 120)
 EDGE = 60

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from stereo_reproject.holes.reprojection import reproject
-from stereo_reproject.holes.thin import FARTHEST, LEAST_COVERED, THRESHOLD, landings, thin_things
+from stereo_reproject.holes.thin import FARTHEST, LEAST_COVERED, THRESHOLD, target_pixels, thin_things
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import disparity_per_nearness, see_the_same
-from stereo_reproject.warp.depth_steps import TEAR, disparity_steps
+from stereo_reproject.warp.discontinuities import TEAR, disparity_steps
 from stereo_reproject.warp.forward import forward_warp, narrow
 from stereo_reproject.warp.grid import build_grid
 from tests.warp.analytic import pixel_centres, px_from_world, stereo_rig
@@ -197,7 +197,7 @@ def test_where_it_lands_is_traced(source, target):
     places = np.stack([1.5 * part + start for part, start in zip(np.broadcast_arrays(*ray), origin, strict=True)], -1)
     at = px_from_world(eyes[target], places + eyes[source].world_from_camera[:3, 3])[0]
     warp, alone = drawn(depth, eyes[source], eyes[target])
-    landed = landings(alone, depth, eyes[source], eyes[target], warp)
+    landed = target_pixels(alone, depth, eyes[source], eyes[target], warp)
     np.testing.assert_array_equal(np.argmax(landed, axis=1), at.astype(int))
     assert landed.sum() == SIZE[1]
     picture = np.random.default_rng(1).random((*depth.shape, 4), np.float32)
@@ -224,4 +224,4 @@ def test_what_something_nearer_hides_lands_nowhere():
     eyes, depth = rig(), slat(1)
     warp, alone = drawn(depth, eyes["left"], eyes["right"])
     warp.nearness[:] = 1.0
-    assert not landings(alone, depth, eyes["left"], eyes["right"], warp).any()
+    assert not target_pixels(alone, depth, eyes["left"], eyes["right"], warp).any()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.images.contrast import box_sum
 from stereo_reproject.images.denoising import WINDOW, WINDOWS, Denoising, denoise_source, denoise_target, noise_left
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
-from stereo_reproject.images.risk import box_sum
 
 NOISE = 0.05
 ROUGHLY = 0.2

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import Means
+from stereo_reproject.estimate.tracing import FillPlanner
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.matching.matching import Traced
@@ -29,7 +29,7 @@ def reprojection():
     return SimpleNamespace(passes=passes, reasons=reasons, warp=SimpleNamespace(covered=covered))
 
 
-class Matcher:
+class LightMatcher:
     """Traces the wall darker than the picture has it; each pixel takes so many seconds."""
 
     def __init__(self, *, per_pixel=1e-4, why_not=None):
@@ -60,13 +60,13 @@ class Matcher:
 
 
 def filled(matcher, *, asked="auto", seconds=100.0, blockers=None):
-    means = Means(asked, SourceCost(seconds, 0.0), blockers or {"packed": None, "card": None})
+    means = FillPlanner(asked, SourceCost(seconds, 0.0), blockers or {"packed": None, "card": None})
     eye = MatchedEye(matcher, "right", means, reprojection(), SETTINGS["preview"], seed=1)
     return eye, eye.fill()
 
 
 def test_holes_are_matched_and_the_rest_stays():
-    matcher = Matcher()
+    matcher = LightMatcher()
     eye, choice = filled(matcher)
     assert choice.method == "packed"
     assert np.allclose(eye.passes[COLOUR_PASS][..., :3], TRUE, atol=1e-3)
@@ -80,7 +80,7 @@ def test_holes_are_matched_and_the_rest_stays():
 
 
 def test_what_a_pilot_says_is_dearer_than_a_second_render_is_not_done():
-    matcher = Matcher(per_pixel=2.0)
+    matcher = LightMatcher(per_pixel=2.0)
     eye, choice = filled(matcher)
     assert [method for method, _ in matcher.asked] == ["packed", "full"]
     assert matcher.asked[1][1] == HEIGHT * WIDTH
@@ -93,10 +93,10 @@ def test_what_a_pilot_says_is_dearer_than_a_second_render_is_not_done():
 @pytest.mark.parametrize(
     ("matcher", "how", "word"),
     [
-        (Matcher(), {"seconds": 0.5 * AT_ONCE}, "handing the scene to Cycles"),
-        (Matcher(why_not="glass is blended"), {}, "glass is blended"),
+        (LightMatcher(), {"seconds": 0.5 * AT_ONCE}, "handing the scene to Cycles"),
+        (LightMatcher(why_not="glass is blended"), {}, "glass is blended"),
         (
-            Matcher(),
+            LightMatcher(),
             {"blockers": {"packed": "no OSL", "card": "no mask"}},
             "no packed: no OSL",
         ),
@@ -112,7 +112,7 @@ def test_a_second_render_is_taken_at_once_and_says_why(matcher, how, word):
 
 @pytest.mark.parametrize("asked", ["packed", "card", "full"])
 def test_what_is_asked_for_is_done(asked):
-    matcher = Matcher(per_pixel=99.0, why_not="glass is blended")
+    matcher = LightMatcher(per_pixel=99.0, why_not="glass is blended")
     _, choice = filled(matcher, asked=asked, seconds=0.5 * AT_ONCE)
     assert choice.method == asked
     assert {method for method, _ in matcher.asked} == {asked}
@@ -120,7 +120,7 @@ def test_what_is_asked_for_is_done(asked):
 
 def test_without_the_packed_camera_the_other_eye_is_rendered_by_the_same_engine():
     """A card has Cycles go over the whole frame: there is nothing that a pilot could tell."""
-    matcher = Matcher()
+    matcher = LightMatcher()
     _, choice = filled(matcher, blockers={"packed": "no OSL", "card": None})
     assert choice.method == "full"
     assert "no OSL" in choice.reason

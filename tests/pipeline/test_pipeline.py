@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.estimate.tracing import Means
+from stereo_reproject.estimate.tracing import FillPlanner
 from stereo_reproject.holes.reprojection import PINHOLE, reproject
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import Stopwatch, render_stereo_frame, traced_fractions
-from stereo_reproject.pipeline.precedent import Precedent
+from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.views.frustum import Lens
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
-from stereo_reproject.warp.composite import contain
+from stereo_reproject.warp.composite import replace_non_finite
 from tests.warp.analytic import (
     ORTHOGRAPHIC_WIDTH,
     Plane,
@@ -257,7 +257,7 @@ def test_a_step_of_more_than_a_pixel_tears_the_surface(step):
     card = per_nearness / (per_nearness / 8.0 + step)
     world = World((Plane((0.0, 0.0, -8.0)), Plane((0.1, 0.2, -card), half=1.5)))
     renderer = caster(world)
-    source, invalid = contain(renderer.picture("left", seed=1))
+    source, invalid = replace_non_finite(renderer.picture("left", seed=1))
     no_band = Accuracy(silhouette_step=1e9, silhouette_radius=0, colour_tolerance=0.0)
     left, right = renderer.cameras["left"], renderer.cameras["right"]
     reprojection = reproject(source, left, right, accuracy=no_band, invalid=invalid, grid_threshold=1.0)
@@ -299,7 +299,7 @@ def test_of_a_denoised_picture_the_colour_is_looked_up_cubically_unless_told_oth
 
 
 def test_what_another_frame_has_found_is_not_looked_for_again():
-    class Known(Precedent):
+    class Known(SharedFindings):
         def __init__(self, left):
             self.left, self.found = left, []
 
@@ -721,7 +721,7 @@ def test_a_large_picture_has_larger_tiles(method, monkeypatch):
     monkeypatch.setattr("stereo_reproject.settings.accuracy.PROBED_PIXELS", SIZE[0] * SIZE[1] // 4)
     large = render_stereo_frame(renderer, asked)
     sides = [frame.refinement.measured.probes.spacing for frame in (small, large)]
-    assert sides == [Means.spacing(method, side) for side in (8, 16)]
+    assert sides == [FillPlanner.spacing(method, side) for side in (8, 16)]
     # What the next better setting traces beside holes is a quarter, too.
     assert small.price.traced - large.price.traced > 0.5 / sides[0] ** 2
 

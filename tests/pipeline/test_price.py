@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import Means, Refinement
+from stereo_reproject.estimate.tracing import FillPlanner, Refinement
 from stereo_reproject.pipeline.price import WHOLE, price_of
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.trace.fill import FillChoice, SourceCost
@@ -25,13 +25,13 @@ def reprojection(share):
 
 
 def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None, whole=False):
-    means = Means("auto", COST, blockers or {})
+    means = FillPlanner("auto", COST, blockers or {})
     return price_of(name, reprojection(share), refinement, means, SECONDS, fill, watched=watched, whole=whole)
 
 
 def test_more_pixels_cost_more_at_the_pace_of_this_frame():
     told = price()
-    assert told.more_seconds == pytest.approx(Means("auto", COST, {}).choose(0.2).predicted_seconds - 2.6)
+    assert told.more_seconds == pytest.approx(FillPlanner("auto", COST, {}).choose(0.2).predicted_seconds - 2.6)
     assert told.seconds == pytest.approx(24.0 + told.more_seconds)
     assert told.traced == pytest.approx(0.2)
     slower = price(fill=FillChoice("packed", "asked for", 1.3))
@@ -64,5 +64,5 @@ def test_a_frame_that_was_rendered_whole_has_nothing_better():
 
 def test_a_full_render_that_costs_nothing_more_is_better_all_the_same():
     cheap = SourceCost(1.0, 0.0)
-    told = price_of(WHOLE, reprojection(0.2), NOTHING, Means("auto", cheap, {}), SECONDS, FILL, watched=False)
+    told = price_of(WHOLE, reprojection(0.2), NOTHING, FillPlanner("auto", cheap, {}), SECONDS, FILL, watched=False)
     assert told.more_seconds == 0.0

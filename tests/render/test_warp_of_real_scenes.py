@@ -11,7 +11,7 @@ from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.pipeline import frame as pipeline
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import SceneOverrides
-from stereo_reproject.warp import carrying
+from stereo_reproject.warp import warper
 from tests.bench.performance.plan import EYES
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import pose
@@ -68,8 +68,8 @@ def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
     for other in (target, others):
         for accuracy in ("balanced", "exact"):
             ours, numpys = (
-                reproject(passes, source, other, **options | {"carry": carry, "accuracy": SETTINGS[accuracy]})
-                for carry in (gpu_warp.carry, carrying.carry)
+                reproject(passes, source, other, **options | {"carry": warp_view, "accuracy": SETTINGS[accuracy]})
+                for warp_view in (gpu_warp.warp_view, warper.warp_view)
             )
-            assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+            assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
             assert assert_keeps_its_promise(ours, numpys) > TOLD

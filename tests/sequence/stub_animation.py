@@ -54,7 +54,7 @@ def main():
             plan = animation.plan_frames(journal, files, wanted, options.existing)
             say("plan", *plan.todo)
             maker = Maker(journal, wanted, token, private, options)
-            told = animation.FramesTold(
+            told = animation.FrameListener(
                 done=lambda frame, _: say("done", frame),
                 failed=lambda frame, why: say("failed", frame, why),
                 waits=lambda frames: say("waits", *frames),

@@ -14,8 +14,8 @@ import pytest
 from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectError
 from stereo_reproject.sequence import frames as animation
 from stereo_reproject.sequence.frames import (
+    FrameListener,
     FramePlan,
-    FramesTold,
     failed_output,
     is_full,
     plan_frames,
@@ -26,7 +26,7 @@ from stereo_reproject.sequence.frames import (
 from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal, Record
 from stereo_reproject.sequence.listing import Listing
 from stereo_reproject.sequence.progress import AnimationProgress
-from stereo_reproject.sequence.progress import Told as Listener
+from stereo_reproject.sequence.progress import Listener as ProgressListener
 from stereo_reproject.sequence.runs import BEAT_DIGITS, STALE_SECONDS, Runs
 from stereo_reproject.settings.animation import EXISTING
 from tests.jobs.clock import Clock
@@ -112,12 +112,12 @@ class Maker:
         return publish(self.journal, frame, claim, token=self.token, wanted=self.wanted)
 
 
-class Told:
+class Listener:
     """What was said, in order."""
 
     def __init__(self, waits=lambda _: None):
         self.events, self._waits = [], waits
-        self.to = FramesTold(
+        self.to = FrameListener(
             lambda frame, record: self.events.append(("done", frame, record.run)),
             lambda frame, why: self.events.append(("failed", frame, why)),
             self._on_wait,
@@ -149,7 +149,7 @@ def plan(journal, existing="refuse", *, wanted=WANTED, frames=FRAMES):
 
 
 def render(journal, maker, *, existing="resume", told=None):
-    told = told or Told()
+    told = told or Listener()
     elsewhere(journal, maker.token)
     render_frames(plan(journal, existing), journal, maker.wanted, maker.token, maker, told.to)
     return told
@@ -291,7 +291,7 @@ def test_a_frame_that_fails_is_passed_over_and_given_free(journal):
 def test_three_failures_in_a_row_are_enough(journal):
     errors = {frame: StereoReprojectError(f"frame {frame}: no memory") for frame in FRAMES}
     maker = Maker(journal, fails=errors)
-    told = Told()
+    told = Listener()
     with pytest.raises(StereoReprojectError, match="frame 3: no memory"):
         render(journal, maker, told=told)
     assert maker.rendered == [1, 2, 3]
@@ -302,7 +302,7 @@ def test_three_failures_in_a_row_are_enough(journal):
 def test_failures_that_are_not_in_a_row_are_not(journal):
     frames = range(1, 8)
     maker = Maker(journal, fails={frame: StereoReprojectError("no memory") for frame in (1, 2, 5, 6)})
-    told = Told()
+    told = Listener()
     render_frames(plan(journal, frames=frames), journal, WANTED, OWN, maker, told.to)
     assert (told.frames("failed"), told.frames("done")) == ([1, 2, 5, 6], [3, 4, 7])
 
@@ -369,7 +369,7 @@ def test_frames_of_others_are_waited_for_when_all_else_is_done(journal):
             publish(journal, 1, claim, token=FAR)
 
     maker = Maker(journal)
-    told = render(journal, maker, told=Told(they_finish))
+    told = render(journal, maker, told=Listener(they_finish))
     assert maker.rendered == [2, 3, 4]
     assert looks == [[1], [1]]
     assert told.events[-1] == ("done", 1, FAR)
@@ -386,7 +386,7 @@ def test_frames_of_others_are_taken_over_when_those_are_dead(journal, clock):
         clock.now += STALE_SECONDS / 2
 
     maker = Maker(journal)
-    told = render(journal, maker, told=Told(time_passes))
+    told = render(journal, maker, told=Listener(time_passes))
     assert maker.rendered == [1, 3, 4, 2]
     assert len(waits) == 2
     assert told.frames("done")[-1] == 2
@@ -406,7 +406,7 @@ def test_frames_of_others_are_not_taken_over_as_long_as_those_live(journal, cloc
             publish(journal, 2, claim, token=FAR)
 
     maker = Maker(journal)
-    render(journal, maker, told=Told(time_passes))
+    render(journal, maker, told=Listener(time_passes))
     assert (maker.rendered, len(beats)) == ([1, 3, 4], 5)
 
 
@@ -529,7 +529,9 @@ def test_the_time_that_is_left_counts_no_load(journal):
     times = iter([100.0, 103.0, 105.0])
     told = []
     plan = FramePlan(dict.fromkeys(FRAMES, FrameState.MISSING), {}, {})
-    progress = AnimationProgress(plan, len(FRAMES), Listener(on_frame=told.append), {}, clock=lambda: next(times))
+    progress = AnimationProgress(
+        plan, len(FRAMES), ProgressListener(on_frame=told.append), {}, clock=lambda: next(times)
+    )
     for frame in FRAMES[:3]:
         figures = {"wall_seconds": 2.0}
         progress.told.done(frame, Record(frame, {}, "", {}, OWN, figures))

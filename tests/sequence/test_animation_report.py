@@ -9,7 +9,7 @@ import pytest
 from stereo_reproject.sequence.figures import figures_of
 from stereo_reproject.sequence.frames import FramePlan
 from stereo_reproject.sequence.journal import Fingerprints, Journal, Record
-from stereo_reproject.sequence.progress import AnimationProgress, Told
+from stereo_reproject.sequence.progress import AnimationProgress, Listener
 from stereo_reproject.sequence.report import format_animation, report_path, totals, write_animation_report
 from stereo_reproject.settings.animation import AnimationSettings
 
@@ -191,7 +191,7 @@ def test_figures_of_odd_kinds_are_named_and_the_rest_is_told(tmp_path, name):
 def test_a_frame_that_another_run_has_recorded_oddly_is_done_all_the_same(name):
     for value in (*ODD[name], deep(600)):
         events, warnings = [], []
-        told = Told(on_frame=events.append, warn=warnings.append)
+        told = Listener(on_frame=events.append, warn=warnings.append)
         figures = {**row(warnings=["fireflies"]), name: value}
         record = Record(1, {"0001.png": {"bytes": 1, "sha256": "0"}}, "s", {}, "r", figures)
         AnimationProgress(FramePlan({1: None}, {}, {}), 1, told, {}).told.done(1, record)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.images.heuristic import heuristic_mask
+from stereo_reproject.images.glossy_mask import heuristic_mask
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.tradeoff.cases import (

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, disparity_per_nearness
 from stereo_reproject.views.parallax import ARC_MINUTE
-from stereo_reproject.warp.depth_steps import TEAR
+from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, PERSPECTIVE
 from tests.warp.exact import where_they_go
 

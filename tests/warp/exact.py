@@ -16,7 +16,7 @@ from hypothesis import settings
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
-from stereo_reproject.warp.composite import contain
+from stereo_reproject.warp.composite import replace_non_finite
 from tests.warp.analytic import pixel_centres, pose, px_from_world, world_rays
 
 SENSOR = 36.0
@@ -129,7 +129,7 @@ def reprojected(passes, source, target, *, accuracy=STRICT, cleaned=True, **opti
     with nothing_said():
         invalid = np.zeros(passes["Combined"].shape[:2], bool)
         if cleaned:
-            passes, invalid = contain(passes)
+            passes, invalid = replace_non_finite(passes)
         result = reproject(passes, source, target, accuracy=accuracy, invalid=invalid, **options)
         assert result.reasons.shape == (target.height, target.width)
     return result

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera
-from stereo_reproject.warp.depth_steps import TEAR
-from stereo_reproject.warp.rectified import EDGE_TOLERANCE, MAX_STRETCH
+from stereo_reproject.warp.discontinuities import TEAR
+from stereo_reproject.warp.scanline import EDGE_TOLERANCE, MAX_STRETCH
 from tests.warp.analytic import pixel_centres
 from tests.warp.bounds import ROUNDINGS, bent, beside, coarse_misses, limits, shift_terms, spread
 from tests.warp.exact import STRICT, passes_of, project, reprojected, traced, where_they_go

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.views.camera import target_px_from_source_px
-from stereo_reproject.warp.composite import composite, contain, not_numbers, warp_passes
+from stereo_reproject.warp.composite import composite, not_numbers, replace_non_finite, warp_passes
 from stereo_reproject.warp.forward import Warp
 from tests.warp.analytic import pixel_centres, px_from_world, stereo_rig
 
@@ -44,7 +44,7 @@ def test_a_pass_that_was_not_traced_keeps_what_was_warped_and_no_pass_is_made_up
 def test_contain_leaves_numbers_alone():
     given = passes(1)
     given["Depth"][2, 3] = np.inf
-    clean, invalid = contain(given)
+    clean, invalid = replace_non_finite(given)
     assert not invalid.any()
     for name, image in clean.items():
         np.testing.assert_array_equal(image, given[name])
@@ -57,7 +57,7 @@ def test_contain_blacks_out_what_is_no_number_and_says_where(value):
     given["Combined"][2, 3, 1] = given["Combined"][5, 8, 3] = value
     given["Normal"][4, 4, 2] = value
     before = {name: image.copy() for name, image in given.items()}
-    clean, invalid = contain(given)
+    clean, invalid = replace_non_finite(given)
     assert np.argwhere(invalid).tolist() == [[2, 3], [5, 8]], "a normal is not what a pixel looks like"
     assert {name: np.argwhere(pixels).tolist() for name, pixels in not_numbers(given).items()} == {
         "Combined": [[2, 3], [5, 8]],
@@ -75,7 +75,7 @@ def test_contain_knows_no_depth_but_those_above_zero_and_the_sky():
     given = passes(1)
     values = [np.nan, -np.inf, -1.0, 0.0, 1e-30, 5.0, 1e9, np.inf]
     given["Depth"][0, :8, 0] = values
-    clean, invalid = contain(given)
+    clean, invalid = replace_non_finite(given)
     np.testing.assert_array_equal(clean["Depth"][0, :8, 0], np.float32([np.nan] * 4 + values[4:]))
     assert not invalid.any(), "a colour without a depth is a colour"
 

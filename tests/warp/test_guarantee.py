@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import OrthographicCamera, disparity_per_nearness
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
-from stereo_reproject.warp.depth_steps import TEAR
+from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, build_grid
-from stereo_reproject.warp.rectified import shift_of
+from stereo_reproject.warp.scanline import row_disparity_of
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.bounds import ROUNDINGS, most_in_a_cell, px_per_slope
 from tests.warp.exact import Rig, examples, nothing_said, passes_of, reprojected, where_they_go
@@ -144,7 +144,7 @@ def test_coarse_cells_are_as_near_the_native_ones_as_the_threshold_says(data):
         grid = build_grid(depth, source, target, threshold=threshold, most=most)
         cuts = {"cut_right": np.zeros((size[1], size[0] - 1), bool), "cut_down": np.zeros((size[1] - 1, size[0]), bool)}
         warp = forward_warp(depth, source, target, grid, **cuts)
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     # What is found, in the row of pixels joined by straight lines of nearness.
     x, _ = pixel_centres(target)
     centres = np.arange(size[0]) + 0.5
@@ -290,7 +290,7 @@ def test_what_is_too_slanted_to_be_drawn_hides_the_wall(depth, degrees, half, mo
 def test_what_is_a_pixel_or_two_wide_is_never_lost(width, slope, part):
     """Drawn between two of the target's pixel centres it is not there: then it is flagged where it would be."""
     source, target = Rig(size=(96, 40), mode="parallel", ipd=0.1).eyes
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     disparity = np.full((40, 96), 2.0)
     disparity[:, 50 : 50 + width] = 9.0 + part + slope * np.arange(width)
     depth = (-shift.per_nearness / disparity).astype(np.float32)

@@ -13,8 +13,8 @@ from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.views.parallax import parallax_angle, parallax_difference
-from stereo_reproject.warp.composite import contain
-from stereo_reproject.warp.rectified import shift_of
+from stereo_reproject.warp.composite import replace_non_finite
+from stereo_reproject.warp.scanline import row_disparity_of
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.bounds import ROUNDINGS
 from tests.warp.exact import STRICT, Rig, examples, nothing_said, passes_of, reprojected, where_they_go
@@ -150,7 +150,7 @@ def test_parallel_rays_see_what_is_in_their_own_plane():
 def test_the_near_plane_beside_the_sky(near, column):
     """Half of the picture each; the eyes are so close that what is near moves by seven pixels."""
     source, target = Rig(size=SIZE, mode="parallel").eyes
-    ipd = 7.3 * near / -shift_of(source, target).per_nearness * 0.065
+    ipd = 7.3 * near / -row_disparity_of(source, target).per_nearness * 0.065
     source, target = Rig(size=SIZE, mode="parallel", ipd=ipd).eyes
     depth = np.full(SIZE[::-1], np.inf, np.float32)
     depth[:, :column] = near
@@ -279,7 +279,7 @@ def test_contain_says_what_it_has_cleaned():
     passes = passes_of(np.resize(np.float32(BROKEN), (3, 3)))
     passes["Combined"][0, 0, 2], passes["Combined"][2, 1, 3] = np.nan, np.inf
     with nothing_said():
-        clean, invalid = contain(passes)
+        clean, invalid = replace_non_finite(passes)
     assert np.isnan(clean["Depth"]).all()
     assert np.argwhere(invalid).tolist() == [[0, 0], [2, 1]]
     assert clean["Combined"][0, 0, 2] == clean["Combined"][2, 1, 3] == 0.0
@@ -378,7 +378,7 @@ def test_no_step_is_smeared_over(pattern, mode, swapped):
     source, target = Rig(size=SIZE, mode=mode).eyes[:: -1 if swapped else 1]
     depth = pattern(*np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])))
     result = reprojected(passes_of(depth), source, target)
-    per_nearness, nearness = shift_of(source, target).per_nearness, 1.0 / depth
+    per_nearness, nearness = row_disparity_of(source, target).per_nearness, 1.0 / depth
     row, column = np.nonzero(result.reasons == 0)
     left, right, along = beside(result.warp.x[row, column], source.width)
     step = np.abs(per_nearness * (nearness[row, right] - nearness[row, left]))

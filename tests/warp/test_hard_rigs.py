@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import OrthographicCamera, disparity_per_nearness
-from stereo_reproject.warp.depth_steps import TEAR
+from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.grid import PERSPECTIVE
-from stereo_reproject.warp.rectified import shift_of
+from stereo_reproject.warp.scanline import row_disparity_of
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, pose
 from tests.warp.bounds import THIRD_DIFFERENCES, px_per_slope
 from tests.warp.exact import Rig, examples, passes_of, reprojected
@@ -235,7 +235,7 @@ def test_far_from_the_world_s_origin(place, turned):
     """The eyes' difference loses digits there, and is a rectified pair's for all that."""
     angles = {"yaw": 0.3, "pitch": -0.4, "roll": 0.7} if turned else {}
     near, far = (Rig(world=pose((p, -p / 3.0, p / 7.0), **angles)).eyes for p in (0.0, place))
-    one, other = (shift_of(*eyes) for eyes in (near, far))
+    one, other = (row_disparity_of(*eyes) for eyes in (near, far))
     assert one.per_nearness == pytest.approx(other.per_nearness, rel=1e-6)
     depth, _ = room().hit(Rig().eyes[0], *pixel_centres(near[0]))
     results = [reprojected(passes_of(depth), *eyes) for eyes in (near, far)]

@@ -8,7 +8,7 @@ import pytest
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.views.camera import disparity_per_nearness
-from stereo_reproject.warp.depth_steps import disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_steps
 from stereo_reproject.warp.empty import empty_reasons
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid

@@ -8,7 +8,7 @@ import pytest
 from stereo_reproject.images import bands
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.warp import quads
-from stereo_reproject.warp.depth_steps import TEAR
+from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.grid import build_grid
 from stereo_reproject.warp.quads import draw_quads
 from tests.warp.analytic import Plane, World, pixel_centres

@@ -2,12 +2,12 @@
 
 import pytest
 
-from stereo_reproject.pipeline.precedent import Precedent
+from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.warp import stage as warp_stage
-from stereo_reproject.warp.carrying import carry
 from stereo_reproject.warp.stage import LEAST_PIXELS, NUMPY, WarpStage, choose_stage, takes
+from stereo_reproject.warp.warper import warp_view
 
-GPU = WarpStage(carry, "A graphics card")
+GPU = WarpStage(warp_view, "A graphics card")
 
 
 def never(*_):
@@ -48,11 +48,11 @@ def test_the_seconds_are_those_of_the_run(monkeypatch):
     monkeypatch.setattr(warp_stage.time, "perf_counter", lambda: now[0])
 
     def work(stage_carry):
-        assert stage_carry is carry
+        assert stage_carry is warp_view
         now[0] += 2.5
 
     assert takes(work, GPU) == 2.5
 
 
 def test_for_a_frame_on_its_own_measuring_costs_more_than_it_saves():
-    assert Precedent().gpu_is_faster(never) is False
+    assert SharedFindings().gpu_is_faster(never) is False

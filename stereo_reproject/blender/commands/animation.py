@@ -24,7 +24,7 @@ from ...jobs.supervisor import Session
 from ...jobs.work_folder import work_folder
 from ...sequence.frames import FramePlan, failed_output, plan_frames, render_frames, spelled
 from ...sequence.journal import Fingerprints, FrameState, Journal, digest
-from ...sequence.progress import AnimationProgress, Told
+from ...sequence.progress import AnimationProgress, Listener
 from ...sequence.report import report_path, write_animation_report
 from ...sequence.runs import run_at_work
 from ...sequence.writer_process import WriterOrder
@@ -37,7 +37,7 @@ from ..scene.fingerprint import scene_fingerprints
 from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
 from ..scene.working import changed, scene_frames
-from .frame_maker import Belonging, BlenderFrameMaker
+from .frame_maker import BlenderFrameMaker, FrameContext
 
 ANIMATION_FILES = ("left.exr", "right.exr")
 """What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
@@ -55,7 +55,7 @@ def render_animation_files(
     session: Session,
     *,
     files: Sequence[str] = (),
-    told: Told | None = None,
+    told: Listener | None = None,
 ) -> dict[str, Any]:
     """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
 
@@ -66,7 +66,7 @@ def render_animation_files(
     """
     # `warnings_ahead` has said these, before the first frame.
     said = scene_warnings(scene, settings.scene)
-    told = _also_kept(told or Told(), said)
+    told = _also_kept(told or Listener(), said)
     for_movie_alone = scene.render.is_movie_format and options.output is None
     _say_many(scene, options, told)
     options, output = output_of(scene, options)
@@ -91,7 +91,7 @@ def render_animation_files(
         if plan.todo:
             progress = AnimationProgress(plan, len(output.files), told, failed)
             order = _order(blend, session, output, options, private)
-            belonging = Belonging(journal, wanted, token, output.half_floats)
+            belonging = FrameContext(journal, wanted, token, output.half_floats)
             keeps_last = bool(files)
             with closing(
                 BlenderFrameMaker(
@@ -121,7 +121,7 @@ def render_animation_files(
     return {**report, "files": [str(path) for path in written], **done}
 
 
-def _also_kept(told: Told, said: list[str]) -> Told:
+def _also_kept(told: Listener, said: list[str]) -> Listener:
     """The same, with its warnings kept for the report as well; each is said once, of however many frames it is."""
 
     def warn(text: str) -> None:
@@ -142,7 +142,7 @@ def _make_journal(journal: Journal) -> None:
         ) from error
 
 
-def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Told) -> None:
+def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Listener) -> None:
     told.on_stage("plan", "")
     frames = scene_frames(scene) if options.frames is None else options.frames
     if len(frames) >= MANY_FRAMES and not options.goes_on:
@@ -154,7 +154,7 @@ def _plan(
     output: Output,
     wanted: Fingerprints,
     options: AnimationSettings,
-    told: Told,
+    told: Listener,
     *,
     movies_are_there: bool,
 ) -> FramePlan:
@@ -226,7 +226,7 @@ def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str
     return {"Blender": ".".join(map(str, bpy.app.version[:2])), **prints}
 
 
-def _say_plan(plan: FramePlan, options: AnimationSettings, told: Told) -> None:
+def _say_plan(plan: FramePlan, options: AnimationSettings, told: Listener) -> None:
     by_state: dict[FrameState, list[int]] = {}
     for frame, state in plan.todo.items():
         by_state.setdefault(state, []).append(frame)
@@ -277,7 +277,7 @@ def _check_movies(scene: bpy.types.Scene, options: AnimationSettings, output: Ou
 
 
 def _movie(
-    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, told: Told
+    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, told: Listener
 ) -> list[Path]:
     """The movie of all frames, in its place; or several, or none."""
     if options.movie is None:

@@ -16,7 +16,7 @@ from ...images.metrics import noise_ratio, rmse, worst_tiles
 from ...pipeline.frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...settings.frame import StereoSettings
-from ...warp.composite import contain
+from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
 from ..output.delivery import deliver_side_by_side
@@ -66,7 +66,7 @@ def render_peer(
         both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
         _use_layers(peer, [main])
         again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
-    reference, repeated = (colour(contain(render.views[target])[0]) for render in (both, again))
+    reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
     return Peer(engine, both.seconds, reference, repeated)
 
 

@@ -20,7 +20,7 @@ from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
 from ...jobs.work_folder import DIFFERENCE, pair_files
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
-from ...pipeline.precedent import Precedent
+from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stereo_pair import StereoPair
 from ...report.estimates import effects_fields, estimate_fields, estimate_map
 from ...report.report import REPORT_SCHEMA, check_report
@@ -85,7 +85,7 @@ def render_pair(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
-    precedents: Callable[[str], Precedent] = lambda _: Precedent(),
+    precedents: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
 ) -> tuple[StereoPair, dict[str, Any]]:
     """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
     `render_files`.
@@ -115,7 +115,7 @@ def _render_layer(
     settings: StereoSettings,
     work: Path,
     watch: Stopwatch,
-    precedent: Precedent,
+    precedent: SharedFindings,
 ) -> tuple[StereoFrame, dict[str, Any]]:
     facts = frame_facts(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:

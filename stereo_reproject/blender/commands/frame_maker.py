@@ -16,7 +16,7 @@ from ...images.exr import VIEWS, write_eye
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.frame import colour
-from ...pipeline.precedent import Precedent
+from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stereo_pair import StereoPair
 from ...sequence.frames import blamed_on_output, failed_output
 from ...sequence.journal import Fingerprints, Journal, Record, digest
@@ -55,7 +55,7 @@ RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_tar
 
 
 @dataclass(frozen=True)
-class Belonging:
+class FrameContext:
     """What the frames of a run have in common: their journal, their fingerprints, the run's own token, and whether they
     are written as half floats."""
 
@@ -65,13 +65,13 @@ class Belonging:
     half_floats: bool
 
 
-class AgreedPrecedent(Precedent):
+class AgreedPrecedent(SharedFindings):
     """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
 
     block is what is different where something else may be found. Raises OutputError.
     """
 
-    def __init__(self, belonging: Belonging, layer: str, block: tuple[int, str]) -> None:
+    def __init__(self, belonging: FrameContext, layer: str, block: tuple[int, str]) -> None:
         self._journal = belonging.journal
         of_layer = [belonging.wanted.settings, dict(belonging.wanted.scene), layer]
         self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
@@ -109,7 +109,7 @@ class BlenderFrameMaker:
         settings: StereoSettings,
         options: AnimationSettings,
         order: WriterOrder,
-        belonging: Belonging,
+        belonging: FrameContext,
         work: Path,
         on_stage: Callable[[str, str], None],
         *,

@@ -36,7 +36,7 @@ from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost, check_fill, choose_fill
 from ...views.camera import see_the_same
-from ...warp.composite import contain
+from ...warp.composite import replace_non_finite
 from ..engines.eevee import EeveeRenderer, renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import without_time_limit
@@ -238,7 +238,7 @@ def _warp_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, passes: Passes, scale: float
 ) -> tuple[NDArray[np.uint16], float]:
     """The `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
-    source, invalid = contain(passes)
+    source, invalid = replace_non_finite(passes)
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
 
     interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
-from ...images.heuristic import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
+from ...images.glossy_mask import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
 from ...images.passes import MASKED_PASS, Passes
 from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions

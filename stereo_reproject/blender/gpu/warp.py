@@ -1,4 +1,4 @@
-"""The warp stage on the GPU: what `carrying.carry` does with numpy, by the compute shaders of `shaders`.
+"""The warp stage on the GPU: what `warper.warp_view` does with numpy, by the compute shaders of `shaders`.
 
 The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait
 for the answer. All that follows stays there, and every picture goes there and comes back once.
@@ -27,15 +27,15 @@ from ...views.camera import (
     disparity_per_nearness,
     target_from_source,
 )
-from ...warp import carrying
-from ...warp.carrying import Carried
+from ...warp import warper
 from ...warp.composite import passes_seen
-from ...warp.depth_steps import TEAR
+from ...warp.discontinuities import TEAR
 from ...warp.forward import Warp
 from ...warp.grid import CELL, Grid, build_grid
 from ...warp.motion import Moving
-from ...warp.rectified import Shift, shift_of
+from ...warp.scanline import RowDisparity, row_disparity_of
 from ...warp.stage import WarpStage
+from ...warp.warper import WarpedView
 from .context import in_silence, started
 from .textures import Bench, Constant, NoRoomError, downloaded, fold, uploaded
 
@@ -57,7 +57,7 @@ def usable() -> str | None:
 def gpu_stage() -> WarpStage | None:
     """The GPU as one that carries pixels over; None where it cannot. To find that out takes a while, once."""
     device = usable()
-    return None if device is None else WarpStage(carry, device)
+    return None if device is None else WarpStage(warp_view, device)
 
 
 _given_up: list[str] = []
@@ -76,7 +76,7 @@ def _tried() -> str | None:
     return None
 
 
-def carry(
+def warp_view(
     source: Passes,
     source_camera: Camera,
     target_camera: Camera,
@@ -85,8 +85,8 @@ def carry(
     interpolation: str = "linear",
     colour_interpolation: str | None = None,
     motion: tuple[Moving, Moving] | None = None,
-) -> Carried:
-    """What `carrying.carry` does, on the GPU; by numpy where there is none, and for what does not fit into it."""
+) -> WarpedView:
+    """What `warper.warp_view` does, on the GPU; by numpy where there is none, and for what does not fit into it."""
     options: dict[str, Any] = {
         "grid_threshold": grid_threshold,
         "interpolation": interpolation,
@@ -102,7 +102,7 @@ def carry(
         # As in the trial. The frame is numpy's then, and so are all others.
         except Exception as error:  # noqa: BLE001 - whatever a driver does, numpy still can
             _given_up.append(str(error))
-    return carrying.carry(source, source_camera, target_camera, **options)
+    return warper.warp_view(source, source_camera, target_camera, **options)
 
 
 def _fits(source: Passes, source_camera: Camera, target_camera: Camera) -> bool:
@@ -126,7 +126,7 @@ def _carried(
     interpolation: str,
     colour_interpolation: str | None,
     motion: tuple[Moving, Moving] | None,
-) -> Carried:
+) -> WarpedView:
     depth = source[DEPTH_PASS]
     grid = build_grid(depth[..., 0], source_camera, target_camera, threshold=grid_threshold, most=TEAR)
     bench = _bench(depth, source_camera, target_camera, grid)
@@ -147,7 +147,7 @@ def _carried(
         )
     finally:
         gpu.shader.unbind()
-    return Carried(passes, grid, warp, empty, by="gpu")
+    return WarpedView(passes, grid, warp, empty, by="gpu")
 
 
 def _size(camera: Camera) -> tuple[int, int]:
@@ -170,7 +170,7 @@ def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Gri
 
 def _warped(bench: Bench, source: Camera, target: Camera) -> Warp:
     """The warp (H, W), which stays on the bench as well: "x", "y" and "near"."""
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     for name in ("x", "y", "near"):
         bench.create(name, _size(target))
     if shift is None:
@@ -181,8 +181,8 @@ def _warped(bench: Bench, source: Camera, target: Camera) -> Warp:
     return Warp(*(downloaded(bench.textures[name]) for name in ("x", "y", "near")))
 
 
-def _along_rows(bench: Bench, source: Camera, target: Camera, shift: Shift) -> None:
-    """As `rectified.warp_rows` does."""
+def _along_rows(bench: Bench, source: Camera, target: Camera, shift: RowDisparity) -> None:
+    """As `scanline.warp_rows` does."""
     width, height = _size(source)
     bench.create("corner", (width + 2, height))
     bench.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
@@ -302,7 +302,7 @@ def _agrees(yaw: float, interpolation: str) -> bool:
     cameras = (PerspectiveCamera(width, height, pose, plane) for pose in (np.eye(4), turned))
     options: dict[str, Any] = {"grid_threshold": 1.0, "interpolation": interpolation, "colour_interpolation": "cubic"}
     pair = tuple(cameras)
-    ours, numpys = (warp(passes, *pair, motion=None, **options) for warp in (_carried, carrying.carry))
+    ours, numpys = (warp(passes, *pair, motion=None, **options) for warp in (_carried, warper.warp_view))
     both = ours.warp.covered & numpys.warp.covered
     apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
     return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE

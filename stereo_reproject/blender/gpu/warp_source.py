@@ -10,10 +10,10 @@ from __future__ import annotations
 from ...images.bands import PIXELS
 from ...images.reasons import Reason
 from ...views.camera import OrthographicCamera
-from ...warp.depth_steps import TEAR
+from ...warp.discontinuities import TEAR
 from ...warp.grid import CELL
 from ...warp.quads import AS_NEAR, LARGEST_AREA
-from ...warp.rectified import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
+from ...warp.scanline import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
 
 COMMON = f"""
 #define CELL {CELL}
@@ -82,7 +82,7 @@ bool is_torn(ivec2 quad) {
 }
 """
 
-# depth_steps.disparity_steps
+# discontinuities.disparity_steps
 CUTS = """
 float disparity_at(ivec2 pixel) {
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, source_size))) return NO_NUMBER;
@@ -113,7 +113,7 @@ void main() {
 }
 """
 
-# rectified._corners, rectified._Chain._moved
+# scanline._corners, scanline._RowSegments._moved
 CORNERS = """
 float nearness_at(ivec2 vertex) {
   return nearness_of(texelFetch(depth_map, clamp(vertex - 1, ivec2(0), source_size - 1), 0).x);
@@ -145,7 +145,7 @@ void main() {
 }
 """
 
-# rectified._Chain._nearest
+# scanline._RowSegments._nearest
 INTERVALS = """
 // Whether nothing of it is drawn, for it is torn.
 bool is_open(ivec2 interval) {
@@ -168,7 +168,7 @@ void main() {
 }
 """
 
-# rectified._Chain.warp
+# scanline._RowSegments.warp
 PLACES = """
 void main() {
   ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

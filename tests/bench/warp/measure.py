@@ -20,7 +20,7 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.accuracy import SETTINGS
-from stereo_reproject.warp.depth_steps import TEAR, disparity_of, disparity_steps
+from stereo_reproject.warp.discontinuities import TEAR, disparity_of, disparity_steps
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
 from stereo_reproject.warp.stage import NUMPY, WarpStage
@@ -43,18 +43,18 @@ class Turn:
     """Seconds of one run: of `reproject`, of the reasons after it, and of the bare lookup; and, once more and alone, of
     what numpy does in the first of them for the map."""
 
-    carry: float
+    warp_view: float
     reasons: float
     lookup: float
     map: float | None
 
     @property
     def stage(self) -> float:
-        return self.carry + self.reasons
+        return self.warp_view + self.reasons
 
 
 class Stage:
-    """The warp stage on a made-up scene: `carry`, and `reasons` of what that returns, are all of it."""
+    """The warp stage on a made-up scene: `warp_view`, and `reasons` of what that returns, are all of it."""
 
     def __init__(self, settings: BenchSettings, grid_threshold: float) -> None:
         width, height = settings.size
@@ -71,7 +71,7 @@ class Stage:
         grid = build_grid(depth, *self._eyes, threshold=self._threshold, most=TEAR)
         forward_warp(depth, *self._eyes, grid, cut_right=self._cuts.right > TEAR, cut_down=self._cuts.down > TEAR)
 
-    def carry(self, warp: WarpStage) -> Reprojection:
+    def warp_view(self, warp: WarpStage) -> Reprojection:
         """Raises BadInputError where a GPU has left it to numpy, in the first run or in a later one."""
         carried = reproject(
             self.source,
@@ -79,14 +79,14 @@ class Stage:
             accuracy=SETTINGS[ACCURACY],
             invalid=self._invalid,
             grid_threshold=self._threshold,
-            carry=warp.carry,
+            warp_view=warp.warp_view,
         )
-        if warp.device is not None and carried.carried_by != "gpu":
+        if warp.device is not None and carried.warped_by != "gpu":
             raise BadInputError(f"--warp gpu: {warp.device} {LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
         return carried
 
     def whole(self, warp: WarpStage) -> tuple[Reprojection, NDArray[np.uint16]]:
-        carried = self.carry(warp)
+        carried = self.warp_view(warp)
         return carried, carried.reasons
 
 
@@ -152,7 +152,7 @@ def _times(turns: list[Turn]) -> dict[str, Any]:
     stages, lookups = [turn.stage for turn in turns], [turn.lookup for turn in turns]
     return {
         "seconds": statistics.median(stages),
-        "carry_seconds": statistics.median(turn.carry for turn in turns),
+        "carry_seconds": statistics.median(turn.warp_view for turn in turns),
         "map_seconds": None if turns[0].map is None else statistics.median(turn.map or 0.0 for turn in turns),
         "reasons_seconds": statistics.median(turn.reasons for turn in turns),
         "all_seconds": stages,
@@ -192,7 +192,7 @@ def _scipy_lookup() -> Callable[[NDArray, NDArray, NDArray], Callable[[], object
 
 def _turn(stage: Stage, warp: WarpStage, lookup: Callable[[], object]) -> Turn:
     start = time.perf_counter()
-    carried = stage.carry(warp)
+    carried = stage.warp_view(warp)
     half = time.perf_counter()
     _ = carried.reasons
     done = time.perf_counter()

@@ -7,13 +7,13 @@ import statistics
 from collections.abc import Callable
 from types import CodeType
 
-from stereo_reproject.holes.reprojection import Marking
-from stereo_reproject.warp.carrying import carry
+from stereo_reproject.holes.reprojection import HoleClassifier
 from stereo_reproject.warp.composite import warp_passes
-from stereo_reproject.warp.depth_steps import disparity_of, disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
 from stereo_reproject.warp.empty import empty_reasons
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
+from stereo_reproject.warp.warper import warp_view
 
 RUNS = 3
 
@@ -24,7 +24,7 @@ CARRY_STEPS = {
     "lookup": (warp_passes,),
     "holes": (empty_reasons,),
 }
-"""What `carry` calls, by step. The depth test is in the map: a row's nearest is kept as it is drawn."""
+"""What `warp_view` calls, by step. The depth test is in the map: a row's nearest is kept as it is drawn."""
 
 REASONS, REST = "reasons", "rest"
 STEPS = (*CARRY_STEPS, REASONS, REST)
@@ -40,10 +40,10 @@ def _profile(stage: Callable[[], object]) -> dict[str, float]:
     profiler = cProfile.Profile()
     profiler.runcall(stage)
     entries = {entry.code: entry for entry in profiler.getstats() if isinstance(entry.code, CodeType)}
-    carried = {called.code: called.totaltime for called in entries[carry.__code__].calls or ()}
+    carried = {called.code: called.totaltime for called in entries[warp_view.__code__].calls or ()}
     seconds = {
         step: sum(carried[function.__code__] for function in functions) for step, functions in CARRY_STEPS.items()
     }
-    seconds[REASONS] = entries[Marking.reasons.__code__].totaltime
+    seconds[REASONS] = entries[HoleClassifier.reasons.__code__].totaltime
     whole = max(entry.totaltime for entry in entries.values())
     return {**seconds, REST: whole - sum(seconds.values())}

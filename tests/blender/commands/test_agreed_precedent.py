@@ -2,7 +2,7 @@
 
 import pytest
 
-from stereo_reproject.blender.commands.frame_maker import AgreedPrecedent, Belonging
+from stereo_reproject.blender.commands.frame_maker import AgreedPrecedent, FrameContext
 from stereo_reproject.sequence.journal import Fingerprints, Journal
 
 WANTED = Fingerprints("settings", {"Object": "1"})
@@ -19,7 +19,7 @@ def precedent(tmp_path):
     def of(run, *, wanted=WANTED, layer="ViewLayer", block=0):
         journal = Journal(tmp_path, "shot_")
         journal.make()
-        return AgreedPrecedent(Belonging(journal, wanted, run, True), layer, (block, "Camera"))
+        return AgreedPrecedent(FrameContext(journal, wanted, run, True), layer, (block, "Camera"))
 
     return of
 

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
-from stereo_reproject.warp import carrying
+from stereo_reproject.warp import warper
 from tests.warp.analytic import camera, pose, stereo_rig
 
 HAS_GPU = bpy.app.version >= (5, 2)
@@ -82,7 +82,7 @@ def passes_of(kind, size, seed=0):
 
 def both(source, one, other, **options):
     """By the GPU and by numpy."""
-    return gpu_warp.carry(source, one, other, **options), carrying.carry(source, one, other, **options)
+    return gpu_warp.warp_view(source, one, other, **options), warper.warp_view(source, one, other, **options)
 
 
 def share_apart(ours, numpys):
@@ -126,8 +126,10 @@ def assert_same(ours, numpys, allowed=APART):
 def both_wholly(source, cameras, accuracy="balanced"):
     """The whole stage by the GPU and by numpy."""
     options = {"accuracy": SETTINGS[accuracy], "invalid": np.zeros(source["Combined"].shape[:2], bool)}
-    ours, numpys = (reproject(source, *cameras, carry=how, **options) for how in (gpu_warp.carry, carrying.carry))
-    assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+    ours, numpys = (
+        reproject(source, *cameras, warp_view=how, **options) for how in (gpu_warp.warp_view, warper.warp_view)
+    )
+    assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
     return ours, numpys
 
 

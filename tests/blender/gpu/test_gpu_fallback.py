@@ -176,8 +176,8 @@ def test_many_warps_leave_no_memory_behind():
 
     def warp_often(times):
         for _ in range(times):
-            gpu_warp.carry(source, *eyes)
-            gpu_warp.carry(source, *toed_in)
+            gpu_warp.warp_view(source, *eyes)
+            gpu_warp.warp_view(source, *toed_in)
         gc.collect()
         return resident()
 
@@ -197,7 +197,7 @@ def test_the_gpu_s_state_is_left_alone():
         return
     assert gpu_warp.usable()
     before = state()
-    gpu_warp.carry(source, *eyes)
+    gpu_warp.warp_view(source, *eyes)
     assert state() == before
 
 

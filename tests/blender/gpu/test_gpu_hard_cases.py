@@ -13,8 +13,8 @@ import pytest
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
-from stereo_reproject.warp import carrying
-from stereo_reproject.warp.composite import contain
+from stereo_reproject.warp import warper
+from stereo_reproject.warp.composite import replace_non_finite
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.exact import Rig, nothing_said, passes_of
@@ -31,12 +31,14 @@ def alike(rig, depth, colour=None, accuracy="balanced", **options):
         if colour is None:
             colour = np.random.default_rng(0).random((*seen.shape, 4))
         with nothing_said():
-            passes, invalid = contain(passes_of(seen, colour))
+            passes, invalid = replace_non_finite(passes_of(seen, colour))
             ours, numpys = (
-                reproject(passes, source, target, accuracy=SETTINGS[accuracy], invalid=invalid, carry=carry, **options)
-                for carry in (gpu_warp.carry, carrying.carry)
+                reproject(
+                    passes, source, target, accuracy=SETTINGS[accuracy], invalid=invalid, warp_view=warp_view, **options
+                )
+                for warp_view in (gpu_warp.warp_view, warper.warp_view)
             )
-            assert ours.carried_by == ("gpu" if HAS_GPU else "numpy")
+            assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
             assert_keeps_its_promise(ours, numpys)
 
 

@@ -127,7 +127,7 @@ def test_positions_and_vectors_are_the_target_s_own(kind):
 def test_what_it_says_of_a_pixel_lands_on_it():
     """Held against the cameras themselves, not against numpy's warp."""
     one, other = pair("toe-in")
-    ours = gpu_warp.carry(passes_of("smooth", SIZE), one, other, grid_threshold=0.0)
+    ours = gpu_warp.warp_view(passes_of("smooth", SIZE), one, other, grid_threshold=0.0)
     there = ours.warp.covered
     x, y, near = (values[there].astype(np.float64) for values in (ours.warp.x, ours.warp.y, ours.warp.nearness))
     centres = (axis[there] for axis in pixel_centres(other))
@@ -150,6 +150,6 @@ def test_what_is_as_near_is_settled_by_no_race():
     source = passes_of("noise", SIZE)
     source["Depth"] = np.round(source["Depth"])
     for kind in ("toe-in", "orthographic toe-in"):
-        first, *others = (gpu_warp.carry(source, *pair(kind)) for _ in range(4))
+        first, *others = (gpu_warp.warp_view(source, *pair(kind)) for _ in range(4))
         for other in others:
             assert_identical(other, first)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from ..trace.fill import SourceCost
 
 
-class Precedent:
+class SharedFindings:
     """Of a frame on its own: there was none before, and it goes by what it finds itself."""
 
     def cost(self, found: SourceCost) -> SourceCost:

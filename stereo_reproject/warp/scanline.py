@@ -45,14 +45,14 @@ SAME = 1e-12
 
 
 @dataclass(frozen=True)
-class Shift:
+class RowDisparity:
     """How far, in pixels to the right, a point moves: offset + per_nearness * its nearness."""
 
     offset: float
     per_nearness: float
 
 
-def shift_of(source: Camera, target: Camera) -> Shift | None:
+def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
     """The shift of a rectified pair; None of any other."""
     transform = target_from_source(source, target)
     moved = np.array(transform)
@@ -70,11 +70,15 @@ def shift_of(source: Camera, target: Camera) -> Shift | None:
     if not rows or not np.isclose(size, other_size, rtol=SAME, atol=0.0):
         return None
     offset, baseline = (one.left - other.left) / size, float(transform[0, 3]) / size
-    return Shift(offset + baseline, 0.0) if isinstance(source, OrthographicCamera) else Shift(offset, baseline)
+    return (
+        RowDisparity(offset + baseline, 0.0)
+        if isinstance(source, OrthographicCamera)
+        else RowDisparity(offset, baseline)
+    )
 
 
 def warp_rows(
-    depth: NDArray, source: Camera, width: int, shift: Shift, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, width: int, shift: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Source x (H, width) in pixels, NaN where nothing lands, and nearness (H, width), -inf there.
 
@@ -86,7 +90,7 @@ def warp_rows(
         # Lattice row i is the picture's row i - 1.
         lattice = np.arange(max(cells.start * CELL, 1), min(cells.stop * CELL, height + 1))
         coarse = ~grid.subdivided[cells.start]
-        chain = _Chain(coarse, grid.width, width, shift)
+        chain = _RowSegments(coarse, grid.width, width, shift)
         for part in bands((lattice.size, width)):
             rows = slice(lattice[part][0] - 1, lattice[part][-1])
             undrawn = None if coarse.all() else torn[rows] & torn[rows.start + 1 : rows.stop + 1]
@@ -102,7 +106,7 @@ def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
         yield slice(start, stop)
 
 
-def _corners(depth: NDArray, source: Camera, chain: _Chain, lattice: NDArray) -> NDArray[np.float32]:
+def _corners(depth: NDArray, source: Camera, chain: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
     """(h, K + 1): nearness of the corners in these rows (h,) of the lattice.
 
     Those at which only coarse cells meet have theirs from the cells' first and last row, linearly.
@@ -128,13 +132,13 @@ def _corners(depth: NDArray, source: Camera, chain: _Chain, lattice: NDArray) ->
     return result
 
 
-class _Chain:
+class _RowSegments:
     """The corners of a band of cells, drawn into rows of `width` target pixels; coarse (C,) are its coarse cells.
 
     corner (K + 1,) are their columns in the lattice; flat (K + 1,) those at which no subdivided cell ends.
     """
 
-    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: Shift) -> None:
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: RowDisparity) -> None:
         self._width, self._shift = width, shift
         lattice = np.arange(columns + 2, dtype=np.int32)
         in_coarse = coarse.repeat(CELL)[: columns + 1]

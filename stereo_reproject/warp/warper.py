@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..images.passes import DEPTH_PASS, Passes
 from ..views.camera import Camera
 from .composite import warp_passes
-from .depth_steps import TEAR, Steps, disparity_of, disparity_steps
+from .discontinuities import TEAR, DepthDiscontinuities, disparity_of, disparity_steps
 from .empty import empty_reasons
 from .forward import Warp, forward_warp
 from .grid import Grid, build_grid
@@ -22,7 +22,7 @@ from .motion import Moving
 
 
 @dataclass(frozen=True)
-class Carried:
+class WarpedView:
     """The source's passes as the target sees them; empty (H, W) the `Reason` flags of the pixels on which nothing
     landed. steps are the source's, where they were found on the way; by is who has carried: numpy or gpu."""
 
@@ -30,11 +30,11 @@ class Carried:
     grid: Grid
     warp: Warp
     empty: NDArray[np.uint16]
-    steps: Steps | None = None
+    steps: DepthDiscontinuities | None = None
     by: str = "numpy"
 
 
-class Carry(Protocol):
+class Warper(Protocol):
     """Who carries. source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; grid_threshold is in
     arc minutes; both interpolations and motion are as for `composite.warp_passes`."""
 
@@ -48,10 +48,10 @@ class Carry(Protocol):
         interpolation: str = "linear",
         colour_interpolation: str | None = None,
         motion: tuple[Moving, Moving] | None = None,
-    ) -> Carried: ...
+    ) -> WarpedView: ...
 
 
-def carry(
+def warp_view(
     source: Passes,
     source_camera: Camera,
     target_camera: Camera,
@@ -60,8 +60,8 @@ def carry(
     interpolation: str = "linear",
     colour_interpolation: str | None = None,
     motion: tuple[Moving, Moving] | None = None,
-) -> Carried:
-    """As `Carry` has it, in numpy."""
+) -> WarpedView:
+    """As `Warper` has it, in numpy."""
     depth = source[DEPTH_PASS][..., 0]
     grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold, most=TEAR)
     steps = disparity_steps(disparity_of(depth, source_camera, target_camera))
@@ -77,4 +77,4 @@ def carry(
         colour_interpolation=colour_interpolation,
         motion=motion,
     )
-    return Carried(passes, grid, warp, empty_reasons(warp, source_camera, target_camera), steps)
+    return WarpedView(passes, grid, warp, empty_reasons(warp, source_camera, target_camera), steps)

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, disparity_per_nearness
-from .rectified import LARGEST
+from .scanline import LARGEST
 
 TEAR = 1.0
 """Step in disparity, in pixels, at which a surface is torn rather than stretched."""
 
 
 @dataclass(frozen=True)
-class Steps:
+class DepthDiscontinuities:
     """Step in disparity, in pixels: right (H, W - 1) to the next pixel in the row, down (H - 1, W) in the column."""
 
     right: NDArray[np.float32]
@@ -57,7 +57,7 @@ def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> N
     return np.clip(disparity, -LARGEST, LARGEST, out=disparity)
 
 
-def disparity_steps(disparity: NDArray) -> Steps:
+def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:
     """Steps in disparity (H, W), in pixels, between neighbours, with the slope of either side taken out.
 
     NaN where there is no answer: no step is seen there. In place of the paper's Sobel magnitude, which any slanted
@@ -71,7 +71,7 @@ def disparity_steps(disparity: NDArray) -> Steps:
         # A row before and two after them tell how the slope bends.
         top, last = max(rows.start - 1, 0), min(rows.stop, height - 1)
         down[rows.start : last] = _steps_down(disparity[top : rows.stop + 2])[rows.start - top : last - top]
-    return Steps(right, down)
+    return DepthDiscontinuities(right, down)
 
 
 def _steps_down(disparity: NDArray) -> NDArray[np.float32]:

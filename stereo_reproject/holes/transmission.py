@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.risk import Contrast
+from ..images.contrast import Contrast
 
 SURELY = 2.0
 """How many times what is allowed the error must be likely to be: how far behind things are is a guess, and probes tell
 of the rest."""
 
 
-def seen_through(
+def transmission_parallax(
     glass: NDArray[np.bool_],
     disparity: NDArray,
     gradient: NDArray[np.float32],

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from stereo_reproject.estimate.probes import measure, place_probes
+from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.effects_pass import UNKNOWN
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.images.risk import contrast_of
-from stereo_reproject.pipeline.accounting import accounts
+from stereo_reproject.pipeline.effect_costs import accounts
 
 SIZE = (10, 20)
 SECONDS = {"source": 9.0, "fill": 4.0, "refine": 2.0}

@@ -12,7 +12,7 @@ from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.warp.forward import Warp, forward_warp, torn_quads
 from stereo_reproject.warp.grid import CELL, build_grid, lattice_depth
 from stereo_reproject.warp.quads import draw_quads
-from stereo_reproject.warp.rectified import shift_of
+from stereo_reproject.warp.scanline import row_disparity_of
 from tests.warp.analytic import camera, pixel_centres, pose, stereo_rig
 
 SIZE = (93, 70)
@@ -109,7 +109,7 @@ def test_the_shift_is_where_points_go(kind, wider):
         plane = target.plane
         size = (plane.right - plane.left) / target.width
         target = replace(target, width=target.width + wider, plane=replace(plane, right=plane.right + wider * size))
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     x, y = pixel_centres(source)
     depth = np.random.default_rng(1).uniform(0.5, 50.0, x.shape)
     target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
@@ -130,15 +130,15 @@ def test_the_shift_is_where_points_go(kind, wider):
 )
 def test_whatever_else_differs_it_is_no_rectified_pair(change):
     left, right = pair("off-axis")
-    assert shift_of(left, right) is not None
-    assert shift_of(left, replace(right, **change)) is None
+    assert row_disparity_of(left, right) is not None
+    assert row_disparity_of(left, replace(right, **change)) is None
 
 
 def test_neither_are_eyes_that_are_toed_in_or_of_two_kinds():
-    assert shift_of(*pair("toe-in")) is None
+    assert row_disparity_of(*pair("toe-in")) is None
     left, right = pair("off-axis")
-    assert shift_of(left, replace(right, plane=replace(right.plane, top=1.01 * right.plane.top))) is None
-    assert shift_of(left, camera(SIZE, orthographic=True)) is None
+    assert row_disparity_of(left, replace(right, plane=replace(right.plane, top=1.01 * right.plane.top))) is None
+    assert row_disparity_of(left, camera(SIZE, orthographic=True)) is None
 
 
 @pytest.mark.parametrize("kind", RECTIFIED)
@@ -173,7 +173,7 @@ def test_pictures_of_any_size(size):
 def test_a_card_that_moves_by_whole_pixels_keeps_both_its_edges(kind, swapped):
     """Then every centre lies on a corner, the last of which is torn from what comes next."""
     source, target = pair(kind, swapped=swapped)
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     whole = np.round(shift.offset + shift.per_nearness / 2.0)
     depth, index = np.full(SIZE[::-1], np.inf, np.float32), np.zeros(SIZE[::-1], int)
     depth[20:50, 40:60], index[20:50, 40:60] = shift.per_nearness / (whole - shift.offset), 1
@@ -187,7 +187,7 @@ def test_a_card_that_moves_by_whole_pixels_keeps_both_its_edges(kind, swapped):
 def test_what_is_hardly_wide_in_the_target_shows_nothing_from_elsewhere(swapped):
     """Two pixels that all but fall into one: how far a centre within the tolerance is off must not be blown up."""
     source, target = pair("off-axis", swapped=swapped)
-    shift, rng = shift_of(source, target), np.random.default_rng(4)
+    shift, rng = row_disparity_of(source, target), np.random.default_rng(4)
     near = (np.float64(1.0) / 3.0, np.sign(shift.per_nearness))
     for _ in range(200):
         depth, index = np.full(SIZE[::-1], 3.0, np.float32), np.zeros(SIZE[::-1], int)
@@ -206,7 +206,7 @@ def test_depth_that_goes_to_and_fro_takes_no_more_memory():
     """By as much from one pixel to the next twice, which is no step: intervals that cover much and show nothing."""
     size = (3840, 64)
     source, target = pair("off-axis", size=size)
-    shift = shift_of(source, target)
+    shift = row_disparity_of(source, target)
     moves = np.tile([0.0, 900.0, 1800.0, 900.0], size[0] // 4) * np.sign(shift.per_nearness)
     row = (1.0 / (1.0 / 3.0 + moves / shift.per_nearness)).astype(np.float32)
     depth = np.broadcast_to(row, size[::-1]).copy()

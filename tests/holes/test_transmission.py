@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from stereo_reproject.holes.refracted import seen_through
-from stereo_reproject.images.risk import contrast_of, gradient_of
+from stereo_reproject.holes.transmission import transmission_parallax
+from stereo_reproject.images.contrast import contrast_of, gradient_of
 from stereo_reproject.settings.accuracy import STEP
 
 SIZE = (40, 60)
@@ -20,7 +20,7 @@ def flagged(*, stripes=True, disparity_behind=0.0, noise=0.01, limit=2.0):
     disparity = np.full(SIZE, 20.0)
     disparity[0, 0] = disparity_behind
     contrast = contrast_of(colour, known)
-    return seen_through(glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=STEP)
+    return transmission_parallax(glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=STEP)
 
 
 def test_glass_before_something_far_is_traced_and_nothing_else():
@@ -45,7 +45,7 @@ def test_without_any_depth_nothing_is_claimed():
     colour = np.zeros((8, 8, 4))
     known = np.zeros((8, 8), bool)
     nothing = np.full((8, 8), np.nan)
-    assert not seen_through(
+    assert not transmission_parallax(
         glass, nothing, gradient_of(colour, known), contrast_of(colour, known), limit=2.0, unseen=0.0
     ).any()
 
@@ -56,4 +56,4 @@ def test_without_noise_what_nobody_sees_is_left_alone():
     disparity = np.full(SIZE, 20.0)
     disparity[0, 0] = 0.0
     gradient, contrast = gradient_of(colour, glass), contrast_of(colour, glass)
-    assert not seen_through(glass, disparity, gradient, contrast, limit=2.0, unseen=STEP).any()
+    assert not transmission_parallax(glass, disparity, gradient, contrast, limit=2.0, unseen=STEP).any()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.probes import Measured
+from ..estimate.probes import TileEvidence
 from ..estimate.refinement import CONFIDENT
 from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from ..images.effects_pass import UNKNOWN, flagged
@@ -26,7 +26,7 @@ ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.TRANSPARENT | Reason.REFINED
 
 
 @dataclass(frozen=True)
-class Account:
+class EffectCost:
     """What an effect has cost, and what is left of the error where it is seen.
 
     fraction: share of the target's pixels that was traced because of it. seconds: of that; a pixel that shows several
@@ -46,8 +46,8 @@ def accounts(
     reasons: NDArray[np.uint16],
     traced: NDArray[np.bool_],
     seconds: Mapping[str, float],
-    measured: Measured | None,
-) -> dict[Effect, Account]:
+    measured: TileEvidence | None,
+) -> dict[Effect, EffectCost]:
     """The account of each effect that is called for and may be seen differently by each eye.
 
     shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN where that is not known; reasons (H, W) say
@@ -67,7 +67,7 @@ def accounts(
     for effect in wanted:
         has = (shown & effect.value) > 0
         own = float((cost[has] / several[has]).sum())
-        result[effect] = Account(float(np.mean(has & asked_for)), own + everybodys, _excess(measured, has))
+        result[effect] = EffectCost(float(np.mean(has & asked_for)), own + everybodys, _excess(measured, has))
     return result
 
 
@@ -95,7 +95,7 @@ def _seconds_per_pixel(
     return cost + refined * seconds.get("refine", 0.0) / max(refined.sum(), 1.0)
 
 
-def _excess(measured: Measured | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
+def _excess(measured: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
     if measured is None or not measured.frame_noise:
         return None
     probes = measured.probes
