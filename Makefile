@@ -1,5 +1,6 @@
 # make demo       render a scene that comes along, and compare it with Blender's multiview
-# make test       run the tests (PYTEST_ARGS="-m blender" for some of them)
+# make test       run the tests that are quick, with a real frame on every fill method; some minutes
+# make test-all   run them all, which CI does; half an hour (PYTEST_ARGS="-m blender" for some of them)
 # make gui-test   the same in a real window: BLENDER_WINDOW="xvfb-run blender" (pictures in build/gui)
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
@@ -38,13 +39,18 @@ INSTALL_FROM := pyproject.toml setup.py
 # setuptools warns at each editable installation that the package's folder is in the working directory: that is the idea
 PIP := PYTHONWARNINGS=ignore $(VENV)/bin/python -m pip install --quiet
 
-.PHONY: demo test gui-test lint lint-tools extension bench coverage spending hostile preview objects clean
+.PHONY: demo test test-all gui-test lint lint-tools extension bench coverage spending hostile preview objects clean
 
 demo: $(INSTALLED)
 	@$(VENV)/bin/python -m stereo_reproject render $(DEMO_SCENE) --output $(DEMO_OUTPUT) $(DEMO_OPTIONS)
 	@echo "The pictures are in $(CURDIR)/$(DEMO_OUTPUT): stereo.png is the pair, holes.png what was traced again"
 
 test: $(TEST_INSTALLED)
+	@echo "The quick tests: about 8 minutes on two cores (make test-all has them all, in about 25)"
+	@$(VENV)/bin/python -m pytest -m "not slow" $(PYTEST_ARGS) tests
+
+test-all: $(TEST_INSTALLED)
+	@echo "All tests: about 25 minutes on two cores"
 	@$(VENV)/bin/python -m pytest $(PYTEST_ARGS) tests
 
 gui-test: $(TEST_INSTALLED)

@@ -20,6 +20,8 @@ from stereo_reproject.sequence.journal import JOURNAL
 from tests.render.test_command_line import DEMO, environment, workers_of
 from tests.render.test_command_line import Run as Ended
 
+pytestmark = pytest.mark.slow
+
 SECONDS = 120.0
 """Far more than any of these runs takes."""
 

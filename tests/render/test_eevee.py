@@ -28,6 +28,8 @@ from tests.blender.toolbox import (
     set_background,
 )
 
+pytestmark = pytest.mark.slow
+
 EEVEE = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
 
 SEAM = 1.1

@@ -18,6 +18,8 @@ from tests.blender.toolbox import colour
 from tests.render import hard_scenes
 from tests.render.ruler import TARGET, measured_noise_ratio, on_screen, plain_renders, render_frame
 
+pytestmark = pytest.mark.slow
+
 FRAME_SLACK = 0.05
 """Over what is promised. The estimate rests on some 500 probes: half the width of its own 95 % interval."""
 

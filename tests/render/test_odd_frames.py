@@ -12,6 +12,8 @@ from tests.blender.toolbox import Material, add_camera, add_plane, colour, diffu
 from tests.render import hard_scenes
 from tests.render.ruler import TARGET, measured_noise_ratio, on_screen, plain_renders, render_frame
 
+pytestmark = pytest.mark.slow
+
 AS_GOOD = 1.1
 """Noise ratio, where nothing but the warp can be wrong: the promise of `balanced`."""
 

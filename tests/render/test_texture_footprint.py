@@ -31,6 +31,8 @@ from tests.blender.toolbox import (
 )
 from tests.render.ruler import TARGET, plain_renders
 
+pytestmark = pytest.mark.slow
+
 WIDTH, HEIGHT, SAMPLES = 160, 88, 16
 TILE = 4
 SEEDS = (101, 102, 103, 104, 105, 106)

@@ -16,6 +16,8 @@ from tests.bench.performance.plan import EYES
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import pose
 
+pytestmark = pytest.mark.slow
+
 SCENES = (
     "living-room",
     "classroom",
