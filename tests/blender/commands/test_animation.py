@@ -1,6 +1,7 @@
 """The frames of a scene in the files that its own output settings ask for."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -324,6 +325,18 @@ def test_a_file_suffix_leads_to_no_other_folder(scene, tmp_path):
     with pytest.raises(BadInputError, match=r"suffix .* of the view 'left' leads to another folder"):
         render_animation(StereoSettings(), scene=scene, output=tmp_path / "out" / "frames", frames=[1])
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_stays_in_the_folder_for_temporary_files(scene, tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    for name in ("TMPDIR", "TEMP", "TMP"):
+        monkeypatch.setenv(name, str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    report = render(scene)
+    assert report["rendered"] == 2
+    assert tempfile.gettempdir() == str(temporary)
+    assert not list(temporary.iterdir())
 
 
 @pytest.mark.parametrize("suffixes", [("_X", "_X"), ("", ""), ("_eye", "_EYE")])
