@@ -243,7 +243,7 @@ def _(scene, border):
     set_border(scene, border)
 
 
-@odd("a border that is not cropped", DONE, "Crop to Render Region")
+@odd("a border that is not cropped", (0,), "Crop to Render Region")
 def _(scene):
     set_border(scene, (0.25, 0.75, 0.25, 0.75))
     scene.render.use_crop_to_border = False

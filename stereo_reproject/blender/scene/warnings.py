@@ -85,10 +85,8 @@ def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
     part, whole = f"{region.width} x {region.height}", f"{region.full_width} x {region.full_height}"
     if scene.render.use_crop_to_border or part == whole:
         return []
-    return [
-        f"frames are cropped to the Render Region, {part} pixels: Blender's own have {whole}, empty outside of it"
-        " (Crop to Render Region is off)"
-    ]
+    own = f"Blender's own have {whole}, empty outside of it, for Crop to Render Region is off"
+    return [f"frames are cropped to the Render Region, {part} pixels: {own}"]
 
 
 def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
