@@ -88,7 +88,8 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         there = len(report["there_already"])
         skipped = f", {there} were there already" if there else ""
         plays = f"; {VIEWING} plays them" if scene is not None and needs_our_player(scene) else ""
-        return f"{report['rendered']} stereo frames rendered{skipped}: {report['files'][-1]}{where}{plays}"
+        rendered = f"{report['rendered']} stereo frame{'' if report['rendered'] == 1 else 's'} rendered"
+        return f"{rendered}{skipped}: {report['files'][-1]}{where}{plays}"
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):

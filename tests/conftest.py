@@ -2,7 +2,10 @@
 that quietly did not run."""
 
 import os
+import shutil
 import signal
+import tempfile
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -21,7 +24,12 @@ MARKERS_OF_FOLDER = {
 MUST_RUN_IN_CI = "blender"
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
+    _listen_to_signals()
+    _have_temporary_files_removed(config)
+
+
+def _listen_to_signals() -> None:
     """Have the runs that tests start listen to signals, also where `make test` was started to ignore them: in the
     background of a script, or with nohup. Children inherit what is ignored, but not what is handled by doing nothing.
     """
@@ -29,6 +37,16 @@ def pytest_configure() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) == signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
+
+
+def _have_temporary_files_removed(config: pytest.Config) -> None:
+    """Give all tests, and what they start, a folder for temporary files that goes with them: each Blender that is
+    loaded as a Python module leaves one of its own there. `tmp_path` stays where pytest keeps it."""
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
+    folder = tempfile.mkdtemp(prefix="stereo-reproject-tests-")
+    config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
+    os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder))
+    tempfile.tempdir = None
 
 
 @pytest.fixture(scope="session")

@@ -76,7 +76,7 @@ class Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                env=_environment(work, own_python=own_python),
+                env=private_environment(work, own_python=own_python),
                 start_new_session=os.name == "posix",
                 creationflags=_CREATION_FLAGS,
             )
@@ -159,12 +159,6 @@ class Worker:
         return ""
 
 
-def _environment(work: Path, *, own_python: bool) -> dict[str, str]:
-    environment = worker_environment(own_python=own_python)
-    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(work / "tmp")))
-    return environment
-
-
 def worker_environment(*, own_python: bool = True) -> dict[str, str]:
     """The environment in which another process finds this package and its libraries."""
     environment = dict(os.environ)
@@ -181,6 +175,14 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
     added = [str(home) for home in dict.fromkeys(homes) if home not in installed]
     if added:
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, (*added, environment.get("PYTHONPATH"))))
+    return environment
+
+
+def private_environment(folder: Path, *, own_python: bool) -> dict[str, str]:
+    """The same, and temporary files go into tmp in a run's private folder, and so with it: Blender leaves a folder of
+    its own there when its process ends at once."""
+    environment = worker_environment(own_python=own_python)
+    environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder / "tmp")))
     return environment
 
 

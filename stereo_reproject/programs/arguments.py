@@ -84,7 +84,7 @@ def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettin
 
 
 def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
-    _add_scene(parser)
+    _add_scene(parser, frame="the one frame to render, as --frames N")
     _add_output(parser)
     _add_frames(parser)
     _add_delivery(parser)
@@ -183,8 +183,8 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
 
 
-def _add_scene(parser: argparse.ArgumentParser) -> None:
-    """The scene, and what replaces its own values."""
+def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render") -> None:
+    """The scene, and what replaces its own values; frame is what the option of that name says of itself."""
 
     def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
@@ -196,7 +196,7 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
         help="whatever the scene is known to lack before the first render is an error, such as a missing library or "
         "texture; without it, a warning",
     )
-    override("--frame", "N", "frame", whole_number, "frame to render")
+    override("--frame", "N", "frame", whole_number, frame)
     override("--size", "WxH", "size", size, "size of one eye in pixels, such as 1920x1080")
     override("--samples", "N", "samples", whole_number, "samples per pixel")
     override("--seed", "N", "seed", whole_number, "seed of the noise")

@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import importlib.metadata
 import os
+import re
 import stat
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -208,6 +209,10 @@ def version() -> str:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        option = re.fullmatch(r"argument (--[\w-]+): expected one argument", message)
+        if option is not None:
+            # What begins with a dash and is no number is an option to argparse.
+            message += f" (one that begins with - is given as {option[1]}=-...)"
         raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import BadInputError, OutputError, StereoReprojectError
 from ..jobs.supervisor import Session
-from ..jobs.worker_process import module_command, worker_environment
+from ..jobs.worker_process import module_command, private_environment
 from .journal import Record
 
 ANSWER_SECONDS = 0.02
@@ -68,13 +68,14 @@ class WriterProcess:
         own_python = self._command is None
         self.close()
         try:
+            (self._answers / "tmp").mkdir(exist_ok=True)
             with self._log.open("ab") as log:
                 self._process = subprocess.Popen(
                     list(self._command or module_command("programs.writer")),
                     stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=log,
-                    env=worker_environment(own_python=own_python),
+                    env=private_environment(self._answers, own_python=own_python),
                     creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
                 )
         except OSError as error:

@@ -243,7 +243,7 @@ def _(scene, border):
     set_border(scene, border)
 
 
-@odd("a border that is not cropped")
+@odd("a border that is not cropped", (0,), "Crop to Render Region")
 def _(scene):
     set_border(scene, (0.25, 0.75, 0.25, 0.75))
     scene.render.use_crop_to_border = False
@@ -456,7 +456,8 @@ def _(scene):
     scene.render.views["right"].name = "rechts"
 
 
-@several("suffixes of files", [("", ""), ("_X", "_X"), ("/../_L", "_R"), ("_R", "_L")], EITHER, command="animate")
+@several("suffixes of files", [("", ""), ("_X", "_X"), ("_x", "_X")], REFUSED, "same file", command="animate")
+@several("suffixes of files", [("/../_L", "_R"), ("_R", "_L")], EITHER, command="animate")
 def _(scene, suffixes):
     scene.render.use_multiview = True
     for view, suffix in zip(("left", "right"), suffixes, strict=True):

@@ -75,7 +75,7 @@ def _(scene):
     tree.links.new(scale.outputs[0], end)
 
 
-@odd("strips in the sequencer", EITHER)
+@odd("strips in the sequencer", DONE, "Video Sequencer")
 def _(scene):
     scene.render.use_sequencer = True
     editor = scene.sequence_editor_create()

@@ -20,7 +20,7 @@ def test_nothing_that_is_set_for_another_python_reaches_blender(tmp_path, monkey
     monkeypatch.setenv("PYTHONPATH", "/somewhere")
     monkeypatch.setenv("PYTHONWARNINGS", "error")
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
-    environment = worker_process._environment(tmp_path, own_python=False)
+    environment = worker_process.private_environment(tmp_path, own_python=False)
     ours = {name: value for name, value in environment.items() if name.startswith("PYTHON")}
     home = str(Path(worker_process.__file__).resolve().parents[2])
     assert set(ours) <= {"PYTHONPATH", "PYTHONNOUSERSITE"}
@@ -31,7 +31,7 @@ def test_nothing_that_is_set_for_another_python_reaches_blender(tmp_path, monkey
 
 def test_the_same_python_keeps_its_settings(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", "/somewhere")
-    environment = worker_process._environment(tmp_path, own_python=True)
+    environment = worker_process.private_environment(tmp_path, own_python=True)
     assert environment["PYTHONPATH"].split(os.pathsep)[-1] == "/somewhere"
 
 
@@ -44,7 +44,7 @@ def test_charts_are_drawn_whatever_backend_the_user_s_are_for(monkeypatch):
 
 
 def test_temporary_files_go_into_the_run_s_own_folder(tmp_path):
-    environment = worker_process._environment(tmp_path, own_python=True)
+    environment = worker_process.private_environment(tmp_path, own_python=True)
     assert {environment[name] for name in ("TMPDIR", "TEMP", "TMP")} == {str(tmp_path / "tmp")}
 
 

@@ -188,6 +188,30 @@ def test_job_as_the_worker_gets_it(place, monkeypatch):
     assert settings == StereoSettings("right", "exact", "card", 0.5, "cubic", True, overrides)
 
 
+@pytest.mark.parametrize(("option", "value"), [("--frames", "-5--3"), ("--output", "-dash")])
+def test_how_a_value_that_begins_with_a_dash_is_given_is_said(place, capsys, option, value):
+    assert cli.main(["animate", "room.blend", option, value]) == 2
+    assert_one_line(capsys.readouterr().err, f"argument {option}: expected one argument", f"is given as {option}=-...)")
+
+
+def test_a_value_that_begins_with_a_dash(place, monkeypatch, capsys):
+    monkeypatch.chdir(place)
+    argv = ["animate", "room.blend", "--output=-dash"]
+    assert cli.main([*argv, "--frames=1-2"], host=cli.Host(worker_command=stub(place, "animation"))) == 0
+    assert json.loads((notes(place) / "job").read_text())["output"] == str(place / "-dash")
+    capsys.readouterr()
+    assert cli.main([*argv, "--frames=-5--3"]) == 2
+    assert_one_line(capsys.readouterr().err, "argument --frames: frames must be from 0 to")
+
+
+def test_what_frame_means_to_an_animation_is_in_its_help(place, capsys):
+    assert cli.main(["animate", "--help"]) == 0
+    assert "the one frame to render, as --frames N" in " ".join(capsys.readouterr().out.split())
+    for option in ("--frame", "--frames"):
+        assert animate(place, option, "7", "--overwrite") == 0
+        assert json.loads((notes(place) / "job").read_text())["animation"]["frames"] == [7]
+
+
 @pytest.mark.parametrize(
     ("options", "asked"), [([], None), (["--denoise"], True), (["--no-denoise", "--no-denoise"], False)]
 )

@@ -53,7 +53,7 @@ def check_movie(path: Path) -> None:
 
 def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
     """What `write_movie` makes, where it belongs."""
-    return [path.with_stem(f"{path.stem}{suffix}") for suffix in _parts(scene, layout)]
+    return [path.with_stem(f"{path.stem}{suffix}") for suffix, _ in _parts(scene, layout)]
 
 
 def movie_warnings(path: Path, layout: str | None) -> list[str]:
@@ -86,7 +86,7 @@ def write_movie(
     folder.mkdir(exist_ok=True)
     finished = []
     with _movie_scene(scene, path.suffix.lower()) as copy:
-        for suffix, part in _parts(scene, layout).items():
+        for suffix, part in _parts(scene, layout):
             of_part = {frame: files[part] for frame, files in pictures.items()}
             made, height = _encode(copy, of_part, folder, file_format)
             finished.append(made.replace(folder / f"{path.stem}{suffix}{path.suffix}"))
@@ -94,12 +94,12 @@ def write_movie(
     return finished
 
 
-def _parts(scene: bpy.types.Scene, layout: str | None) -> dict[str, slice]:
-    """Which of a frame's files go into each movie, by what is added to its name."""
+def _parts(scene: bpy.types.Scene, layout: str | None) -> list[tuple[str, slice]]:
+    """What is added to each movie's name, and which of a frame's files go into it."""
     if layout != "individual":
-        return {"": slice(2)}
+        return [("", slice(2))]
     views = [view for name in VIEWS for view in scene.render.views if view.name == name]
-    return {view.file_suffix: slice(k, k + 1) for k, view in enumerate(views)}
+    return [(view.file_suffix, slice(k, k + 1)) for k, view in enumerate(views)]
 
 
 def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import bpy
@@ -112,7 +112,7 @@ def output_files(
     """The files that the pair of each frame is written to by the scene's own settings. A movie's are the same for all
     frames of its span, and named by that. They lie in `folder`, wherever the scene would write them, unless it is None.
 
-    Raises BadInputError when the output path cannot be used.
+    Raises BadInputError when the output path cannot be used, and when two eyes would go into one file.
     """
     render = scene.render
     if not getattr(render, "save_output", True):
@@ -129,10 +129,31 @@ def output_files(
 
     try:
         with changed(render, use_multiview=True), changed(scene, **ends):
-            return {frame: [place(render.frame_path(frame=frame, **view)) for view in views] for frame in frames}
+            files = {frame: [place(render.frame_path(frame=frame, **view)) for view in views] for frame in frames}
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(f"the output path cannot be used: {reason}") from error
+    if len(views) > 1:
+        _check_apart(files)
+    return files
+
+
+def _check_apart(files: Mapping[int, list[Path]]) -> None:
+    """Raises BadInputError where two eyes have one file: by equal suffixes, or by a suffix of digits, with which a
+    frame's name is that of another frame.
+
+    Names that differ in case alone count as one wherever the files go: on many drives they are, and frames are copied.
+    """
+    owners: dict[str, str] = {}
+    for frame, paths in files.items():
+        for view, path in zip(VIEWS, paths, strict=True):
+            eye = f"the {view} eye of frame {frame}"
+            other = owners.setdefault(str(path).casefold(), eye)
+            if other != eye:
+                raise BadInputError(
+                    f"{other} and {eye} would go into the same file, {path.name}: change the file suffix of a view in"
+                    " Output > Stereoscopy"
+                )
 
 
 def _check_suffixes(render: bpy.types.RenderSettings) -> None:

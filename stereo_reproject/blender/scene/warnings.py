@@ -13,7 +13,8 @@ from .denoiser import has_denoiser
 from .engine_support import engine_warnings
 from .instancing import brought_along
 from .missing import missing_files, missing_libraries
-from .working import CYCLES, EEVEE, check_layers, layers_to_render, working_scene
+from .rig import frame_region
+from .working import CYCLES, EEVEE, changed, check_layers, layers_to_render, working_scene
 
 PLAIN = SceneOverrides()
 
@@ -58,7 +59,34 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
         warnings.append("scripts of the .blend were not run: drivers that need them stand still")
     if scene.render.use_freestyle:
         warnings.append("Freestyle lines are not drawn")
-    return warnings
+    if _renders_strips(scene):
+        warnings.append("the Video Sequencer's strips are left out: the pair is of the scene itself")
+    return warnings + _cropped(scene, overrides)
+
+
+def _renders_strips(scene: bpy.types.Scene) -> bool:
+    """Whether Blender itself would render the scene's strips in place of the scene, by its own rule
+    (`RE_seq_render_active`)."""
+    editor = scene.sequence_editor
+    if not scene.render.use_sequencer or editor is None:
+        return False
+    return any(
+        strip.type != "SOUND" and not strip.mute and not editor.channels[strip.channel].mute for strip in editor.strips
+    )
+
+
+def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
+    """A line when a render region makes frames smaller, against the scene's own settings."""
+    size = {}
+    if overrides.size is not None:
+        size = {"resolution_x": overrides.size[0], "resolution_y": overrides.size[1], "resolution_percentage": 100}
+    with changed(scene.render, **size):
+        region = frame_region(scene.render)
+    part, whole = f"{region.width} x {region.height}", f"{region.full_width} x {region.full_height}"
+    if scene.render.use_crop_to_border or part == whole:
+        return []
+    own = f"Blender's own have {whole}, empty outside of it, for Crop to Render Region is off"
+    return [f"frames are cropped to the Render Region, {part} pixels: {own}"]
 
 
 def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:

@@ -1,6 +1,7 @@
 """The frames of a scene in the files that its own output settings ask for."""
 
 import os
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -324,6 +325,50 @@ def test_a_file_suffix_leads_to_no_other_folder(scene, tmp_path):
     with pytest.raises(BadInputError, match=r"suffix .* of the view 'left' leads to another folder"):
         render_animation(StereoSettings(), scene=scene, output=tmp_path / "out" / "frames", frames=[1])
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_stays_in_the_folder_for_temporary_files(scene, tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    for name in ("TMPDIR", "TEMP", "TMP"):
+        monkeypatch.setenv(name, str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    report = render(scene)
+    assert report["rendered"] == 2
+    assert tempfile.gettempdir() == str(temporary)
+    assert not list(temporary.iterdir())
+
+
+@pytest.mark.parametrize("suffixes", [("_X", "_X"), ("", ""), ("_eye", "_EYE")])
+@pytest.mark.parametrize("how", [{}, {"layout": "individual", "movie": ""}])
+def test_eyes_that_would_go_into_one_file_are_refused(scene, tmp_path, suffixes, how):
+    if how:
+        set_format(scene, "PNG", views="STEREO_3D")
+    set_suffixes(scene, *suffixes)
+    with pytest.raises(BadInputError, match=r"^the left eye of frame 1 and the right eye of frame 1 .* same file, .*"):
+        render_animation(scene=scene, output=tmp_path / "out", **how)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scenes_own_movie_of_each_eye_has_a_name_of_its_own(scene):
+    set_format(scene, "FFMPEG", media="VIDEO")
+    scene.render.ffmpeg.format = "MPEG4"
+    set_suffixes(scene, "_X", "_X")
+    with pytest.raises(BadInputError, match="would go into the same file"):
+        output_of(scene, AnimationSettings())
+
+
+def test_no_eyes_file_is_that_of_another_frame(scene, tmp_path):
+    scene.frame_start, scene.frame_end, scene.frame_step = 1000, 10000, 1000
+    set_suffixes(scene, "", "0")
+    with pytest.raises(BadInputError, match=r"^the right eye of frame 1000 and the left eye of frame 10000 "):
+        output_of(scene, AnimationSettings(output=str(tmp_path)))
+    _, output = output_of(scene, AnimationSettings(output=str(tmp_path), frames=(1000,)))
+    assert [path.name for path in output.all_files] == ["shot_1000.png", "shot_10000.png"]
+
+
+def set_suffixes(scene, left, right):
+    scene.render.views["left"].file_suffix, scene.render.views["right"].file_suffix = left, right
 
 
 @pytest.mark.skipif(os.sep == "\\", reason="there it is a separator")
