@@ -21,6 +21,8 @@ from stereo_reproject.blender.scene.working import open_blend
 from tests.delivery.movies import frames as movie_frames
 from tests.delivery.movies import stereo
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
 

@@ -21,6 +21,8 @@ import pytest
 from stereo_reproject.sequence.journal import JOURNAL, Journal, checksum
 from tests.sequence.stub_animation import NAME, content, names
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 STUB = Path(__file__).with_name("stub_animation.py")
 SECONDS = 60.0
