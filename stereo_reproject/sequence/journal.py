@@ -3,7 +3,8 @@
 0001.json       a finished frame: by what settings and of which scene, its files with their checksums, its figures
 0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
 .NAME.tmp       a file that is being written and will be called NAME
-run-TOKEN       a run at work: where, and a number that counts up as long as it lives
+run-TOKEN       a run at work: where, on which frames, by what settings and of which scene, and a number that counts up
+                as long as it lives
 movie-SHA.json  a movie that was made of the frames, by its checksum
 found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
@@ -47,6 +48,7 @@ from ..files import (
     write_json,
     write_new,
 )
+from ..settings.animation import read_frames, spelled
 from ..settings.frame import MAX_FRAME
 from .frame_record import RECORD_BYTES, Record, read_record
 from .runs import CLAIM, TOKEN, Runs
@@ -56,6 +58,9 @@ JOURNAL = "journal"
 
 NOTE_BYTES = 1 << 16
 """What is noted of a movie, or found for others, takes at most."""
+
+ANNOUNCED_LENGTH = 1000
+"""Characters in which a run announces its frames; of those that take more, only the first and the last."""
 
 FOUND_LOOKS = 20
 FOUND_SECONDS = 0.05
@@ -82,16 +87,25 @@ class Fingerprints:
     settings: str
     scene: Mapping[str, str]
 
-    def state_of(self, record: Record) -> FrameState:
-        """What they say of a frame, whatever has become of its files."""
+    def state_of(self, record: Record | Fingerprints) -> FrameState:
+        """What they say of a frame, whatever has become of its files; or of all frames of a run that has others."""
         if dict(record.scene) != dict(self.scene):
             return FrameState.OTHER_SCENE
         return FrameState.WHOLE if record.settings == self.settings else FrameState.OTHER_SETTINGS
 
-    def changed(self, record: Record) -> list[str]:
+    def changed(self, record: Record | Fingerprints) -> list[str]:
         """The kinds of datablocks in which the record's scene differs."""
         kinds = dict.fromkeys((*self.scene, *record.scene))
         return [kind for kind in kinds if self.scene.get(kind) != record.scene.get(kind)]
+
+
+@dataclass(frozen=True)
+class OtherRun:
+    """A run that may be at work: its token, the frames that it has announced, and what they have in common."""
+
+    token: str
+    frames: frozenset[int]
+    wanted: Fingerprints
 
 
 def digest(values: Any) -> str:
@@ -285,6 +299,23 @@ class Journal:
             return noted == {"of": self.name, **known}
         except (FileNotFoundError, UnusableFileError, *NO_RECORD):
             return False
+
+    def announcement(self, frames: Collection[int], wanted: Fingerprints) -> dict[str, Any]:
+        """What a run lets others know before its first frame: see `run_at_work`."""
+        text = spelled(frames)
+        if len(text) > ANNOUNCED_LENGTH:
+            text = f"{min(frames)}-{max(frames)}"
+        return {"of": self.name, "frames": text, **asdict(wanted)}
+
+    def other_runs(self, own: str) -> list[OtherRun]:
+        """The other runs that may be at work on frames of this name, as far as they can be read. Raises OSError."""
+        found = []
+        for token, facts in self.runs.announced(but=own).items():
+            with contextlib.suppress(BadInputError, *NO_RECORD):
+                wanted = Fingerprints(str(facts["settings"]), dict(facts["scene"]))
+                if facts["of"] == self.name:
+                    found.append(OtherRun(token, frozenset(read_frames(facts["frames"])), wanted))
+        return found
 
     def found(self, key: str) -> dict[str, float] | None:
         """What is there already under a key; None where there is nothing, or nothing that can be read."""

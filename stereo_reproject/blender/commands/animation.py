@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, replace
 from itertools import count
@@ -18,17 +18,24 @@ from typing import Any
 import bpy
 
 from ...delivery.layouts import LAYOUTS
-from ...errors import BadInputError, StereoReprojectError
+from ...errors import BadInputError, OtherRunError, StereoReprojectError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.supervisor import Session
 from ...jobs.work_folder import work_folder
-from ...sequence.frames import FramePlan, failed_output, plan_frames, render_frames, spelled
+from ...sequence.frames import (
+    FramePlan,
+    check_frames_stayed,
+    check_other_runs,
+    failed_output,
+    plan_frames,
+    render_frames,
+)
 from ...sequence.journal import Fingerprints, FrameState, Journal, digest
 from ...sequence.progress import AnimationProgress, Listener
 from ...sequence.report import report_path, write_animation_report
 from ...sequence.runs import run_at_work
 from ...sequence.writer_process import WriterOrder
-from ...settings.animation import AnimationSettings
+from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
 from ..output.animation_output import Output, output_of
 from ..output.frame_writer import holes_name
@@ -77,9 +84,7 @@ def render_animation_files(
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
-        _make_journal(journal)
-        stack.callback(journal.remove_empty)
-        token = stack.enter_context(run_at_work(journal.runs))
+        token = stack.enter_context(_run_in(journal, output, wanted, told))
         there = all(path.exists() for path in _movies_of(scene, options, output))
         plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
         for doubt in journal.doubts():
@@ -100,6 +105,9 @@ def render_animation_files(
             ) as maker:
                 try:
                     render_frames(plan, journal, wanted, token, maker, progress.told)
+                except OtherRunError:
+                    # What tells of the frames there is the other run's to write.
+                    raise
                 except StereoReprojectError:
                     with contextlib.suppress(OSError):
                         if failed or journal.records():
@@ -107,6 +115,7 @@ def render_animation_files(
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
+        check_frames_stayed(journal, _finished(output, plan, failed), wanted)
         report = write_animation_report(journal, wanted, options, failed, said)
         _check_all_rendered(failed, len(output.files))
         movies = _movie(scene, options, output, journal, told)
@@ -130,6 +139,26 @@ def _also_kept(told: Listener, said: list[str]) -> Listener:
             told.warn(text)
 
     return replace(told, warn=warn)
+
+
+@contextmanager
+def _run_in(journal: Journal, output: Output, wanted: Fingerprints, told: Listener) -> Iterator[str]:
+    """A run that works in this journal, and its token. Raises OtherRunError where one is at work that goes by others'
+    settings on the same frames."""
+    _make_journal(journal)
+    try:
+        with run_at_work(journal.runs, journal.announcement(output.files, wanted)) as token:
+            waits = "waits to see whether another run is at work"
+            check_other_runs(journal, output.files, wanted, token, lambda _: told.on_stage("plan", waits))
+            yield token
+    finally:
+        journal.remove_empty()
+
+
+def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
+    """The frames that count as rendered by these settings: not those that are kept whatever they are."""
+    whatever = {frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE}
+    return [frame for frame in output.files if frame not in failed and frame not in whatever]
 
 
 def _make_journal(journal: Journal) -> None:
