@@ -5,7 +5,7 @@
 .NAME.tmp       a file that is being written and will be called NAME
 run-TOKEN       a run at work: where, on which frames, by what settings and of which scene, and a number that counts up
                 as long as it lives
-movie-SHA.json  a movie that was made of the frames, by its checksum
+movie-SHA.json  a movie that was made of the frames, by its checksum: of which frames, and where it was put
 found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
 Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
@@ -57,7 +57,10 @@ JOURNAL = "journal"
 """The folder, in the one that the frames are in."""
 
 NOTE_BYTES = 1 << 16
-"""What is noted of a movie, or found for others, takes at most."""
+"""What is found for others takes at most."""
+
+MOVIE_NOTE_BYTES = 1 << 23
+"""What is noted of a movie takes at most: its frames are named."""
 
 ANNOUNCED_LENGTH = 1000
 """Characters in which a run announces its frames; of those that take more, only the first and the last."""
@@ -97,6 +100,13 @@ class Fingerprints:
         """The kinds of datablocks in which the record's scene differs."""
         kinds = dict.fromkeys((*self.scene, *record.scene))
         return [kind for kind in kinds if self.scene.get(kind) != record.scene.get(kind)]
+
+
+@dataclass(frozen=True)
+class MovieNote:
+    """What is known of a movie: the frames that it was made of; None if an earlier version has made it."""
+
+    frames: frozenset[int] | None
 
 
 @dataclass(frozen=True)
@@ -283,21 +293,63 @@ class Journal:
                 if is_regular(path):
                     remove(path)
 
-    def note_movie(self, path: Path) -> None:
-        """Remember a movie of the frames, best before it is put in its place. Raises OSError."""
-        known = checksum(path)
-        self._write_whole(self.folder / f"movie-{known['sha256'][:16]}.json", {"of": self.name, **known})
+    @contextlib.contextmanager
+    def movie_noted(self, made: Path, place: Path, frames: Collection[int]) -> Iterator[None]:
+        """Note what a movie was made of before it is put in its place, which is done within; afterwards remove the
+        notes of movies that are gone, or are others by now. Where nothing can be noted, later runs do not know the
+        movie. Raises OSError where it cannot be read.
+        """
+        known = checksum(made)
+        note = self._movie_note_path(known)
+        values = {"of": self.name, "frames": spelled(frames), "file": self._told_place(place), **known}
+        with contextlib.suppress(OSError):
+            self._write_whole(note, values)
+        yield
+        with contextlib.suppress(OSError):
+            for other in self.folder.glob("movie-*.json"):
+                if self._is_outlived(other):
+                    remove(other)
+            if checksum(place) == known and not note.exists():
+                # Another run has found the note and no such movie.
+                self._write_whole(note, values)
 
-    def knows_movie(self, path: Path) -> bool:
-        """Whether a file is a movie that was made of the frames, and still as it was then. Raises OSError."""
+    def movie_note(self, path: Path) -> MovieNote | None:
+        """What is known of a file if it is a movie that was made of the frames, and still as it was then; None where it
+        is not. Raises OSError."""
         # As a rule there is one, or none: what is to be read twice is not read at all.
         if not any(self.folder.glob("movie-*.json")):
-            return False
+            return None
         try:
             known = checksum(path)
-            noted = json.loads(read_small(self.folder / f"movie-{known['sha256'][:16]}.json", NOTE_BYTES))
-            return noted == {"of": self.name, **known}
-        except (FileNotFoundError, UnusableFileError, *NO_RECORD):
+            noted = json.loads(read_small(self._movie_note_path(known), MOVIE_NOTE_BYTES))
+            if {**noted, "of": self.name, **known} != noted:
+                return None
+            return MovieNote(frozenset(read_frames(noted["frames"])) if "frames" in noted else None)
+        except (FileNotFoundError, UnusableFileError, BadInputError, *NO_RECORD):
+            return None
+
+    def _movie_note_path(self, known: Mapping[str, Any]) -> Path:
+        return self.folder / f"movie-{known['sha256'][:16]}.json"
+
+    def _told_place(self, path: Path) -> str:
+        """A path as other machines may find it, too, which have the drive elsewhere."""
+        try:
+            return Path(os.path.relpath(path, self.frames_folder)).as_posix()
+        except ValueError:
+            # On another drive of Windows.
+            return str(path)
+
+    def _is_outlived(self, note: Path) -> bool:
+        """Whether a movie is no longer where it was put. Earlier versions did not note where."""
+        try:
+            noted = json.loads(read_small(note, MOVIE_NOTE_BYTES))
+            place = self.frames_folder / noted["file"]
+            if noted["of"] != self.name or not place.parent.is_dir():
+                return False
+            if not place.exists():
+                return True
+            return place.stat().st_size != noted["bytes"] or checksum(place)["sha256"] != noted["sha256"]
+        except (OSError, *NO_RECORD):
             return False
 
     def announcement(self, frames: Collection[int], wanted: Fingerprints) -> dict[str, Any]:
