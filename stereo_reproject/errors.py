@@ -19,6 +19,10 @@ class OutputError(BadInputError):
     """Where the result belongs, nothing can be written: no use in going on with other frames."""
 
 
+class OtherRunError(BadInputError):
+    """Another run renders the same frames by other settings, or of another scene: one of the two has to end."""
+
+
 LIMITED = "if its memory is limited (ulimit -v), allow it more"
 """What may help a program that has met with its limit, in words."""
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..settings.animation import spelled
 from ..tradeoff.chart_canvas import (
     BLACK,
     BLUE,
@@ -32,7 +33,6 @@ from ..tradeoff.chart_canvas import (
 )
 from ..tradeoff.charts import draw_whole
 from ..tradeoff.label_places import spread
-from .frames import spelled
 from .series import REST, Series, mean_of, number_in, series_of
 
 if TYPE_CHECKING:

@@ -12,14 +12,15 @@ import shutil
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import BadInputError, OutputError, StereoReprojectError
+from ..errors import BadInputError, OtherRunError, OutputError, StereoReprojectError
 from ..files import flush, flush_folder, leads_elsewhere, put_in_place
 from ..jobs.work_folder import tells_full_disk
+from ..settings.animation import spelled
 from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
 from .listing import Listing
 
@@ -47,15 +48,15 @@ class FramePlan:
     """What is to be done: `todo` has what there is of each frame that is to be rendered, `kept` those that stay.
 
     replaced are records that were there before; another one in its place is of a run that was quicker, and with
-    overwrite so are those of runs that live."""
+    overwrite so are those of runs that live and render the same."""
 
     todo: Mapping[int, FrameState]
     kept: Mapping[int, FrameState]
     replaced: Mapping[int, Record]
 
-    def done_by_others(self, record: Record | None, frame: int, wanted: Fingerprints) -> bool:
-        """Whether a frame that was to be rendered is there by now."""
-        return record is not None and record != self.replaced.get(frame) and wanted.state_of(record) is FrameState.WHOLE
+    def is_new(self, record: Record) -> bool:
+        """Whether a record has appeared while this run was under way."""
+        return record != self.replaced.get(record.frame)
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,11 @@ def plan_frames(
     replaced = {record.frame: record for record in journal.records(frame for frame in files if frame in known)}
     states = dict.fromkeys(files, FrameState.MISSING)
     if existing == "overwrite":
-        replaced = {frame: record for frame, record in replaced.items() if not journal.runs.lives(record.run)}
+        replaced = {
+            frame: record
+            for frame, record in replaced.items()
+            if wanted.state_of(record) is not FrameState.WHOLE or not journal.runs.lives(record.run)
+        }
     else:
         for frame, paths in files.items():
             if frame in known or any(map(there.may_hold, paths)):
@@ -155,6 +160,49 @@ def _check_scene(journal: Journal, states: Mapping[int, FrameState], wanted: Fin
         )
 
 
+def check_other_runs(
+    journal: Journal,
+    frames: Collection[int],
+    wanted: Fingerprints,
+    token: str,
+    waits: Callable[[Sequence[int]], None] = lambda _frames: None,
+) -> None:
+    """Raise OtherRunError where another run renders some of these frames by other settings, or of another scene.
+
+    To be asked by a run that has announced itself, and before it looks what is there: of two that begin, one at least
+    then sees the other. waits is told of the frames of a run that has yet to show that it lives. Raises OSError.
+    """
+    for other in journal.other_runs(token):
+        common = sorted(other.frames.intersection(frames))
+        if not common or wanted.state_of(other.wanted) is FrameState.WHOLE:
+            continue
+        while (at_work := journal.runs.is_at_work(other.token)) is None:
+            waits(common)
+            time.sleep(POLL_SECONDS)
+        if at_work:
+            raise _mixed(journal, f"another run renders frames {spelled(common)} there", wanted, other.wanted)
+
+
+def check_frames_stayed(journal: Journal, frames: Iterable[int], wanted: Fingerprints) -> None:
+    """Raise OtherRunError where a frame that counted as finished is of another scene or other settings by now."""
+    for record in journal.records(frames):
+        _check_same(journal, record, wanted)
+
+
+def _check_same(journal: Journal, record: Record, wanted: Fingerprints) -> None:
+    if wanted.state_of(record) is not FrameState.WHOLE:
+        what = f"another run has rendered frame {record.frame} meanwhile"
+        raise _mixed(journal, what, wanted, record)
+
+
+def _mixed(journal: Journal, what: str, wanted: Fingerprints, theirs: Record | Fingerprints) -> OtherRunError:
+    kinds = ", ".join(wanted.changed(theirs))
+    differs = f"{wanted.state_of(theirs).value} ({kinds})" if kinds else wanted.state_of(theirs).value
+    return OtherRunError(
+        f"{journal.frames_folder}: {what}, {differs}: another folder keeps both; finished frames are kept"
+    )
+
+
 def render_frames(
     plan: FramePlan,
     journal: Journal,
@@ -201,8 +249,9 @@ class _Work:
             if claim is None:
                 return False
             record = self.journal.record(frame)
-            if record is not None and self.plan.done_by_others(record, frame, self.wanted):
+            if record is not None and self.plan.is_new(record):
                 self.journal.release(frame, claim, self.token)
+                self._check_same(record)
                 self.told.done(frame, record)
                 return True
         except OSError as error:
@@ -215,6 +264,14 @@ class _Work:
             self._fail(frame, error, hopeless=isinstance(error, BadInputError) and not self._rendered)
         self._look(wait=False)
         return True
+
+    def _check_same(self, record: Record) -> None:
+        try:
+            _check_same(self.journal, record, self.wanted)
+        except OtherRunError:
+            # What is rendered by now is to be kept.
+            self._look(wait=True)
+            raise
 
     def collect(self, *, wait: bool) -> set[int]:
         """Look what has been written; the frames that another run has taken over, and that are to be looked after."""
@@ -322,22 +379,3 @@ def _has_no_names(folder: Path) -> bool:
         return False
     drive = os.statvfs(folder)
     return drive.f_files > 0 and drive.f_favail < FULL_BELOW_FILES
-
-
-def spelled(frames: Iterable[int]) -> str:
-    """Frames as people write them: 1-10, 12, 20-24:2."""
-    parts: list[str] = []
-    every = sorted(set(frames))
-    begin = 0
-    while begin < len(every):
-        step = every[begin + 1] - every[begin] if begin + 1 < len(every) else 1
-        end = begin + 1
-        while end < len(every) and every[end] - every[end - 1] == step:
-            end += 1
-        if end - begin < 3 and step > 1:
-            end = begin + 1
-        ending = f":{step}" if step > 1 else ""
-        first, last = every[begin], every[end - 1]
-        parts.append(str(first) if end == begin + 1 else f"{first}-{last}{ending}")
-        begin = end
-    return ", ".join(parts)

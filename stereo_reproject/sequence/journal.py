@@ -3,8 +3,9 @@
 0001.json       a finished frame: by what settings and of which scene, its files with their checksums, its figures
 0001.claim.1    the frame is being rendered by the run that is named in it; of several, the highest number holds it
 .NAME.tmp       a file that is being written and will be called NAME
-run-TOKEN       a run at work: where, and a number that counts up as long as it lives
-movie-SHA.json  a movie that was made of the frames, by its checksum
+run-TOKEN       a run at work: where, on which frames, by what settings and of which scene, and a number that counts up
+                as long as it lives
+movie-SHA.json  a movie that was made of the frames, by its checksum: of which frames, and where it was put
 found-KEY.json  what one frame has found, and others go by: what its source eye has cost, for one
 
 Each is a small file of its own, which appears whole or may be doubted by whoever reads it. So several processes, on
@@ -47,6 +48,7 @@ from ..files import (
     write_json,
     write_new,
 )
+from ..settings.animation import read_frames, spelled
 from ..settings.frame import MAX_FRAME
 from .frame_record import RECORD_BYTES, Record, read_record
 from .runs import CLAIM, TOKEN, Runs
@@ -55,7 +57,13 @@ JOURNAL = "journal"
 """The folder, in the one that the frames are in."""
 
 NOTE_BYTES = 1 << 16
-"""What is noted of a movie, or found for others, takes at most."""
+"""What is found for others takes at most."""
+
+MOVIE_NOTE_BYTES = 1 << 23
+"""What is noted of a movie takes at most: its frames are named."""
+
+ANNOUNCED_LENGTH = 1000
+"""Characters in which a run announces its frames; of those that take more, only the first and the last."""
 
 FOUND_LOOKS = 20
 FOUND_SECONDS = 0.05
@@ -82,16 +90,32 @@ class Fingerprints:
     settings: str
     scene: Mapping[str, str]
 
-    def state_of(self, record: Record) -> FrameState:
-        """What they say of a frame, whatever has become of its files."""
+    def state_of(self, record: Record | Fingerprints) -> FrameState:
+        """What they say of a frame, whatever has become of its files; or of all frames of a run that has others."""
         if dict(record.scene) != dict(self.scene):
             return FrameState.OTHER_SCENE
         return FrameState.WHOLE if record.settings == self.settings else FrameState.OTHER_SETTINGS
 
-    def changed(self, record: Record) -> list[str]:
+    def changed(self, record: Record | Fingerprints) -> list[str]:
         """The kinds of datablocks in which the record's scene differs."""
         kinds = dict.fromkeys((*self.scene, *record.scene))
         return [kind for kind in kinds if self.scene.get(kind) != record.scene.get(kind)]
+
+
+@dataclass(frozen=True)
+class MovieNote:
+    """What is known of a movie: the frames that it was made of; None if an earlier version has made it."""
+
+    frames: frozenset[int] | None
+
+
+@dataclass(frozen=True)
+class OtherRun:
+    """A run that may be at work: its token, the frames that it has announced, and what they have in common."""
+
+    token: str
+    frames: frozenset[int]
+    wanted: Fingerprints
 
 
 def digest(values: Any) -> str:
@@ -269,22 +293,81 @@ class Journal:
                 if is_regular(path):
                     remove(path)
 
-    def note_movie(self, path: Path) -> None:
-        """Remember a movie of the frames, best before it is put in its place. Raises OSError."""
-        known = checksum(path)
-        self._write_whole(self.folder / f"movie-{known['sha256'][:16]}.json", {"of": self.name, **known})
+    @contextlib.contextmanager
+    def movie_noted(self, made: Path, place: Path, frames: Collection[int]) -> Iterator[None]:
+        """Note what a movie was made of before it is put in its place, which is done within; afterwards remove the
+        notes of movies that are gone, or are others by now. Where nothing can be noted, later runs do not know the
+        movie. Raises OSError where it cannot be read.
+        """
+        known = checksum(made)
+        note = self._movie_note_path(known)
+        values = {"of": self.name, "frames": spelled(frames), "file": self._told_place(place), **known}
+        with contextlib.suppress(OSError):
+            self._write_whole(note, values)
+        yield
+        with contextlib.suppress(OSError):
+            for other in self.folder.glob("movie-*.json"):
+                if self._is_outlived(other):
+                    remove(other)
+            if checksum(place) == known and not note.exists():
+                # Another run has found the note and no such movie.
+                self._write_whole(note, values)
 
-    def knows_movie(self, path: Path) -> bool:
-        """Whether a file is a movie that was made of the frames, and still as it was then. Raises OSError."""
+    def movie_note(self, path: Path) -> MovieNote | None:
+        """What is known of a file if it is a movie that was made of the frames, and still as it was then; None where it
+        is not. Raises OSError."""
         # As a rule there is one, or none: what is to be read twice is not read at all.
         if not any(self.folder.glob("movie-*.json")):
-            return False
+            return None
         try:
             known = checksum(path)
-            noted = json.loads(read_small(self.folder / f"movie-{known['sha256'][:16]}.json", NOTE_BYTES))
-            return noted == {"of": self.name, **known}
-        except (FileNotFoundError, UnusableFileError, *NO_RECORD):
+            noted = json.loads(read_small(self._movie_note_path(known), MOVIE_NOTE_BYTES))
+            if {**noted, "of": self.name, **known} != noted:
+                return None
+            return MovieNote(frozenset(read_frames(noted["frames"])) if "frames" in noted else None)
+        except (FileNotFoundError, UnusableFileError, BadInputError, *NO_RECORD):
+            return None
+
+    def _movie_note_path(self, known: Mapping[str, Any]) -> Path:
+        return self.folder / f"movie-{known['sha256'][:16]}.json"
+
+    def _told_place(self, path: Path) -> str:
+        """A path as other machines may find it, too, which have the drive elsewhere."""
+        try:
+            return Path(os.path.relpath(path, self.frames_folder)).as_posix()
+        except ValueError:
+            # On another drive of Windows.
+            return str(path)
+
+    def _is_outlived(self, note: Path) -> bool:
+        """Whether a movie is no longer where it was put. Earlier versions did not note where."""
+        try:
+            noted = json.loads(read_small(note, MOVIE_NOTE_BYTES))
+            place = self.frames_folder / noted["file"]
+            if noted["of"] != self.name or not place.parent.is_dir():
+                return False
+            if not place.exists():
+                return True
+            return place.stat().st_size != noted["bytes"] or checksum(place)["sha256"] != noted["sha256"]
+        except (OSError, *NO_RECORD):
             return False
+
+    def announcement(self, frames: Collection[int], wanted: Fingerprints) -> dict[str, Any]:
+        """What a run lets others know before its first frame: see `run_at_work`."""
+        text = spelled(frames)
+        if len(text) > ANNOUNCED_LENGTH:
+            text = f"{min(frames)}-{max(frames)}"
+        return {"of": self.name, "frames": text, **asdict(wanted)}
+
+    def other_runs(self, own: str) -> list[OtherRun]:
+        """The other runs that may be at work on frames of this name, as far as they can be read. Raises OSError."""
+        found = []
+        for token, facts in self.runs.announced(but=own).items():
+            with contextlib.suppress(BadInputError, *NO_RECORD):
+                wanted = Fingerprints(str(facts["settings"]), dict(facts["scene"]))
+                if facts["of"] == self.name:
+                    found.append(OtherRun(token, frozenset(read_frames(facts["frames"])), wanted))
+        return found
 
     def found(self, key: str) -> dict[str, float] | None:
         """What is there already under a key; None where there is nothing, or nothing that can be read."""

@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..settings.animation import spelled
 from .figures import figures_of
-from .frames import FrameListener, FramePlan, spelled
+from .frames import FrameListener, FramePlan
 from .journal import Record
 
 

@@ -10,9 +10,10 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from ..errors import StereoReprojectError
 from ..files import (
@@ -45,7 +46,7 @@ CLAIM_FILE = re.compile(r"[A-Za-z0-9._-]*[0-9]{4,}\.claim\.[1-9][0-9]{0,17}")
 UNFINISHED_FILE = re.compile(rf"\.(run-{TOKEN.pattern}|[A-Za-z0-9._-]+\.(json|png|svg)\.{TOKEN.pattern})\.tmp")
 """Files of these names are ours, and so to be removed when no run needs them any more."""
 
-RUN_BYTES = 4096
+RUN_BYTES = 8192
 """What a run's file takes at most."""
 
 STALE_SECONDS = 90.0
@@ -60,6 +61,7 @@ class Runs:
     ) -> None:
         self._folder, self._stale, self._clock = folder, stale_seconds, clock
         self._seen: dict[str, tuple[bytes, float]] = {}
+        self._beating: set[str] = set()
 
     def lives(self, token: str) -> bool:
         """Whether a run may still be at work; found dead at once on this machine, on another after a while."""
@@ -72,8 +74,26 @@ class Runs:
         now = self._clock()
         beat = content[-BEAT_DIGITS:]
         if token not in self._seen or self._seen[token][0] != beat:
+            if token in self._seen:
+                self._beating.add(token)
             self._seen[token] = beat, now
         return now - self._seen[token][1] < self._stale
+
+    def is_at_work(self, token: str) -> bool | None:
+        """Whether a run lives beyond doubt; None as long as it may, but its number has not changed while we looked on.
+        What a power cut has left looks so, and is not to stop anybody for good."""
+        if not self.lives(token):
+            return False
+        return True if token in self._beating else None
+
+    def announced(self, *, but: str) -> dict[str, Mapping[str, Any]]:
+        """What the runs that may be at work have told of themselves, by token, but for this one. Raises OSError."""
+        found: dict[str, Mapping[str, Any]] = {}
+        for token in sorted(self._tokens() - {but}):
+            with contextlib.suppress(FileNotFoundError, UnusableFileError):
+                if self.lives(token):
+                    found[token] = _facts(self._content(token))
+        return found
 
     def _content(self, token: str) -> bytes:
         """What the file of a run holds; FileNotFoundError where there is none, or what was named is no run."""
@@ -121,22 +141,31 @@ def _is_left_over(path: Path) -> bool:
 
 def _is_dead_here(content: bytes) -> bool:
     """Whether it is a run of this machine whose process is gone."""
-    with contextlib.suppress(ValueError, LookupError, TypeError, RecursionError):
+    facts = _facts(content)
+    pid = facts.get("pid")
+    return type(pid) is int and facts.get("machine") == machine() and not is_running(pid)
+
+
+def _facts(content: bytes) -> Mapping[str, Any]:
+    """What a run's file says of it; nothing where that cannot be read."""
+    with contextlib.suppress(ValueError, LookupError, RecursionError):
         facts = json.loads(content.splitlines()[0])
-        return type(facts["pid"]) is int and facts["machine"] == machine() and not is_running(facts["pid"])
-    return False
+        if isinstance(facts, dict):
+            return facts
+    return {}
 
 
 @contextmanager
-def run_at_work(runs: Runs) -> Iterator[str]:
+def run_at_work(runs: Runs, announced: Mapping[str, Any] | None = None) -> Iterator[str]:
     """A run of this process, and its token: it lives for others until this is over, or the process is gone.
 
+    announced is what others are to know of it, less than `RUN_BYTES` of JSON; they see it as soon as they see the run.
     Its number is counted up by a process of its own: no thread may run beside Blender. Raises OSError and
     StereoReprojectError.
     """
     token = secrets.token_hex(8)
     path = runs.path(token)
-    facts = {"machine": machine(), "pid": os.getpid()}
+    facts = {**(announced or {}), "machine": machine(), "pid": os.getpid()}
     _appear(path, f"{json.dumps(facts)}\n{0:0{BEAT_DIGITS}}")
     try:
         with _heartbeat(path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -82,6 +82,25 @@ def read_frames(text: str) -> tuple[int, ...]:
     result = tuple(sorted(frames))
     _check_frames(result)
     return result
+
+
+def spelled(frames: Iterable[int]) -> str:
+    """Frames as people write them: 1-10, 12, 20-24:2."""
+    parts: list[str] = []
+    every = sorted(set(frames))
+    begin = 0
+    while begin < len(every):
+        step = every[begin + 1] - every[begin] if begin + 1 < len(every) else 1
+        end = begin + 1
+        while end < len(every) and every[end] - every[end - 1] == step:
+            end += 1
+        if end - begin < 3 and step > 1:
+            end = begin + 1
+        ending = f":{step}" if step > 1 else ""
+        first, last = every[begin], every[end - 1]
+        parts.append(str(first) if end == begin + 1 else f"{first}-{last}{ending}")
+        begin = end
+    return ", ".join(parts)
 
 
 def read_every(text: str) -> int:

@@ -75,6 +75,15 @@ def meanwhile(_, frame):
 worker.main()
 """
 
+# Renders nothing before it may.
+HELD_BACK = """
+def meanwhile(_, frame):
+    while not (folder.parent / "go").exists():
+        time.sleep(0.01)
+
+worker.main()
+"""
+
 CRASHING = """
 def meanwhile(maker, frame):
     tell = maker._on_stage
@@ -321,6 +330,27 @@ def test_two_runs_share_the_frames_and_render_each_once(tmp_path):
     assert len({json.loads((folder / name).read_text())["run"] for name in journal}) == 2
     report = json.loads((folder / "animation.json").read_text())
     assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4, 5, 6]
+
+
+def test_of_two_runs_of_different_settings_one_has_the_folder(tmp_path):
+    notes, folder = tmp_path / "notes", tmp_path / "out"
+    earlier = watch(HELD_BACK, notes, folder, *WHOLE)
+    try:
+        deadline = time.monotonic() + SECONDS
+        while not begun(notes):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        later = animate(folder, "--frames", "2-3", "--resume", "--samples", "2", "--movie")
+    finally:
+        (tmp_path / "go").touch()
+        _, err = earlier.communicate(timeout=SECONDS)
+    assert_one_line(later, f"{folder}: another run renders frames 2-3 there, of other settings: another folder keeps")
+    assert (earlier.returncode, err) == (0, "")
+    records = [json.loads((folder / f"journal/{frame:04d}.json").read_text()) for frame in (1, 2, 3)]
+    assert len({record["settings"] for record in records}) == 1
+    report = json.loads((folder / "animation.json").read_text())
+    assert [(row["frame"], row["samples"]) for row in report["frames"]] == [(1, 1), (2, 1), (3, 1)]
+    assert not list(folder.glob("*.mp4"))
 
 
 @posix

@@ -45,12 +45,13 @@ def main():
         fill_disk_at(options.full_at)
     journal = Journal(options.folder, NAME)
     journal.runs = runs.Runs(journal.folder, stale_seconds=options.stale)
-    wanted = Fingerprints(options.settings, {"meshes": "cube"})
+    wanted = Fingerprints(options.settings, {"meshes": options.scene})
     try:
         with contextlib.ExitStack() as stack:
             private = stack.enter_context(work_folder.work_folder(options.folder, ())) / "tmp"
-            token = prepare(journal, stack)
-            files = {n: [options.folder / name for name in names(n)] for n in range(1, options.last + 1)}
+            files = {n: [options.folder / name for name in names(n)] for n in range(options.first, options.last + 1)}
+            token = prepare(journal, stack, journal.announcement(files, wanted))
+            animation.check_other_runs(journal, files, wanted, token)
             plan = animation.plan_frames(journal, files, wanted, options.existing)
             say("plan", *plan.todo)
             maker = Maker(journal, wanted, token, private, options)
@@ -60,6 +61,7 @@ def main():
                 waits=lambda frames: say("waits", *frames),
             )
             animation.render_frames(plan, journal, wanted, token, maker, told)
+            animation.check_frames_stayed(journal, files, wanted)
     except StereoReprojectError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_status)
@@ -77,10 +79,10 @@ def fill_disk_at(number):
     os.fsync = fsync
 
 
-def prepare(journal, stack):
+def prepare(journal, stack, announced):
     try:
         journal.make()
-        return stack.enter_context(runs.run_at_work(journal.runs))
+        return stack.enter_context(runs.run_at_work(journal.runs, announced))
     except OSError as error:
         raise animation.failed_output(journal.frames_folder, error) from error
 
@@ -89,10 +91,12 @@ def parse():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("last", type=int)
+    parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--existing", default="refuse")
     parser.add_argument("--log", type=Path, default=os.devnull)
     parser.add_argument("--seconds", type=float, default=0.0)
     parser.add_argument("--settings", default="these")
+    parser.add_argument("--scene", default="cube")
     parser.add_argument("--machine", default="")
     parser.add_argument("--stale", type=float, default=runs.STALE_SECONDS)
     parser.add_argument("--clock", type=float, default=0.0)

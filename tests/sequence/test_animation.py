@@ -16,6 +16,8 @@ from stereo_reproject.sequence import frames as animation
 from stereo_reproject.sequence.frames import (
     FrameListener,
     FramePlan,
+    check_frames_stayed,
+    check_other_runs,
     failed_output,
     is_full,
     plan_frames,
@@ -27,7 +29,7 @@ from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal,
 from stereo_reproject.sequence.listing import Listing
 from stereo_reproject.sequence.progress import AnimationProgress
 from stereo_reproject.sequence.progress import Listener as ProgressListener
-from stereo_reproject.sequence.runs import BEAT_DIGITS, STALE_SECONDS, Runs
+from stereo_reproject.sequence.runs import BEAT_DIGITS, RUN_BYTES, STALE_SECONDS, Runs
 from stereo_reproject.settings.animation import EXISTING
 from tests.jobs.clock import Clock
 from tests.programs.tokens import token_of
@@ -155,9 +157,9 @@ def render(journal, maker, *, existing="resume", told=None):
     return told
 
 
-def elsewhere(journal, token, beat=0):
+def elsewhere(journal, token, beat=0, **announced):
     """The file of a run on another machine."""
-    facts = {"host": "farm-7", "machine": "another", "pid": os.getpid()}
+    facts = {"host": "farm-7", "machine": "another", "pid": os.getpid(), **announced}
     journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{beat:0{BEAT_DIGITS}}")
 
 
@@ -356,6 +358,124 @@ def test_with_overwrite_what_was_there_before_is_rendered_and_what_another_run_h
     told = render(journal, maker, existing="overwrite")
     assert maker.rendered == [1, 3, 4]
     assert ("done", 2, ANOTHER) in told.events
+
+
+OTHERS = {
+    "of other settings": (OTHER_SETTINGS, "of other settings: another folder keeps both"),
+    "of another scene": (OTHER_SCENE, r"of another scene \(Object, Mesh\): another folder keeps both"),
+}
+
+
+@pytest.mark.parametrize("others", OTHERS)
+@pytest.mark.parametrize("existing", EXISTING)
+def test_what_another_run_has_made_meanwhile_of_something_else_is_not_rendered_over(journal, existing, others):
+    wanted, said = OTHERS[others]
+    if existing == "overwrite":
+        # What was there before is of no account.
+        publish(journal, 3, 1, token=EARLIER, wanted=OTHER_SCENE)
+
+    def they_publish(frame):
+        if frame == 2:
+            publish(journal, 3, 1, token=ANOTHER, wanted=wanted)
+
+    maker = Maker(journal, before=they_publish)
+    told = Listener()
+    with pytest.raises(BadInputError, match=f"another run has rendered frame 3 meanwhile, {said}; finished frames"):
+        render(journal, maker, existing=existing, told=told)
+    assert maker.rendered == told.frames("done") == [1, 2], "and what is rendered by now is written and told of"
+    assert files_of(journal)[3][0].read_text() == f"frame 3 by {ANOTHER}"
+    assert [journal.holder(frame) for frame in FRAMES] == [None] * 4
+
+
+def test_what_was_of_other_settings_before_is_rendered_by_one_of_several_runs_alone(journal):
+    for frame in FRAMES:
+        publish(journal, frame, 1, token=EARLIER, wanted=OTHER_SETTINGS)
+
+    def another_renders(frame):
+        if frame == 1:
+            publish(journal, 2, 1, token=ANOTHER)
+
+    maker = Maker(journal, before=another_renders)
+    told = render(journal, maker)
+    assert maker.rendered == [1, 3, 4]
+    assert ("done", 2, ANOTHER) in told.events
+    check_frames_stayed(journal, FRAMES, WANTED)
+
+
+def test_a_frame_that_another_run_has_replaced_by_something_else_is_found_in_the_end(journal):
+    for frame in FRAMES:
+        publish(journal, frame, 1)
+    publish(journal, 2, 1, token=ANOTHER, wanted=OTHER_SETTINGS)
+    check_frames_stayed(journal, (1, 3, 4, 9), WANTED)
+    with pytest.raises(BadInputError, match="another run has rendered frame 2 meanwhile, of other settings"):
+        check_frames_stayed(journal, FRAMES, WANTED)
+
+
+def announce(journal, *, beat=0, frames=(3, 4, 5, 9), wanted=OTHER_SCENE, **other):
+    elsewhere(journal, FAR, beat, **{**journal.announcement(frames, wanted), **other})
+
+
+def test_a_run_that_is_at_the_same_frames_of_another_scene_is_in_the_way(journal):
+    announce(journal)
+    waits = []
+
+    def it_beats(frames):
+        waits.append(list(frames))
+        announce(journal, beat=1)
+
+    with pytest.raises(BadInputError) as refused:
+        check_other_runs(journal, FRAMES, WANTED, OWN, it_beats)
+    assert (
+        f"{journal.frames_folder}: another run renders frames 3-4 there, of another scene (Object, Mesh): another"
+        in (str(refused.value))
+    )
+    assert waits == [[3, 4]]
+
+
+def test_a_run_that_a_power_cut_has_ended_elsewhere_is_in_nobodys_way_for_good(journal, clock):
+    announce(journal)
+    waits = []
+
+    def time_passes(frames):
+        waits.append(list(frames))
+        clock.now += STALE_SECONDS / 2
+
+    check_other_runs(journal, FRAMES, WANTED, OWN, time_passes)
+    assert len(waits) == 2
+
+
+UNCONCERNED = {
+    "the same": {"wanted": WANTED},
+    "other frames": {"frames": (5, 9)},
+    "another name": {"of": "others_"},
+    "no frames": {"frames": ()},
+    "unreadable frames": {"frames": (), "of": ""},
+    "no scene": {"scene": None},
+    "a list": {"scene": [1]},
+    "no settings": {"settings": 7, "scene": {}, "of": None},
+}
+
+
+@pytest.mark.parametrize("kind", UNCONCERNED)
+def test_other_runs_are_in_nobodys_way(journal, kind):
+    def never(_):
+        raise AssertionError("there is nothing to wait for")
+
+    announce(journal, **UNCONCERNED[kind])
+    check_other_runs(journal, FRAMES, WANTED, OWN, never)
+    elsewhere(journal, FAR)  # as earlier versions do
+    check_other_runs(journal, FRAMES, WANTED, OWN, never)
+
+
+def test_an_announcement_tells_frames_and_is_short(journal):
+    announce(journal)
+    (other,) = journal.other_runs(OWN)
+    assert (other.token, other.frames, other.wanted) == (FAR, {3, 4, 5, 9}, OTHER_SCENE)
+    announce(journal, frames=[number * number for number in range(1000)])
+    (other,) = journal.other_runs(OWN)
+    assert other.frames == set(range(998_002))
+    assert journal.runs.path(FAR).stat().st_size < RUN_BYTES / 2
+    assert journal.other_runs(FAR) == []
 
 
 def test_frames_of_others_are_waited_for_when_all_else_is_done(journal):

@@ -235,6 +235,66 @@ def test_started_at_once_they_render_each_frame_once(folder, count, existing):
     assert_whole(folder, 40)
 
 
+def of_others(signature, kind="settings"):
+    return f"--{kind}", signature, "--signature", signature
+
+
+@pytest.mark.parametrize(("existing", "kind"), [("refuse", "settings"), ("resume", "settings"), ("overwrite", "scene")])
+def test_one_that_begins_before_the_first_frame_of_another_scene_is_there_leaves_the_folder_to_it(
+    folder, existing, kind
+):
+    earlier = Process(folder, 30, "--seconds", 0.2)
+    earlier.until("renders", 1)
+    later = Process(folder, 30, "--existing", existing, *of_others("later", kind)).end()
+    assert (later.status, later.rendered) == (2, []), later
+    differs = "of another scene (meshes)" if kind == "scene" else "of other settings"
+    assert later.err.startswith(f"{folder}: another run renders frames 1-30 there, {differs}: another folder")
+    assert earlier.end().status == 0
+    assert_whole(folder, 30)
+
+
+def test_started_at_once_by_different_settings_one_at_most_goes_on_and_nothing_is_mixed(folder):
+    signatures = ("one", "other")
+    processes = {
+        name: Process(folder, 30, "--existing", "resume", "--seconds", 0.2, *of_others(name)) for name in signatures
+    }
+    ended = {name: process.end() for name, process in processes.items()}
+    statuses = {name: one.status for name, one in ended.items()}
+    assert sorted(statuses.values()) in ([0, 2], [2, 2]), ended
+    for name in signatures:
+        if statuses[name] == 0:
+            assert_whole(folder, 30, signature=name)
+        else:
+            assert ended[name].rendered == []
+
+
+def test_different_settings_of_different_frames_do_not_meet(folder):
+    slow = Process(folder, 2, "--seconds", 1)
+    slow.until("renders", 1)
+    assert run(folder, 4, "--first", 3, *of_others("others")).rendered == [3, 4]
+    assert slow.end().status == 0
+
+
+def test_several_render_again_what_is_of_other_settings(folder):
+    run(folder, 20)
+    new = of_others("new")
+    ended = [Process(folder, 20, "--existing", "resume", "--seconds", 0.02, *new) for _ in range(2)]
+    ended = [process.end() for process in ended]
+    assert [one.status for one in ended] == [0, 0], ended
+    assert Counter(frame for one in ended for frame in one.rendered) == dict.fromkeys(range(1, 21), 1)
+    assert_whole(folder, 20, signature="new")
+
+
+def test_after_one_that_was_killed_others_settings_go_on_at_once(folder):
+    killed = Process(folder, 4, "--seconds", 0.2)
+    killed.until("done", 1)
+    killed.kill()
+    start = time.monotonic()
+    assert run(folder, 4, "--existing", "resume", *of_others("new")).rendered == [1, 2, 3, 4]
+    assert time.monotonic() - start < PROMPTLY
+    assert_whole(folder, 4, signature="new")
+
+
 @posix
 @pytest.mark.parametrize("ending", ["kill", "cut_power"])
 def test_the_frame_of_one_that_was_killed_is_taken_over_at_once_on_this_machine(folder, ending):

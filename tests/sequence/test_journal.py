@@ -19,6 +19,7 @@ from stereo_reproject.sequence import runs as runs_module
 from stereo_reproject.sequence.frame_record import is_confined
 from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
 from stereo_reproject.sequence.runs import BEAT_DIGITS, Runs, machine, run_at_work
+from stereo_reproject.settings.frame import MAX_FRAME
 from tests.jobs.clock import Clock
 from tests.programs.tokens import token_of
 from tests.warp.strange import STRANGE, make_folder, make_huge_file
@@ -695,45 +696,108 @@ def test_whatever_else_is_called_as_what_was_found_is_replaced(journal, monkeypa
 # Movies of the frames
 
 
+def make_movie(journal, place, content=b"moving", frames=(1, 2, 3, 9)):
+    """A movie as an animation makes it: beside its place, and then there."""
+    made = place.with_name(f"made-{place.name}")
+    made.write_bytes(content)
+    with journal.movie_noted(made, place, frames):
+        made.replace(place)
+
+
+def notes_of_movies(journal):
+    return sorted(journal.folder.glob("movie-*.json"))
+
+
 def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
     movie = tmp_path / "film.mp4"
     movie.write_bytes(b"moving")
-    assert not journal.knows_movie(movie)
-    journal.note_movie(movie)
-    assert journal.knows_movie(movie)
-    assert journal.knows_movie(movie.rename(tmp_path / "renamed.mp4"))
+    assert journal.movie_note(movie) is None
+    make_movie(journal, movie)
+    assert journal.movie_note(movie).frames == {1, 2, 3, 9}
+    assert journal.movie_note(movie.rename(tmp_path / "renamed.mp4")).frames == {1, 2, 3, 9}
     movie.write_bytes(b"others")
-    assert not journal.knows_movie(movie)
+    assert journal.movie_note(movie) is None
     others = Journal(journal.frames_folder, "others_")
-    assert not others.knows_movie(tmp_path / "renamed.mp4"), "of other frames in the same folder"
-    (note,) = journal.folder.glob("movie-*.json")
+    assert others.movie_note(tmp_path / "renamed.mp4") is None, "of other frames in the same folder"
+    (note,) = notes_of_movies(journal)
     note.write_bytes(b"[1]")
-    assert not journal.knows_movie(tmp_path / "renamed.mp4")
+    assert journal.movie_note(tmp_path / "renamed.mp4") is None
+
+
+def test_of_a_movie_of_an_earlier_version_the_frames_are_unknown(journal, tmp_path):
+    movie = tmp_path / "film.mp4"
+    make_movie(journal, movie)
+    (note,) = notes_of_movies(journal)
+    note.write_text(json.dumps({"of": journal.name, **checksum(movie)}))
+    assert journal.movie_note(movie).frames is None
+    make_movie(journal, tmp_path / "another.mp4", b"another")
+    assert note in notes_of_movies(journal), "nobody knows where it was put"
+
+
+@pytest.mark.parametrize("frames", [7, "", "all", None, "3-1"])
+def test_a_movie_whose_frames_are_nonsense_is_unknown(journal, tmp_path, frames):
+    movie = tmp_path / "film.mp4"
+    make_movie(journal, movie)
+    (note,) = notes_of_movies(journal)
+    note.write_text(json.dumps({**json.loads(note.read_text()), "frames": frames}))
+    assert journal.movie_note(movie) is None
+
+
+def test_as_many_frames_as_a_movie_may_have_are_remembered(journal, tmp_path):
+    frames = frozenset(number * (number + 1) // 2 for number in range(1447))
+    frames |= {MAX_FRAME - number * 3 for number in range(9, 100_000)}
+    make_movie(journal, tmp_path / "film.mp4", frames=frames)
+    assert journal.movie_note(tmp_path / "film.mp4").frames == frames
 
 
 @posix
 @pytest.mark.parametrize("make", STRANGE)
 def test_whatever_else_lies_in_a_movies_place_or_its_notes_is_unknown(journal, tmp_path, make):
     movie = tmp_path / "film.mp4"
-    movie.write_bytes(b"moving")
-    journal.note_movie(movie)
-    (note,) = journal.folder.glob("movie-*.json")
+    make_movie(journal, movie)
+    (note,) = notes_of_movies(journal)
     note.unlink()
     make(note)
-    assert not journal.knows_movie(movie)
+    assert journal.movie_note(movie) is None
+    make_movie(journal, tmp_path / "another.mp4", b"another")
+    assert os.path.lexists(note), "it is not ours to remove"
     if make is not make_huge_file:
         movie.unlink()
         make(movie)
-        assert not journal.knows_movie(movie)
+        assert journal.movie_note(movie) is None
 
 
 def test_a_movie_that_was_not_put_in_its_place_takes_nothing_from_the_one_that_is_there(journal, tmp_path):
     movie, following = tmp_path / "film.mp4", tmp_path / "made.mp4"
-    for content in (b"moving", b"moving on", b"moving on still"):
-        following.write_bytes(content)
-        journal.note_movie(following)
-    movie.write_bytes(b"moving")
-    assert journal.knows_movie(movie)
+    make_movie(journal, movie)
+    following.write_bytes(b"moving on")
+    with pytest.raises(BadInputError), journal.movie_noted(following, movie, [1]):
+        raise BadInputError("it cannot be replaced")
+    assert journal.movie_note(movie).frames == {1, 2, 3, 9}
+
+
+def test_of_movies_that_are_gone_or_were_replaced_no_note_is_left(journal, tmp_path):
+    others = Journal(journal.frames_folder, "others_")
+    kept, gone, replaced = (tmp_path / f"{name}.mp4" for name in ("kept", "gone", "replaced"))
+    make_movie(others, tmp_path / "others.mp4", b"others")
+    (tmp_path / "others.mp4").unlink()
+    for movie in (kept, gone, replaced):
+        make_movie(journal, movie, movie.name.encode())
+    gone.unlink()
+    for content in (b"once", b"more", b"again"):
+        make_movie(journal, replaced, content, [4])
+    assert len(notes_of_movies(journal)) == 3, "and one of others, that is theirs to remove"
+    assert [journal.movie_note(movie).frames for movie in (kept, replaced)] == [{1, 2, 3, 9}, {4}]
+
+
+def test_a_note_that_another_run_has_taken_for_outlived_is_there_in_the_end(journal, tmp_path):
+    movie, made = tmp_path / "film.mp4", tmp_path / "made.mp4"
+    made.write_bytes(b"moving")
+    with journal.movie_noted(made, movie, [1, 2]):
+        make_movie(journal, movie, b"theirs")
+        assert len(notes_of_movies(journal)) == 1
+        made.replace(movie)
+    assert journal.movie_note(movie).frames == {1, 2}
 
 
 # Names

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, replace
 from itertools import count
@@ -18,17 +18,24 @@ from typing import Any
 import bpy
 
 from ...delivery.layouts import LAYOUTS
-from ...errors import BadInputError, StereoReprojectError
+from ...errors import BadInputError, OtherRunError, StereoReprojectError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.supervisor import Session
 from ...jobs.work_folder import work_folder
-from ...sequence.frames import FramePlan, failed_output, plan_frames, render_frames, spelled
-from ...sequence.journal import Fingerprints, FrameState, Journal, digest
+from ...sequence.frames import (
+    FramePlan,
+    check_frames_stayed,
+    check_other_runs,
+    failed_output,
+    plan_frames,
+    render_frames,
+)
+from ...sequence.journal import Fingerprints, FrameState, Journal, MovieNote, digest
 from ...sequence.progress import AnimationProgress, Listener
 from ...sequence.report import report_path, write_animation_report
 from ...sequence.runs import run_at_work
 from ...sequence.writer_process import WriterOrder
-from ...settings.animation import AnimationSettings
+from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
 from ..output.animation_output import Output, output_of
 from ..output.frame_writer import holes_name
@@ -71,15 +78,11 @@ def render_animation_files(
     _say_many(scene, options, told)
     options, output = output_of(scene, options)
     journal = Journal(output.folder, output.name)
-    if not (for_movie_alone and options.existing == "resume"):
-        # What was known of such a movie went with the frames that it was made of.
-        _check_movies(scene, options, output, journal)
+    _check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
         stack.enter_context(_told_of_output(output.folder))
-        _make_journal(journal)
-        stack.callback(journal.remove_empty)
-        token = stack.enter_context(run_at_work(journal.runs))
+        token = stack.enter_context(_run_in(journal, output, wanted, told))
         there = all(path.exists() for path in _movies_of(scene, options, output))
         plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
         for doubt in journal.doubts():
@@ -100,15 +103,16 @@ def render_animation_files(
             ) as maker:
                 try:
                     render_frames(plan, journal, wanted, token, maker, progress.told)
-                except StereoReprojectError:
-                    with contextlib.suppress(OSError):
-                        if failed or journal.records():
-                            write_animation_report(journal, wanted, options, failed, said)
+                except StereoReprojectError as error:
+                    _tell_of_early_end(error, journal, wanted, options, failed, said)
                     raise
                 last = maker.leave(work / "out")
         told.on_stage("write", "")
+        check_frames_stayed(journal, _finished(output, plan, failed), wanted)
         report = write_animation_report(journal, wanted, options, failed, said)
         _check_all_rendered(failed, len(output.files))
+        # Another run may have made one meanwhile.
+        _check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
         movies = _movie(scene, options, output, journal, told)
         if for_movie_alone:
             _remove_waiting(journal, output, movies[0], token)
@@ -130,6 +134,26 @@ def _also_kept(told: Listener, said: list[str]) -> Listener:
             told.warn(text)
 
     return replace(told, warn=warn)
+
+
+@contextmanager
+def _run_in(journal: Journal, output: Output, wanted: Fingerprints, told: Listener) -> Iterator[str]:
+    """A run that works in this journal, and its token. Raises OtherRunError where one is at work that goes by others'
+    settings on the same frames."""
+    _make_journal(journal)
+    try:
+        with run_at_work(journal.runs, journal.announcement(output.files, wanted)) as token:
+            waits = "waits to see whether another run is at work"
+            check_other_runs(journal, output.files, wanted, token, lambda _: told.on_stage("plan", waits))
+            yield token
+    finally:
+        journal.remove_empty()
+
+
+def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
+    """The frames that count as rendered by these settings: not those that are kept whatever they are."""
+    whatever = {frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE}
+    return [frame for frame in output.files if frame not in failed and frame not in whatever]
 
 
 def _make_journal(journal: Journal) -> None:
@@ -174,6 +198,20 @@ def _plan(
         there = output.all_files[0]
         raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
     return plan
+
+
+def _tell_of_early_end(
+    error: StereoReprojectError,
+    journal: Journal,
+    wanted: Fingerprints,
+    options: AnimationSettings,
+    failed: Mapping[int, str],
+    said: Sequence[str],
+) -> None:
+    # Where another run has the frames, what tells of them is that one's to write.
+    with contextlib.suppress(OSError):
+        if not isinstance(error, OtherRunError) and (failed or journal.records()):
+            write_animation_report(journal, wanted, options, failed, said)
 
 
 def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
@@ -261,19 +299,27 @@ def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Outpu
     return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
 
 
-def _check_movies(scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal) -> None:
-    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames."""
-    if options.existing == "overwrite":
+def _check_movies(
+    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, *, for_movie_alone: bool
+) -> None:
+    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
+    them."""
+    # What was known of a movie that alone was asked for went with the frames that it was made of.
+    if options.existing == "overwrite" or (options.existing == "resume" and for_movie_alone):
         return
     how = "switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it"
     for path in _movies_of(scene, options, output):
         try:
-            in_the_way = path.exists() and not journal.knows_movie(path)
+            note = journal.movie_note(path) if path.exists() else MovieNote(None)
         except OSError as error:
             raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
-        if in_the_way:
+        if note is None:
             what = "is there already and is no movie of these frames"
             raise BadInputError(f"{path} {what}: {how}, another name keeps it")
+        lost = (note.frames or frozenset()) - output.files.keys()
+        if lost:
+            what = f"is a movie of more frames, and the new one would lack {spelled(lost)}"
+            raise BadInputError(f"{path} {what}: name those frames too; {how}, another name keeps it")
 
 
 def _movie(
@@ -290,11 +336,12 @@ def _movie(
         made = write_movie(
             scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
         )
-        for movie in made:
-            # Without it the next run does not know the movie, and says so.
-            with contextlib.suppress(OSError):
-                journal.note_movie(movie)
-        return [_put_in_place(movie, path.with_name(movie.name)) for movie in made]
+        return [_put_noted(movie, path.with_name(movie.name), journal, output) for movie in made]
+
+
+def _put_noted(movie: Path, place: Path, journal: Journal, output: Output) -> Path:
+    with journal.movie_noted(movie, place, output.files):
+        return _put_in_place(movie, place)
 
 
 def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:

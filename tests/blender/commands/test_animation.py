@@ -145,6 +145,23 @@ def test_a_file_in_the_way_of_a_movie_stays_unless_it_is_one_of_these_frames(sce
     assert (report["rendered"], report["movies"]) == (0, [str(movie)])
 
 
+def test_a_movie_is_not_replaced_by_one_of_fewer_frames(scene, tmp_path):
+    movie = tmp_path / "out" / "film.mkv"
+    scene.render.ffmpeg.format = "MKV"
+    options = {"scene": scene, "movie": movie}
+    render_animation(**options)
+    whole = movie.read_bytes()
+    for frames in ([1], [1, 2]):
+        with pytest.raises(BadInputError, match=r"film.mkv is a movie of more frames, and the new one would lack 3: "):
+            render_animation(**options, frames=frames, existing="resume")
+        assert movie.read_bytes() == whole
+        assert not (tmp_path / "out" / "shot_0002_L.png").exists(), "it is said before the first render"
+    assert render_animation(**options, frames=[1, 3], existing="resume")["movies"] == [str(movie)]
+    assert render_animation(**options, frames=[1, 2, 3], existing="resume")["rendered"] == 1
+    assert render_animation(**options, frames=[1], existing="overwrite")["movies"] == [str(movie)]
+    assert len(list((tmp_path / "out" / JOURNAL).glob("movie-*.json"))) == 1
+
+
 def test_a_codec_is_the_scenes_though_its_own_format_is_of_pictures(scene, tmp_path):
     scene.render.ffmpeg.format = "MKV"
     scene.render.ffmpeg.codec = "FFV1"
