@@ -1,6 +1,6 @@
 # make demo       render a scene that comes along, and compare it with Blender's multiview
 # make test       run the tests that are quick, with a real frame on every fill method; some minutes
-# make test-all   run them all, which CI does; half an hour (PYTEST_ARGS="-m blender" for some of them)
+# make test-all   run them all, which CI does; about 25 minutes (PYTEST_ARGS="-m blender" for some of them)
 # make gui-test   the same in a real window: BLENDER_WINDOW="xvfb-run blender" (pictures in build/gui)
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
@@ -8,8 +8,8 @@
 #                 on where it was interrupted. BENCH_OPTIONS=--quick: the demo scene alone, in five minutes
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
-# make hostile    try to break it, in some 1000 ways (docs/reliability.md); HOSTILE_OPTIONS="options --match size" for
-#                 some of them; an hour
+# make hostile    try to break it, in some 3200 ways (docs/reliability.md); HOSTILE_OPTIONS="options --match size" for
+#                 some of them; 40 minutes
 # make preview    how long a preview in Blender takes, and what of that is not the pair (SCENES=folder); a minute
 # make objects    what scenes of many objects cost Blender, and what a pair adds to that; some minutes
 # make clean      remove everything that the others made, environments included

@@ -15,7 +15,7 @@ from .run import Run
 
 PICTURES = {
     "HOLES": ("holes.png", "Holes", "Which pixels of the second eye were rendered, and why"),
-    "GRID": ("grid.png", "Grid", "The grid that carried the first eye's pixels over"),
+    "GRID": ("grid.png", "Grid", "The grid that warped the first eye's pixels"),
     "ERRORS": ("estimate.png", "Probe Errors", "Where the second eye is off by more than noise, by its probes"),
     "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
 }

@@ -59,7 +59,7 @@ class InMirrors:
 @dataclass(frozen=True)
 class Reprojection:
     """The source's passes as the target sees them, and where they are not the answer. grid and warp are of surfaces;
-    carried_by is as `WarpedView` has it."""
+    warped_by is numpy or gpu."""
 
     passes: Passes
     grid: Grid
@@ -110,8 +110,8 @@ def reproject(
     source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; invalid (H, W) marks source pixels
     whose colour is no number; grid_threshold is in arc minutes; lens is both eyes'. volumes are the corners (8, 3) of
     boxes in the world that hold the scene's volumes, infinite for one that is everywhere. motion and both
-    interpolations are as for `warp_passes`. What flat mirrors show is carried by where its image stands. carry is who
-    carries: numpy, or a GPU.
+    interpolations are as for `warp_passes`. What flat mirrors show is warped by where its image stands. warp_view is
+    numpy's or a GPU's.
     """
 
     source = {**source, DEPTH_PASS: known_depth(source[DEPTH_PASS])}
@@ -152,7 +152,7 @@ def _lengths_tell(camera: Camera, other: Camera, lens: Lens, volumes: Sequence[N
 
 
 def _with_mirrors(seen: Reprojection, images: Reprojection, found: Images) -> Reprojection:
-    """What was carried by surfaces, with what the source's mirrors show carried by images."""
+    """The view warped by surfaces, with what the source's mirrors show warped by images."""
     shown, same = seen_in_both(seen.marking.source, found, seen.warp, images.warp)
     # Depth that is filtered as colours are has no sharp edge: along a mirror's, what is beside it may look alike.
     strayed = dilate(~same, 1)

@@ -3,7 +3,7 @@
 Where its pixels have its depth and it is one of them wide, it has no area in the grid; but where it lands is known.
 
 Where it is thinner: a pixel's depth is its first sample's, its colour is all samples'. Where the first one misses what
-is thin and near, its colour is carried with the depth of what is behind it, to the wrong place, with a contrast that
+is thin and near, its colour is warped with the depth of what is behind it, to the wrong place, with a contrast that
 shows. What Cycles gives a denoiser for depth is the mean of all samples: there it is nearer, and in a few pixels side
 by side. A surface that mirrors is farther away in that, and one that mirrors little light may be nearer as a whole:
 that is not thin.

@@ -46,7 +46,7 @@ ROUGHNESS_PASS = ".Roughness"
 """(H, W, 1) of the same, from Blender 5 on: of what is glossy of what is seen first."""
 
 OF_SOURCE = (LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS, ROUGHNESS_PASS)
-"""Passes that are asked for what the source sees, and never carried into the target."""
+"""Passes that are asked for what the source sees, and never warped into the target."""
 
 OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *OF_SOURCE)
 

@@ -261,7 +261,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--warp",
         choices=WARPS,
         default=StereoSettings.warp,
-        help="what carries pixels over; auto measures once which is faster, in animations of large pictures; "
+        help="what warps pixels; auto measures once which is faster, in animations of large pictures; "
         "gpu is numpy where no GPU can be used (%(default)s)",
     )
 

@@ -309,7 +309,7 @@ class Journal:
             for other in self.folder.glob("movie-*.json"):
                 if self._is_outlived(other):
                     remove(other)
-            if checksum(place) == known and not note.exists():
+            if not note.exists() and checksum(place) == known:
                 # Another run has found the note and no such movie.
                 self._write_whole(note, values)
 
@@ -334,7 +334,9 @@ class Journal:
     def _told_place(self, path: Path) -> str:
         """A path as other machines may find it, too, which have the drive elsewhere."""
         try:
-            return Path(os.path.relpath(path, self.frames_folder)).as_posix()
+            # Folders as they are: a way up from a link is one from where it leads.
+            place = os.path.relpath(path.parent.resolve() / path.name, self.frames_folder.resolve())
+            return Path(place).as_posix()
         except ValueError:
             # On another drive of Windows.
             return str(path)

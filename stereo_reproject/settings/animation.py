@@ -69,6 +69,7 @@ def _check_frames(frames: tuple[int, ...]) -> None:
 def read_frames(text: str) -> tuple[int, ...]:
     """Frames as people write them: 12, 1-24, 1-24:2, or several of these with commas. Raises BadInputError."""
     frames: set[int] = set()
+    named = 0
     for part in text.split(","):
         match = re.fullmatch(r"\s*(-?\d{1,9})(?:-(-?\d{1,9})(?::(\d{1,9}))?)?\s*", part)
         if match is None:
@@ -76,8 +77,13 @@ def read_frames(text: str) -> tuple[int, ...]:
         first, last, step = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
         if last < first or step < 1:
             raise BadInputError(f"frames {part.strip()} are none: name them in rising order, with a step from 1")
-        if (last - first) // step >= MOST_FRAMES:
+        count = (last - first) // step + 1
+        if count > MOST_FRAMES:
             raise BadInputError(f"frames {part.strip()} are more than {MOST_FRAMES}")
+        # One frame may be named several times, but not without an end: such a text may come out of a damaged file.
+        named += count
+        if named > 2 * MOST_FRAMES:
+            raise BadInputError(f"frames {text[:40]!r}... name frames again and again")
         frames.update(range(first, last + 1, step))
     result = tuple(sorted(frames))
     _check_frames(result)

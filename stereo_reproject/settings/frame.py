@@ -98,7 +98,7 @@ class StereoSettings:
 
     tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
     grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's
-    colour, where it is sharper and there is no noise to sharpen too, and linear for all else. warp is what carries
+    colour, where it is sharper and there is no noise to sharpen too, and linear for all else. warp is what warps
     pixels over: "gpu" is numpy where there is none that works, and "auto" the faster of the two where that is measured.
     """
 

@@ -1,8 +1,8 @@
-"""Flat mirrors: what one shows is carried with the depth of its image, and not of its surface.
+"""Flat mirrors: what one shows is warped with the depth of its image, and not of its surface.
 
 The image that a flat mirror shows stands still: as far behind it as what it is of stands before it, for either eye. So
-a second warp, which has the depth of that image in place of the mirror's, carries what the mirror shows as exactly as
-the first one carries a wall, with holes of its own where the one eye looks farther around what is reflected. What is no
+a second warp, which has the depth of that image in place of the mirror's, warps what the mirror shows as exactly as
+the first one warps a wall, with holes of its own where the one eye looks farther around what is reflected. What is no
 colour (the mirror's own depth, normal, index) stays with the first; dust on the glass goes with the image.
 
 How far the image stands Cycles tells by what it gives a denoiser for depth: the mean length of the rays on their way

@@ -1,4 +1,4 @@
-"""Which part of the machine carries pixels from one eye to the other: numpy on a core, or a GPU."""
+"""Which part of the machine warps pixels from one eye to the other: numpy on a core, or a GPU."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEAST_PIXELS = 4_000_000
 
 @dataclass(frozen=True)
 class WarpStage:
-    """Who carries; device is the GPU's name."""
+    """Who warps; device is the GPU's name."""
 
     warp_view: Warper
     device: str | None = None

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -35,6 +36,9 @@ DECIDED = ("fractions", "grid", "estimate", "effects", "accuracy", "refine", "sa
 
 TIMED = ("seconds", "predicted", "reason", "peak_mb", "memory", "rate", "would")
 """Parts of keys, of values that depend on how long something took."""
+
+MISSING = "nothing"
+"""What a report has in place of a key that is gone, as a difference says it."""
 
 TWO_LAYERS = """
 import sys, bpy
@@ -120,6 +124,8 @@ def _run(tree: Path, *arguments: str) -> None:
 
 
 def _render(tree: Path, case: Case, output: Path, arguments: argparse.Namespace) -> None:
+    # What an earlier comparison left must not stand in for what is no longer written.
+    shutil.rmtree(output, ignore_errors=True)
     named = isinstance(case.scene, str)
     scene = arguments.scenes.resolve() / case.scene / f"{case.scene}.blend" if named else case.scene
     common = [
@@ -150,8 +156,13 @@ def differences_of(before: Path, after: Path) -> Iterator[str]:
             yield f"{name}: a channel differs by {worst:.3g}"
     for path in sorted(before.rglob("*.json")):
         name = path.relative_to(before)
-        if (after / name).exists():
-            yield from (f"{name}: {line}" for line in _decisions(_read(path), _read(after / name)))
+        if "journal" in name.parts:
+            # Full of times; animation.json has what was decided.
+            continue
+        if not (after / name).exists():
+            yield f"{name} is missing after"
+            continue
+        yield from (f"{name}: {line}" for line in _decisions(_read(path), _read(after / name)))
 
 
 def _channels(path: Path) -> dict[str, np.ndarray]:
@@ -187,10 +198,10 @@ def _decisions(ours: Any, theirs: Any, key: str = "") -> Iterator[str]:
     if any(word in parts[-1] for word in TIMED):
         return
     if isinstance(ours, dict) and isinstance(theirs, dict):
-        for name in sorted(ours.keys() & theirs.keys()):
+        # New keys may come.
+        for name in sorted(name for name in ours if key or name in DECIDED):
             inner = f"{key}.{name}".lstrip(".")
-            if key or name in DECIDED:
-                yield from _decisions(ours[name], theirs[name], inner)
+            yield from _decisions(ours[name], theirs.get(name, MISSING), inner)
     elif isinstance(ours, list) and isinstance(theirs, list) and len(ours) == len(theirs):
         for index, (a, b) in enumerate(zip(ours, theirs, strict=True)):
             yield from _decisions(a, b, f"{key}[{index}]")

@@ -70,7 +70,7 @@ def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
     for other in (target, others):
         for accuracy in ("balanced", "exact"):
             ours, numpys = (
-                reproject(passes, source, other, **options | {"carry": warp_view, "accuracy": SETTINGS[accuracy]})
+                reproject(passes, source, other, **options | {"warp_view": warp_view, "accuracy": SETTINGS[accuracy]})
                 for warp_view in (gpu_warp.warp_view, warper.warp_view)
             )
             assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")

@@ -708,6 +708,19 @@ def notes_of_movies(journal):
     return sorted(journal.folder.glob("movie-*.json"))
 
 
+@posix
+def test_movies_beside_a_folder_that_is_reached_by_a_link_stay_known(tmp_path):
+    (tmp_path / "drive" / "deep").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "drive" / "deep")
+    journal = Journal(tmp_path / "link", "shot_")
+    journal.make()
+    left, right = tmp_path / "left.mp4", tmp_path / "right.mp4"
+    make_movie(journal, left, b"left")
+    make_movie(journal, right, b"right")
+    assert journal.movie_note(left) is not None
+    assert journal.movie_note(right) is not None
+
+
 def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
     movie = tmp_path / "film.mp4"
     movie.write_bytes(b"moving")

@@ -59,8 +59,14 @@ def test_frames_as_people_write_them(text, frames):
 def test_frames_that_are_none_are_one_line(text, part):
     with pytest.raises(BadInputError) as refused:
         read_frames(text)
+
     assert part in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_frames_that_are_named_again_and_again_are_not_counted_for_ever():
+    with pytest.raises(BadInputError, match="again and again"):
+        read_frames(",".join(["0-1048573"] * 800))
 
 
 @pytest.mark.parametrize(("text", "every"), [("every=6", 6), ("6", 6), ("every=1", 1)])

@@ -1,6 +1,6 @@
 """The frames of a scene, one after the other, into the files that the scene's own output settings ask for.
 
-Which frames, and that each is rendered once, is `animation`'s; `frame_maker` renders them and has them written.
+Which frames, and that each is rendered once, is `sequence.frames`'s; `frame_maker` renders them and has them written.
 """
 
 from __future__ import annotations

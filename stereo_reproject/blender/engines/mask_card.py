@@ -118,10 +118,10 @@ def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> Non
 
 def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
     """Parented to the camera, so that it moves along while the shutter is open; seen by camera rays alone."""
-    camera = scene.camera
-    card.parent = camera
-    scale = Matrix.Diagonal((*evaluated(camera, scene).matrix_world.to_scale(), 1.0))
+    camera = evaluated(scene.camera, scene)
+    card.parent = scene.camera
+    scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))
     card.matrix_parent_inverse = scale.inverted()
-    card.matrix_basis = Matrix(camera_from_eye(evaluated(camera, scene).data, view).tolist())
+    card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         setattr(card, f"visible_{kind}", False)

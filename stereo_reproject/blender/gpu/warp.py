@@ -55,7 +55,7 @@ def usable() -> str | None:
 
 
 def gpu_stage() -> WarpStage | None:
-    """The GPU as one that carries pixels over; None where it cannot. To find that out takes a while, once."""
+    """The GPU as one that warps pixels; None where it cannot. To find that out takes a while, once."""
     device = usable()
     return None if device is None else WarpStage(warp_view, device)
 

@@ -49,7 +49,7 @@ float nearness_of(float depth) { return is_parallel != 0 ? -min(depth, SKY_DEPTH
 """
 
 RAY = """
-// What gpu_warp._moves has coefficients of; `place` counts from the middle of the picture.
+// What warp._moves has coefficients of; `place` counts from the middle of the picture.
 vec4 ray_at(vec2 place, float near_by) { return vec4(place, 1.0, is_parallel != 0 ? -near_by : near_by); }
 // In units of its depth where rays are not parallel, so that the sky has a place.
 float depth_of(vec4 ray) { return dot(move_depth, ray); }

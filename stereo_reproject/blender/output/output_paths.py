@@ -133,7 +133,7 @@ def output_files(
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(f"the output path cannot be used: {reason}") from error
-    if len(views) > 1:
+    if len(views) > 1 and span is None:
         _check_apart(files)
     return files
 
