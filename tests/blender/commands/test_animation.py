@@ -373,6 +373,8 @@ def test_a_scenes_own_movie_of_each_eye_has_a_name_of_its_own(scene):
     set_suffixes(scene, "_X", "_X")
     with pytest.raises(BadInputError, match="would go into the same file"):
         output_of(scene, AnimationSettings())
+    # Where both eyes share a movie, suffixes play no part.
+    assert output_of(scene, AnimationSettings(layout="side-by-side"))
 
 
 def test_no_eyes_file_is_that_of_another_frame(scene, tmp_path):
