@@ -19,6 +19,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
+
+PROGRAMS = "stereo_reproject.programs"
+"""Package of the modules that a run starts as processes of their own."""
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
 
 SMALLEST = ("--size", "16x16", "--samples", "1", "--accuracy", "draft", "--no-denoise", "--fill", "packed")
@@ -169,8 +172,8 @@ class Run:
         return [pid for pid in _processes() if self._is_ours(pid)]
 
     def children(self, module: str) -> list[int]:
-        """Those that run the module of this name in the package: worker, writer, heartbeat."""
-        wanted = f"stereo_reproject.{module}".encode()
+        """Those that run the program of this name: worker, writer, heartbeat."""
+        wanted = f"{PROGRAMS}.{module}".encode()
         return [pid for pid in self.processes() if wanted in _read(pid, "cmdline").split(b"\0")]
 
     def wait_for(self, condition: Callable[[], Any], *, seconds: float = 60.0) -> Any:

@@ -173,7 +173,7 @@ def _role_of(pid: int) -> str:
     with contextlib.suppress(OSError):
         command = Path(f"/proc/{pid}/cmdline").read_bytes()
         for role in (b"worker", b"writer", b"heartbeat"):
-            if b"stereo_reproject." + role in command or b"." + role + b"\0" in command:
+            if b"stereo_reproject.programs." + role in command or b"." + role + b"\0" in command:
                 return role.decode()
     return "main"
 

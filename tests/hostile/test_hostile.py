@@ -2,6 +2,7 @@
 bounds and cleans up. The suite proper is `make hostile`."""
 
 import contextlib
+import importlib.util
 import os
 import subprocess
 import time
@@ -13,7 +14,14 @@ from stereo_reproject.jobs.work_folder import FILES
 from stereo_reproject.programs import cli
 from tests.hostile import __main__ as suite
 from tests.hostile.case import PROMISED, Case, Row, load_row, row_names
-from tests.hostile.program import PAIR, Outcome, assert_bad_input, assert_nothing_left, assert_one_line_or_done
+from tests.hostile.program import (
+    PAIR,
+    PROGRAMS,
+    Outcome,
+    assert_bad_input,
+    assert_nothing_left,
+    assert_one_line_or_done,
+)
 from tests.hostile.rows import options
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="forks, mounts and signals as POSIX has them")
@@ -53,6 +61,11 @@ def test_a_row_that_is_too_short_is_no_row(monkeypatch):
     monkeypatch.setitem(PROMISED, "scripts", 1000)
     with pytest.raises(ValueError, match="1000 are promised"):
         load_row("scripts")
+
+
+@pytest.mark.parametrize("name", ["worker", "writer", "heartbeat"])
+def test_the_suite_knows_a_run_s_processes(name):
+    assert importlib.util.find_spec(f"{PROGRAMS}.{name}") is not None
 
 
 def test_the_suite_knows_a_pair_s_files():
