@@ -219,12 +219,11 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def crash_message(worker: Worker, stage: str, *, program: str = "Blender", kept: str) -> str:
-    """What became of a worker that said nothing of its end; program is what ran in it, kept what became of its files,
-    in words."""
+def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
+    """Return how a Blender ended that said nothing of its end, in words; kept are those of what became of its files."""
     status = worker.wait(EXIT_SECONDS)
     killed = os.name == "posix" and status == -signal.SIGKILL
-    message = [f"{program} {_how_it_ended(status)} during {stage}"]
+    message = [f"Blender {_how_it_ended(status)} during {stage}"]
     if killed:
         message.append(_why_killed(worker.oom_kills_before))
     elif status is not None and status < 0 and is_limited():
