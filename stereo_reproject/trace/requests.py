@@ -1,0 +1,42 @@
+"""Requests to trace pixels: of any number of views, answered together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.passes import Passes
+
+
+@dataclass(frozen=True)
+class TraceRequest:
+    """Pixels of one view that are to be traced.
+
+    view is its name; pixels (H, W) are set where a pixel is wanted; twice (H, W), if given, where a pixel is wanted
+    once more, with noise of its own.
+    """
+
+    view: str
+    pixels: NDArray[np.bool_]
+    twice: NDArray[np.bool_] | None = None
+
+    @property
+    def masks(self) -> list[NDArray[np.bool_]]:
+        """The masks (H, W) whose pixels the answer holds, one mask after the other."""
+        return [self.pixels] if self.twice is None else [self.pixels, self.twice]
+
+
+class Tracer(Protocol):
+    """Traces single pixels of views."""
+
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        """Trace all requests by one fill method ('packed', 'card' or 'full').
+
+        Returns the passes (N, C) of each request, in its order: of the pixels that are set in `pixels`, row by row,
+        and then of those set in `twice`.
+        """
+        ...
