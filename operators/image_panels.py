@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.pipeline.price import WHOLE
+from ..stereo_reproject.pipeline.next_accuracy import WHOLE
 from ..stereo_reproject.report.report import IN_ORDER, OUTSIDE_TOTAL, more_seconds_text
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture

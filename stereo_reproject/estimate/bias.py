@@ -1,4 +1,4 @@
-"""What the warped colours are off by where that changes slowly: told by many probes together, and taken away.
+"""Slow errors of the warped colours: told by many probes together, and taken away.
 
 A reflection on a floor stands elsewhere for the other eye. Beside the noise of a denoised picture that shows, though it
 is a fraction of the noise of the probes that tell it; and in a noisy picture it shows where some tiles are traced and
@@ -15,35 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import PIXELS
-from ..images.metrics import tone
+from .evidence import ProbeTraces
 from .probes import Probes
-
-REACHES = (4, 2, 1)
-"""Tiles each way whose probes tell what a tile is off by: slow changes by many, and what is left of faster ones by the
-nearest, as far as those are sure of it."""
-
-DOUBT = 5.0
-"""How many times its own variance is taken off the square of what is told: less is left where it may be chance."""
-
-BY_CONTRAST = 0.5
-"""Share of the picture's contrast around a probe that it may be off by without that being slow: an edge that is half a
-pixel aside. Probes of a denoised picture lie in one place in each tile, and along an edge they are all off to one side;
-those of a noisy one are drawn to contrast."""
-
-FACTOR = 2.0
-"""How many times brighter or darker a colour may become: bright ones are a hair from white after tone mapping."""
-
-
-LARGEST = float(np.finfo(np.float32).max) / FACTOR
+from .tuning import tuned
 
 
 @dataclass(frozen=True)
 class SourceNoise:
-    """What noise does to a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
+    """Effect of noise on a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
 
-    shift (N, 3): how much brighter than without it is, on average. It is darker: most samples of a dim corner are black
-    and a few are bright, of which `tone` makes little. variance (N,): of one pixel. in_warp: the share of it
-    that the warped pixels have.
+    shift (N, 3): mean change of brightness. It is negative: most samples of a dim corner are black and a few are
+    bright, of which `tone` makes little. variance (N,): of one pixel. in_warp: share of it that the warped pixels have.
     """
 
     shift: NDArray[np.float64]
@@ -52,17 +34,18 @@ class SourceNoise:
 
     @classmethod
     def of_noisy(cls, variance: NDArray[np.float64]) -> SourceNoise:
-        """Of a picture that is not denoised: its pixels have the noise (N,) of a trace, and are as dark by it."""
+        """Return the noise of a picture that is not denoised: its pixels have the variance (N,) of a trace, and are as
+        dark by it."""
         return cls(np.zeros((variance.size, 3)), variance, in_warp=1.0)
 
 
 @dataclass(frozen=True)
 class Bias:
-    """Of each tile (N, 3), after `tone`: what is to be added to its warped colours.
+    """Correction of each tile's warped colours.
 
-    without_own is the same as the other probes tell it, but for the little that they have heard of a tile's own within
-    wider reaches: an excess is told too large by that, and never too small. shown (N,) is the number of what each
-    tile's probe shows.
+    added (N, 3) is added after `tone`. without_own (N, 3) is told by the other probes alone, but for the little that
+    they have heard of a tile's own within wider reaches: an excess is told too large by that, and never too small.
+    shown (N,) is the number of the material at each tile's probe.
     """
 
     probes: Probes
@@ -71,8 +54,8 @@ class Bias:
     shown: NDArray[np.integer]
 
     def agreed(self, other: Bias) -> Bias:
-        """What two that were told by the same probes agree on: the smaller of the two, and nothing where one is for
-        darker and one for brighter."""
+        """Return the smaller of two corrections that the same probes tell, and none where one is for darker and one for
+        brighter."""
         return replace(
             self,
             added=_smaller(self.added, other.added),
@@ -80,21 +63,22 @@ class Bias:
         )
 
     def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
-        """The scene-linear colours (N, >= 3) of the probes' pixels, corrected: (N, 3)."""
+        """Return the scene-linear colours (N, >= 3) of the probes' pixels corrected, (N, 3)."""
         return colour[..., :3] * _factor(colour[..., :3], self.without_own if without_own else self.added)
 
     def corrected(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """The scene-linear colour (H, W, >= 3) with the pixels of (H, W) corrected, which show (H, W)."""
+        """Return the scene-linear colour (H, W, >= 3) with `pixels` (H, W) corrected; shown (H, W) are materials."""
         return multiplied(colour, pixels, self.factor(colour, pixels, shown))
 
     def factor(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """(P, 3): by what the same is multiplied, in the mask's order.
+        """Return the factors (P, 3) by which the scene-linear colours of `pixels` (H, W) are corrected, in the mask's
+        order.
 
-        Between the tiles' middles the bias is interpolated, among those that show the same as the pixel.
+        Between the tiles' middles the bias is interpolated, among those that show the same material as the pixel.
         """
         rows, columns = np.nonzero(pixels)
         result = np.ones((rows.size, 3), np.float32)
@@ -105,7 +89,7 @@ class Bias:
         return result
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
-        """(P, 3) at pixels."""
+        """Return the bias (P, 3) at pixels (P,) that show the materials `own` (P,)."""
         height, width = self.probes.tile_grid
         numbers = self.probes.on_grid(np.arange(self.probes.rows.size), -1)
         place_y, place_x = ((p + 0.5) / self.probes.spacing - 0.5 for p in (rows, columns))
@@ -124,56 +108,58 @@ class Bias:
 
 def bias_of(
     probes: Probes,
-    w: NDArray,
-    a: NDArray,
-    b: NDArray,
-    risk: NDArray[np.float32],
+    traces: ProbeTraces,
+    contrast: NDArray[np.float32],
     shown: NDArray[np.integer],
     *,
     noise: SourceNoise,
 ) -> Bias:
-    """w, a, b (N, >= 3) as for `probes.measure`; risk (H, W) is the contrast around each pixel, as `risk.Contrast` has
-    it, and shown (H, W) a number for what each shows. noise is what the source's own pixels have around each. w that
-    is noisy should be of single samples: a mean of two is brighter after `tone`, because it is less noisy.
+    """Return the slow errors that the probes' traces tell.
 
-    A probe with a value that is no number says nothing.
+    contrast (H, W) is the picture's (`contrast.Contrast.signal`); shown (H, W) is a number for the material of each
+    pixel; noise is that of the source's own pixels around each probe. Warped colours that are noisy should be of single
+    samples: a mean of two is brighter after `tone`, because it is less noisy.
     """
-    known = (np.isfinite(w) & np.isfinite(a) & np.isfinite(b)).all(axis=-1)
-    w, a, b = (tone(np.where(known[:, None], colour, 0.0)).astype(np.float64) for colour in (w, a, b))
+    known = traces.finite
+    w, a, b = traces.toned(known)
     numbers = shown[probes.rows, probes.columns]
     residual, variance = 0.5 * (a + b) - w - noise.shift, np.mean((a - b) ** 2, axis=-1) / 4.0
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
     # A few probes may all have been spared what makes others bright, and seem to be sure that it is dark.
     nearby = np.maximum(nearby, 0.5 * noise.variance) * (1.0 + 2.0 * noise.in_warp)
-    weight = known / (nearby + BY_CONTRAST * risk[probes.rows, probes.columns] + 1e-6)
+    share = tuned().bias_contrast_share
+    weight = known / (nearby + share * contrast[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
-    for reach in REACHES:
+    for reach in tuned().bias_reaches_tiles:
         left = weight[:, None] * (residual - added)
-        told, certainty = alike.sum(left, reach), alike.sum(weight, reach)
-        without_own += _beyond_doubt(told - left, certainty - weight)
-        added += _beyond_doubt(told, certainty)
+        total, certainty = alike.sum(left, reach), alike.sum(weight, reach)
+        without_own += _shrunk_mean(total - left, certainty - weight)
+        added += _shrunk_mean(total, certainty)
     return Bias(probes, added, without_own, numbers)
 
 
-def _beyond_doubt(told: NDArray, certainty: NDArray) -> NDArray[np.float64]:
-    """(N, 3): the mean of residuals of which the weighted sum (N, 3) and the weights' (N,) are given, shrunk by what
-    chance may have to do with it (James and Stein)."""
+def _shrunk_mean(total: NDArray, certainty: NDArray) -> NDArray[np.float64]:
+    """Return the mean (N, 3) of residuals, shrunk by what chance may have to do with it (James and Stein).
+
+    total (N, 3) is their weighted sum, certainty (N,) the sum of their weights.
+    """
     inverse = 1.0 / np.maximum(certainty, 1e-9)
-    mean = told * inverse[:, None]
+    mean = total * inverse[:, None]
     size = np.maximum(np.mean(mean**2, axis=-1), 1e-12)
-    return np.where(certainty > 0.0, np.clip(1.0 - DOUBT * inverse / size, 0.0, 1.0), 0.0)[:, None] * mean
+    doubt = tuned().bias_doubt
+    return np.where(certainty > 0.0, np.clip(1.0 - doubt * inverse / size, 0.0, 1.0), 0.0)[:, None] * mean
 
 
 class _Neighbours:
-    """Sums over the tiles around each that show the same as it does."""
+    """Sums over the tiles around each whose probes show the same material as its own."""
 
     def __init__(self, probes: Probes, shown: NDArray, known: NDArray[np.bool_]) -> None:
         self._probes = probes
         self._shown = probes.on_grid(np.where(known, shown, -1), -1)
 
     def sum(self, values: NDArray, reach: int) -> NDArray[np.float64]:
-        """(N, ...) of values (N, ...) over `reach` tiles each way, each's own among them."""
+        """Return the sums (N, ...) of values (N, ...) over `reach` tiles each way, its own among them."""
         grid, shown = self._probes.on_grid(values, 0.0), self._shown
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
@@ -188,24 +174,26 @@ class _Neighbours:
 
 
 def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the smaller of two changes, and 0 where their signs differ."""
     size = np.minimum(np.abs(one), np.abs(other))
     return np.where(one * other > 0.0, np.copysign(size, one), 0.0)
 
 
 def multiplied(image: NDArray[np.float32], pixels: NDArray[np.bool_], factor: NDArray[np.float32]) -> NDArray:
-    """The colours (H, W, >= 3), those of (H, W) times factor (P, 3)."""
+    """Return the colours (H, W, >= 3), those of `pixels` (H, W) multiplied by factor (P, 3)."""
     result = image.copy()
     result[pixels, :3] *= factor
     return result
 
 
 def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
-    """By what scene-linear colours (P, 3) are multiplied to change by so much after `tone`. 1 for what is not light.
+    """Return the factors by which scene-linear colours (P, 3) change by `added` (P, 3) after `tone`.
 
-    With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
+    1 for what is not light. With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
     """
-    light = (colour > 0.0) & (colour < LARGEST)
+    limit = tuned().max_bias_factor
+    light = (colour > 0.0) & (colour < float(np.finfo(np.float32).max) / limit)
     bright = np.where(light, colour, 1.0).astype(np.float64)
     step = added * (1.0 + bright)
-    factor = np.where(step < 1.0, (1.0 + step / bright) / np.where(step < 1.0, 1.0 - step, 1.0), FACTOR)
-    return np.where(light, np.clip(factor, 1.0 / FACTOR, FACTOR), 1.0).astype(np.float32)
+    factor = np.where(step < 1.0, (1.0 + step / bright) / np.where(step < 1.0, 1.0 - step, 1.0), limit)
+    return np.where(light, np.clip(factor, 1.0 / limit, limit), 1.0).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What each effect of a scene has cost, and what of the error is left on its account."""
+"""Costs of each effect of a scene: pixels and seconds that it took, and the error that is left where it is seen."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.probes import TileEvidence
-from ..estimate.refinement import CONFIDENT
+from ..estimate.evidence import TileEvidence
+from ..estimate.expected_excess import CONFIDENCE_95_SIGMAS
 from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from ..images.effects_pass import UNKNOWN, flagged
 from ..images.reasons import Reason
@@ -19,19 +19,19 @@ FROM_REASON = {
     Reason.DEFOCUS: Effect.DEPTH_OF_FIELD,
     Reason.TRANSPARENT: Effect.TRANSMISSION,
 }
-"""Reasons that are an effect's own; pixels with any other are on the account of what they show."""
+"""Reasons that belong to one effect; pixels with any other count for the effects that they show."""
 
 ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.TRANSPARENT | Reason.REFINED | Reason.PROBE
-"""Reasons that an effect has given: holes and silhouettes there would be without any, but for those of hair."""
+"""Reasons that effects have: holes and silhouettes would be there without any, but for those of hair."""
 
 
 @dataclass(frozen=True)
 class EffectCost:
-    """What an effect has cost, and what is left of the error where it is seen.
+    """Cost of an effect, and the error that is left where it is seen.
 
-    fraction: share of the target's pixels that was traced because of it. seconds: of that; a pixel that shows several
-    effects is divided between them, and a probe that shows none is on everybody's account. excess: as in
-    `refinement.Estimate`, of the warped pixels that show it, with its 95 % confidence interval; None where no probe
+    fraction: share of the target's pixels that was traced because of it. seconds: time that this took; a pixel that
+    shows several effects is divided between them, and a probe that shows none between all. excess: that of
+    `noise_ratio.Estimate` over the warped pixels that show it, with its 95 % confidence interval; None where no probe
     tells.
     """
 
@@ -40,44 +40,44 @@ class EffectCost:
     excess: tuple[float, float, float] | None
 
 
-def accounts(
+def effect_costs(
     called_for: Effect,
     shown: NDArray[np.int32],
     reasons: NDArray[np.uint16],
     traced: NDArray[np.bool_],
     seconds: Mapping[str, float],
-    measured: TileEvidence | None,
+    evidence: TileEvidence | None,
 ) -> dict[Effect, EffectCost]:
-    """The account of each effect that is called for and may be seen differently by each eye.
+    """Return the cost of each effect that is called for and may be seen differently by each eye.
 
     shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN where that is not known; reasons (H, W) say
     why pixels were traced, and traced (H, W) which: those without a reason were traced because a full render was the
-    cheaper way. seconds are those of the stages.
+    cheaper way. seconds are by stage; evidence is that of the probes, None where none tell.
     """
     wanted = called_for & SEEN_DIFFERENTLY
     strands = _edges_of_strands(wanted, shown, reasons)
-    shown = np.where(strands, Effect.HAIR.value, _belonging(wanted, shown, reasons))
+    shown = np.where(strands, Effect.HAIR.value, _effects_to_charge(wanted, shown, reasons))
     asked_for = strands | ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
     cost = np.where(asked_for, _seconds_per_pixel(reasons, traced, seconds), 0.0)
     several = np.zeros(shown.shape, np.int32)
     for effect in wanted:
         several += (shown & effect.value) > 0
-    everybodys = float(cost[shown == 0].sum()) / max(len(list(wanted)), 1)
+    shared = float(cost[shown == 0].sum()) / max(len(list(wanted)), 1)
     result = {}
     for effect in wanted:
         has = (shown & effect.value) > 0
         own = float((cost[has] / several[has]).sum())
-        result[effect] = EffectCost(float(np.mean(has & asked_for)), own + everybodys, _excess(measured, has))
+        result[effect] = EffectCost(float(np.mean(has & asked_for)), own + shared, _excess(evidence, has))
     return result
 
 
 def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """(H, W): pixels that are traced as silhouettes because they show hair."""
+    """Return the pixels (H, W) that are traced as silhouettes because they show hair."""
     return flagged(shown, wanted & Effect.HAIR) & ((reasons & Reason.SILHOUETTE.bit) > 0)
 
 
-def _belonging(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """(H, W) flags of the effects on whose account a pixel is."""
+def _effects_to_charge(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:
+    """Return flags (H, W) of the effects that a pixel counts for."""
     result = np.where(shown == UNKNOWN, int(wanted), shown | int(wanted & OF_THE_WHOLE_FRAME))
     own = np.zeros_like(result)
     for reason, effect in FROM_REASON.items():
@@ -88,17 +88,18 @@ def _belonging(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uin
 def _seconds_per_pixel(
     reasons: NDArray[np.uint16], traced: NDArray[np.bool_], seconds: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """(H, W): the seconds that each traced pixel has cost; a probe is traced twice."""
+    """Return the seconds (H, W) that each traced pixel has cost; a probe is traced twice."""
     refined, probes = (reasons & Reason.REFINED.bit) > 0, (reasons & Reason.PROBE.bit) > 0
     filled = np.where(probes, 2.0, (traced & ~refined).astype(np.float64))
     cost = filled * (seconds.get("fill", 0.0) + seconds.get("pilot", 0.0)) / max(filled.sum(), 1.0)
     return cost + refined * seconds.get("refine", 0.0) / max(refined.sum(), 1.0)
 
 
-def _excess(measured: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
-    if measured is None or not measured.frame_noise:
+def _excess(evidence: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
+    """Return the excess of the pixels (H, W) that show an effect, and the ends of its interval."""
+    if evidence is None or not evidence.frame_noise:
         return None
-    probes = measured.probes
-    own = measured.left[has[probes.rows, probes.columns]] / measured.frame_noise
-    excess, reach = float(own.sum()), CONFIDENT * float(np.sqrt(np.sum(own**2)))
+    probes = evidence.probes
+    own = evidence.left[has[probes.rows, probes.columns]] / evidence.frame_noise
+    excess, reach = float(own.sum()), CONFIDENCE_95_SIGMAS * float(np.sqrt(np.sum(own**2)))
     return excess, excess - reach, excess + reach

@@ -1,4 +1,4 @@
-"""The way of a frame: render one eye, warp it, find the holes, trace them, put the other eye together."""
+"""START HERE: the way of a frame. Render one eye, warp it, trace the holes, put the other eye together."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol, cast
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.tracing import FillPlanner, Refinement, TargetEye
+from ..estimate.estimator import estimator_of
+from ..estimate.target import Provenance, Target
+from ..estimate.tracing import ProbedTracing, Refinement, TargetTracing
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from ..images.effects import Effect, EffectsPlan
@@ -22,6 +24,8 @@ from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
 from ..trace.fill import FillChoice, SourceCost, check_fill
+from ..trace.planner import FillPlanner
+from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
@@ -29,51 +33,46 @@ from ..warp.grid import Grid
 from ..warp.motion import Moving
 from ..warp.stage import NUMPY, WarpStage, choose_stage, takes
 from ..warp.warper import Warper
-from .effect_costs import EffectCost, accounts
-from .matched_eye import LightMatcher, MatchedEye
-from .price import WHOLE, Price, next_better, price_of
+from .effect_costs import EffectCost, effect_costs
+from .matched_tracing import LightMatcher, MatchedTracing
+from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
 
 
 class Renderer(Protocol):
-    """What the pipeline asks of whoever renders; `stereo_reproject.blender.engines.renderer` is the one that ships."""
+    """Renders a scene for the pipeline; `stereo_reproject.blender.engines.renderer` is the one that ships."""
 
     cameras: Mapping[str, Camera]
+    """Cameras by view name."""
     plan: EffectsPlan
-    """What the scene calls for; where nothing in it may look different from each eye, no probe is traced."""
+    """Effects that the scene calls for; where none of them may look different from each eye, no probe is traced."""
     lens: Lens
-    """Both eyes'."""
+    """Lens of both eyes."""
     gpu: Callable[[], WarpStage | None]
-    """What finds a GPU that can warp."""
+    """Finds a GPU that can warp."""
     volumes: Sequence[NDArray]
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
     seed: int
-    """Of the scene's noise; the places of the probes follow from it."""
+    """Seed of the scene's noise; the places of the probes follow from it."""
     motion: Mapping[str, Moving] | None
-    """Each eye's in the frames around this one; None where no pass asks for it."""
+    """Motion of each eye in the frames around this one; None where no pass asks for it."""
     metadata: Mapping[str, str]
     """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
-
     denoise: Denoise | None
-    """What the scene denoises with; None where it does not. All passes then have those that `denoising` is about."""
-    foreign: bool
-    """Whether another engine traces than the one that renders the source; then it is a `LightMatcher` too."""
+    """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
+    matcher: LightMatcher | None
+    """The engine that traces, where that is another one than renders the source; else None."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """The source eye, whole, and not denoised."""
+        """Return the source eye, whole and not denoised, and its cost."""
         ...
 
     def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
-        """Why a fill method cannot be used for this scene, by method; deepest is the greatest depth that was seen."""
+        """Return why each fill method cannot be used for this scene, or None; deepest is the greatest depth seen."""
         ...
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        """The passes (N, C) of the target pixels that are set in `pixels` (H, W), in the mask's order.
-
-        After them those of the pixels set in `twice` (H, W), traced once more with noise of their own.
-        """
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        """Trace pixels, as `trace.requests.Tracer` says."""
         ...
 
 
@@ -81,10 +80,11 @@ class Renderer(Protocol):
 class StereoFrame:
     """A finished pair, and how it came about.
 
-    eyes by view name; reasons (H, W) are the target's `Reason` flags; traced (H, W) the pixels that were traced,
-    which are more than those with a reason where a full render was the cheapest. accounts are what each effect has
-    cost; price is what the next better accuracy would have. metadata is the renderer's. correction is how far traced
-    pixels were moved to match a source of another engine. warped_by is numpy or gpu, whose name is gpu then.
+    eyes are by view name; reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that were
+    traced, which are more than those with a reason where a full render was the cheapest. seconds are by stage, and in
+    total. effect_costs are what each effect has cost; next_accuracy is what the next better one would have. metadata is
+    the renderer's. correction is how far traced pixels were moved to match a source of another engine. warped_by is
+    'numpy' or 'gpu'; gpu is its name then.
     """
 
     eyes: dict[str, Passes]
@@ -96,8 +96,8 @@ class StereoFrame:
     pilot_share: float | None
     seconds: dict[str, float]
     source_cost: SourceCost
-    accounts: dict[Effect, EffectCost]
-    price: Price
+    effect_costs: dict[Effect, EffectCost]
+    next_accuracy: NextAccuracy
     invalid_pixels: dict[str, int]
     metadata: dict[str, str]
     correction: Correction | None = None
@@ -106,7 +106,7 @@ class StereoFrame:
 
 
 class Stopwatch:
-    """Seconds by stage; each `lap` ends the stage that runs and tells whoever listens what begins."""
+    """Seconds by stage; each `lap` ends the stage that runs, and reports the one that begins."""
 
     def __init__(self, on_stage: Callable[[str], None]) -> None:
         self.seconds: dict[str, float] = {}
@@ -116,7 +116,7 @@ class Stopwatch:
 
     @property
     def seconds_so_far(self) -> float:
-        """Of the stage that runs."""
+        """Seconds of the stage that runs."""
         return time.perf_counter() - self._start
 
     def lap(self, stage: str = "") -> None:
@@ -128,57 +128,136 @@ class Stopwatch:
             self._on_stage(stage)
 
 
+@dataclass(frozen=True)
+class _Source:
+    """The rendered source eye, ready to be warped.
+
+    passes hold no value that is no number (but infinite depths), and the denoised colour where the scene denoises;
+    invalid (H, W) marks pixels whose colour was none, lost (H, W) those of every pass that had some. accuracy is that
+    of the frame; needs_probes: whether something may look different from each eye.
+    """
+
+    passes: Passes
+    invalid: NDArray[np.bool_]
+    lost: Mapping[str, NDArray[np.bool_]]
+    cost: SourceCost
+    denoising: Denoising | None
+    accuracy: Accuracy
+    needs_probes: bool
+
+
+@dataclass(frozen=True)
+class _Completed:
+    """The target once it was warped (by gpu, a name, or numpy) and traced, and how."""
+
+    reprojection: Reprojection
+    gpu: str | None
+    planner: FillPlanner
+    tracing: TargetTracing
+    fill: FillChoice
+    refinement: Refinement
+
+
 def render_stereo_frame(
     renderer: Renderer,
     settings: StereoSettings,
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     accuracy: Accuracy | None = None,
-    precedent: SharedFindings | None = None,
+    findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
 ) -> StereoFrame:
     """Render the pair of the renderer's scene and frame.
 
-    on_stage is told the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine,
+    on_stage is called with the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine,
     composite, denoise_target, and account, which comes after the pair is finished and is not in the total. A watch
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
-    for a picture up to `accuracy.PROBED_PIXELS`; precedent has what other frames of the same animation have found.
+    for a picture up to `accuracy.PROBED_PIXELS`; findings are what other frames of the same animation have found.
     Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
-    precedent = precedent or SharedFindings()
+    findings = findings or SharedFindings()
     check_fill(settings.fill, renderer.fill_blockers())
-    source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
-    accuracy = for_size(accuracy or accuracy_of(settings), target_camera.width * target_camera.height)
+
+    source = _render_source(renderer, settings, accuracy or accuracy_of(settings), findings, watch)
+
+    watch.lap("warp")
+    reprojection, gpu = _warp_source(renderer, settings, source, findings)
+
+    blockers = renderer.fill_blockers(_deepest(source.passes))
+    check_fill(settings.fill, blockers)
+    planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers)
+    tracing = _tracing_of(renderer, settings.target, planner, reprojection, source)
+    if tracing.wants_pilot:
+        watch.lap("pilot")
+        tracing.send_pilot()
+
+    watch.lap("fill")
+    fill = tracing.fill()
+
+    watch.lap("refine")
+    refinement = tracing.refine()
+
+    watch.lap("composite")
+    target = tracing.target
+    finished, lost_in_target = _without_lost(target, source.lost, reprojection, settings)
+    if source.denoising is not None:
+        watch.lap("denoise_target")
+        refined = target.any_of(Provenance.REFINED)
+        finished = denoise_target(finished, target.keeps_warped_colour, source.denoising, refined=refined)
+
+    return _finished_frame(
+        renderer,
+        settings,
+        source,
+        _Completed(reprojection, gpu, planner, tracing, fill, refinement),
+        finished,
+        lost_in_target,
+        watch,
+    )
+
+
+def _render_source(
+    renderer: Renderer, settings: StereoSettings, accuracy: Accuracy, findings: SharedFindings, watch: Stopwatch
+) -> _Source:
+    """Render the source eye, and denoise it where the scene does."""
+    cameras = [renderer.cameras[view] for view in (settings.source, settings.target)]
+    accuracy = for_size(accuracy, cameras[1].width * cameras[1].height)
 
     watch.lap("source")
     rendered, cost = renderer.render_source(settings.source)
-    source, invalid = replace_non_finite(rendered)
-    lost = not_numbers(rendered)
+    passes, invalid = replace_non_finite(rendered)
+    needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(*cameras)
+    source = _Source(passes, invalid, not_numbers(rendered), cost, None, accuracy, needs_probes)
+    if renderer.denoise is None:
+        return source
 
-    may_differ = bool(renderer.plan.view_dependent) and not see_the_same(source_camera, target_camera)
-    watched = may_differ and not renderer.foreign
-    denoising = None if renderer.denoise is None else Denoising(renderer.denoise)
-    if denoising is not None:
-        watch.lap("denoise_source")
-        source = denoise_source(source, denoising)
-        cost = replace(cost, denoise_seconds=watch.seconds_so_far)
-        if watched and accuracy.promise is not None:
-            left = precedent.noise_left(partial(noise_left, source, denoising.denoise))
-            denoising = replace(denoising, noise_left=left)
-        accuracy = for_denoised(accuracy)
+    watch.lap("denoise_source")
+    denoising = Denoising(renderer.denoise)
+    passes = denoise_source(passes, denoising)
+    cost = replace(cost, denoise_seconds=watch.seconds_so_far)
+    if needs_probes and accuracy.promise is not None:
+        left = findings.noise_left(partial(noise_left, passes, denoising.denoise))
+        denoising = replace(denoising, noise_left=left)
+    return replace(source, passes=passes, cost=cost, denoising=denoising, accuracy=for_denoised(accuracy))
 
-    watch.lap("warp")
-    motion = renderer.motion
-    interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=denoising is not None)
+
+def _warp_source(
+    renderer: Renderer, settings: StereoSettings, source: _Source, findings: SharedFindings
+) -> tuple[Reprojection, str | None]:
+    """Warp the source into the target; also returns the name of the GPU that was chosen to, if one was."""
+    interpolation, colour_interpolation = interpolations_of(
+        settings.interpolation, denoised=source.denoising is not None
+    )
+    motion, target = renderer.motion, renderer.cameras[settings.target]
     warp = partial(
         reproject,
-        source,
-        source_camera,
-        target_camera,
-        accuracy=accuracy,
-        invalid=invalid,
+        source.passes,
+        renderer.cameras[settings.source],
+        target,
+        accuracy=source.accuracy,
+        invalid=source.invalid,
         grid_threshold=settings.grid_threshold,
         interpolation=interpolation,
         colour_interpolation=colour_interpolation,
@@ -186,84 +265,85 @@ def render_stereo_frame(
         volumes=renderer.volumes,
         motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
     )
-    stage = _warp_stage(
-        settings, renderer, precedent, target_camera, lambda warp_view: warp(warp_view=warp_view).reasons
-    )
-    reprojection = warp(warp_view=stage.warp_view)
 
-    blockers = renderer.fill_blockers(_deepest(source))
-    check_fill(settings.fill, blockers)
-    means = FillPlanner(settings.fill, precedent.cost(cost), blockers)
-    target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
-    if target.wants_pilot:
-        watch.lap("pilot")
-        target.send_pilot()
+    def run(warp_view: Warper) -> object:
+        return warp(warp_view=warp_view).reasons
 
-    watch.lap("fill")
-    fill = target.fill()
+    def is_faster(gpu: WarpStage) -> bool:
+        return findings.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
 
-    watch.lap("refine")
-    refinement = target.refine()
+    stage = choose_stage(settings.warp, target.width * target.height, renderer.gpu, is_faster)
+    return warp(warp_view=stage.warp_view), stage.device
 
-    watch.lap("composite")
-    finished, lost_in_target = _without_lost(target, lost, reprojection, interpolation)
-    if denoising is not None:
-        watch.lap("denoise_target")
-        finished = denoise_target(finished, target.kept, denoising, refined=target.refined)
+
+def _finished_frame(
+    renderer: Renderer,
+    settings: StereoSettings,
+    source: _Source,
+    done: _Completed,
+    finished: Passes,
+    lost_in_target: int,
+    watch: Stopwatch,
+) -> StereoFrame:
+    """Return the frame with the target's finished passes, and account for what it cost; that is not in the total."""
     watch.lap("account")
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
-    reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)
+    reprojection, refinement, target = done.reprojection, done.refinement, done.tracing.target
+    reasons = _all_reasons(reprojection.reasons, target)
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)
-    told = None if refinement.whole else refinement.measured
-    spent = accounts(renderer.plan.called_for, shown, reasons, target.traced, seconds, told)
-    better = WHOLE if renderer.foreign else next_better(accuracy)
+    evidence = None if refinement.whole else refinement.evidence
+    spent = effect_costs(renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
+    better = next_better(source.accuracy) if refinement.can_promise else WHOLE
     whole = bool(target.traced.all())
-    price = price_of(better, reprojection, refinement, means, seconds, fill, watched=watched, whole=whole)
+    completed = FinishedTarget(reprojection, done.planner, done.fill, refinement, source.needs_probes, whole)
+    next_accuracy = cost_of(better, completed, seconds)
     watch.lap()
-
     return StereoFrame(
-        eyes={settings.source: without_ours(source), settings.target: without_ours(finished)},
+        eyes={settings.source: without_ours(source.passes), settings.target: without_ours(finished)},
         reasons=reasons,
         traced=target.traced,
         grid=reprojection.grid,
-        fill=fill,
+        fill=done.fill,
         refinement=refinement,
-        pilot_share=target.pilot_share,
+        pilot_share=done.tracing.pilot_share,
         seconds={**watch.seconds, "total": seconds["total"]},
-        source_cost=cost,
-        accounts=spent,
-        price=price,
-        invalid_pixels={settings.source: count_pixels(lost), settings.target: lost_in_target},
+        source_cost=source.cost,
+        effect_costs=spent,
+        next_accuracy=next_accuracy,
+        invalid_pixels={settings.source: count_pixels(source.lost), settings.target: lost_in_target},
         metadata=dict(renderer.metadata),
-        correction=target.correction if isinstance(target, MatchedEye) else None,
+        correction=done.tracing.correction,
         warped_by=reprojection.warped_by,
-        gpu=stage.device if reprojection.warped_by == "gpu" else None,
+        gpu=done.gpu if reprojection.warped_by == "gpu" else None,
     )
 
 
-def _target_eye(
-    renderer: Renderer,
-    view: str,
-    means: FillPlanner,
-    reprojection: Reprojection,
-    accuracy: Accuracy,
-    *,
-    watched: bool,
-    denoising: Denoising | None,
-) -> TargetEye:
-    seed = renderer.seed
-    if renderer.foreign:
-        return MatchedEye(cast("LightMatcher", renderer), view, means, reprojection, accuracy, seed=seed)
-    return TargetEye(renderer, view, means, reprojection, accuracy, watched=watched, seed=seed, denoising=denoising)
+def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
+    """Return the interpolation of most passes, and that of the colour, which is all that is denoised."""
+    if asked != "auto":
+        return asked, asked
+    return "linear", "cubic" if denoised else "linear"
+
+
+def _tracing_of(
+    renderer: Renderer, view: str, planner: FillPlanner, reprojection: Reprojection, source: _Source
+) -> TargetTracing:
+    """Return what completes the target `view`: with the source's own engine and probes, or matched to it by another."""
+    accuracy, seed = source.accuracy, renderer.seed
+    if renderer.matcher is not None:
+        return MatchedTracing(renderer.matcher, view, planner, reprojection, accuracy, seed=seed)
+    estimator = estimator_of(reprojection, accuracy, source.denoising, probed=source.needs_probes)
+    return ProbedTracing(renderer, view, planner, reprojection, accuracy, estimator=estimator, seed=seed)
 
 
 def _without_lost(
-    target: TargetEye, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, interpolation: str
+    target: Target, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, settings: StereoSettings
 ) -> tuple[Passes, int]:
-    """Return the target's passes with 0 for what is no number, or was looked up where the source has none, and in how
-    many pixels that is."""
+    """Return the target's passes with 0 for values that are no number, or were looked up where the source's were none,
+    and the number of such pixels."""
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
+    interpolation, _ = interpolations_of(settings.interpolation, denoised=False)
     for name, pixels in spoilt(lost, reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
@@ -272,37 +352,18 @@ def _without_lost(
     return finished, count_pixels(dark)
 
 
-def _warp_stage(
-    settings: StereoSettings,
-    renderer: Renderer,
-    precedent: SharedFindings,
-    camera: Camera,
-    run: Callable[[Warper], object],
-) -> WarpStage:
-    def is_faster(gpu: WarpStage) -> bool:
-        return precedent.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
-
-    return choose_stage(settings.warp, camera.width * camera.height, renderer.gpu, is_faster)
-
-
-def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
-    """Of most passes, and of the colour, which is all that is denoised."""
-    if asked != "auto":
-        return asked, asked
-    return "linear", "cubic" if denoised else "linear"
-
-
-def _all_reasons(
-    reasons: NDArray[np.uint16], probed: NDArray[np.bool_], refined: NDArray[np.bool_]
-) -> NDArray[np.uint16]:
+def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
+    """Return the warp's reasons (H, W) with those of probes and of refined tiles."""
     result = reasons.copy()
-    result[probed] |= Reason.PROBE.bit
-    result[refined] |= Reason.REFINED.bit
+    probes = target.any_of(Provenance.PROBE)
+    result[probes] |= Reason.PROBE.bit
+    result[target.any_of(Provenance.REFINED) & ~probes] |= Reason.REFINED.bit
     return result
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:
-    """Share of the target's pixels that was traced: by reason, of which a pixel may have several, and in all."""
+    """Return the share of the target's pixels that was traced: by reason, of which a pixel may have several, and in
+    all."""
     fractions = {reason.label: float(np.mean((frame.reasons & reason.bit) > 0)) for reason in Reason}
     named = ("disoccluded", "outside", "silhouette")
     result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
@@ -311,11 +372,12 @@ def traced_fractions(frame: StereoFrame) -> dict[str, float]:
 
 
 def _deepest(source: Passes) -> float:
+    """Return the greatest finite depth, in scene units; 0 where there is none."""
     depth = source[DEPTH_PASS]
     finite = depth[np.isfinite(depth)]
     return float(finite.max()) if finite.size else 0.0
 
 
 def colour(passes: Passes) -> NDArray[np.float32]:
-    """The (H, W, 4) picture among an eye's passes."""
+    """Return the colour pass (H, W, 4) among an eye's passes."""
     return passes[COLOUR_PASS]

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.tracing import FillPlanner
 from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice, SourceCost, choose_fill
+from ..trace.planner import FillPlanner
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.refinement import Estimate, tile_estimates, worst_tiles
+from ..estimate.noise_ratio import Estimate, tile_estimates, worst_tiles
 from ..estimate.tracing import Refinement
 from ..images.effects import Effect, EffectsPlan
 from ..pipeline.effect_costs import EffectCost
@@ -36,22 +36,18 @@ def _excess(account: EffectCost | None) -> tuple[float | None, float | None, flo
     return (None, None, None) if account is None or account.excess is None else account.excess
 
 
-NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wrong warp"
-
-
-def estimate_fields(refinement: Refinement, accuracy: Accuracy, *, foreign: bool = False) -> dict[str, Any]:
+def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
     """What the probes say of the finished target, and whether that is what was promised; null where none were traced.
 
-    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels. foreign:
-    the source is not of the engine that traces.
+    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels.
     """
-    estimate, measured = refinement.estimate, refinement.measured
+    estimate, evidence = refinement.estimate, refinement.evidence
     if estimate is None:
-        return _no_estimate(accuracy, foreign=foreign)
-    probed = None if refinement.whole else measured
+        return _no_estimate(refinement, accuracy)
+    probed = None if refinement.whole else evidence
     worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
-    kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.likely is None)
+    kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.selection is None)
     return {
         "noise_ratio": estimate.noise_ratio,
         **_interval(estimate),
@@ -61,7 +57,7 @@ def estimate_fields(refinement: Refinement, accuracy: Accuracy, *, foreign: bool
         "worst_tiles_promise": promised,
         "kept": False if promised is not None and worst > promised else kept,
         "probes": 0 if probed is None else int((~probed.refined).sum()),
-        "tile_size": None if measured is None else measured.probes.spacing,
+        "tile_size": None if evidence is None else evidence.probes.spacing,
         "from": "rendered whole" if probed is None else "probes",
     }
 
@@ -81,14 +77,9 @@ def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | No
     return True if estimate.high <= promise else False if estimate.low > promise else None
 
 
-def _no_estimate(accuracy: Accuracy, *, foreign: bool) -> dict[str, Any]:
+def _no_estimate(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
     unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tile_size")
-    why = "this accuracy promises nothing, and has no probes"
-    if accuracy.promise is not None:
-        why = "nothing that is seen looks different from each eye, and calls for probes"
-    if foreign:
-        why = NO_PROBES
-    return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": why}
+    return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": refinement.no_estimate}
 
 
 def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -97,8 +88,8 @@ def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[n
     1 where the pixel was traced (H, W), not a number where no probe tells.
     """
     result = np.full((*traced.shape, 3), np.nan, np.float32)
-    measured = refinement.measured
-    if measured is not None:
-        result = measured.probes.over_tiles(tile_estimates(measured).astype(np.float32), np.nan)
+    evidence = refinement.evidence
+    if evidence is not None:
+        result = evidence.probes.over_pixels(tile_estimates(evidence).astype(np.float32), np.nan)
     result[traced] = 1.0
     return result

@@ -5,15 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.bias import FACTOR, SourceNoise, _factor, bias_of
-from stereo_reproject.estimate.denoised_probes import _source_noise
-from stereo_reproject.estimate.probes import place_probes, place_regular_probes
+from stereo_reproject.estimate.bias import SourceNoise, _factor, bias_of
+from stereo_reproject.estimate.denoised import source_noise
+from stereo_reproject.estimate.evidence import ProbeTraces
+from stereo_reproject.estimate.probes import place_random_probes, place_regular_probes
+from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.metrics import squared_error, tone
 
 SIZE = (240, 320)
 NOISE = 0.06
 SPACING = 6
+FACTOR = EstimateTuning().max_bias_factor
 
 
 def contrast(colour):
@@ -46,7 +49,7 @@ class Warped:
         variance = np.full(count, squared_error(self.truth + NOISE, self.truth).mean())
         noise = SourceNoise(np.zeros((count, 3)), variance)
         colour = self.colour[self.probes.mask]
-        return bias_of(self.probes, colour, a, b, contrast(self.colour), self.shown, noise=noise)
+        return bias_of(self.probes, ProbeTraces(colour, a, b), contrast(self.colour), self.shown, noise=noise)
 
     def corrected(self, bias):
         return bias.corrected(self.colour, np.ones(SIZE, bool), self.shown)
@@ -140,12 +143,12 @@ def test_a_dim_corner_with_a_few_bright_samples_is_not_taken_for_dark():
     shown = np.zeros(size, int)
 
     def brightness(noise):
-        bias = bias_of(probes, denoised[probes.mask], a, b, contrast(denoised), shown, noise=noise)
+        bias = bias_of(probes, ProbeTraces(denoised[probes.mask], a, b), contrast(denoised), shown, noise=noise)
         return bias.corrected(denoised, np.ones(size, bool), shown)[..., :3].mean() / mean
 
     nothing = SourceNoise(np.zeros((probes.rows.size, 3)), np.zeros(probes.rows.size))
     assert brightness(nothing) < 0.7
-    assert abs(brightness(_source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02
+    assert abs(brightness(source_noise(probes, denoised, noisy, np.ones(size, bool))) - 1.0) < 0.02
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, 1e30, np.nan])
@@ -176,7 +179,7 @@ def test_pictures_of_few_tiles_are_corrected_too(size):
     probes = place_regular_probes(np.ones(size, bool), spacing=6, seed=1)
     truth = colour[probes.mask] + 0.1
     noise = SourceNoise.of_noisy(np.zeros(probes.rows.size))
-    bias = bias_of(probes, colour[probes.mask], truth, truth, contrast(colour), shown, noise=noise)
+    bias = bias_of(probes, ProbeTraces(colour[probes.mask], truth, truth), contrast(colour), shown, noise=noise)
     np.testing.assert_allclose(bias.corrected(colour, np.ones(size, bool), shown)[..., :3], 0.6, rtol=0.02)
 
 
@@ -193,13 +196,13 @@ def test_a_dim_corner_of_a_noisy_picture_stays_as_bright(share):
     source = traced(size[0], size[1] + 1)
     warped = 0.5 * (source[:, 1:] + source[:, :-1])
     found = contrast_of(warped, np.ones(size, bool))
-    probes = place_probes(np.ones(size, bool), found, spacing=8, seed=1)
+    probes = place_random_probes(np.ones(size, bool), found, spacing=8, seed=1)
     a, b = (traced(probes.rows.size) for _ in range(2))
     shown = np.zeros(size, int)
-    noise = SourceNoise.of_noisy(probes.around_and_own(found.noise[probes.rows, probes.columns]))
+    noise = SourceNoise.of_noisy(probes.neighbourhood_mean(found.noise[probes.rows, probes.columns]))
 
     def brightness(at_probes):
-        bias = bias_of(probes, at_probes, a, b, found.signal, shown, noise=noise)
+        bias = bias_of(probes, ProbeTraces(at_probes, a, b), found.signal, shown, noise=noise)
         return bias.corrected(warped, np.ones(size, bool), shown)[..., :3].mean() / warped[..., :3].mean()
 
     off, off_by_means = (abs(brightness(w) - 1.0) for w in (source[probes.rows, probes.columns], warped[probes.mask]))

@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.probes import measure, place_probes, with_refined
-from stereo_reproject.estimate.refinement import (
-    as_rendered,
-    choose_tiles,
-    estimate,
-    local_noise,
-    outlier_tiles,
-    tile_estimates,
-    worst_tiles,
-)
+from stereo_reproject.estimate.evidence import ProbeTraces, RefinedTiles, measure_tiles, with_refined
+from stereo_reproject.estimate.expected_excess import local_noise
+from stereo_reproject.estimate.noise_ratio import as_rendered, estimate, tile_estimates, worst_tiles
+from stereo_reproject.estimate.probes import place_random_probes
+from stereo_reproject.estimate.refinement import choose_tiles, outlier_tiles
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.images.contrast import Contrast, box_sum, contrast_of
 from stereo_reproject.images.metrics import noise_ratio, squared_error
@@ -52,24 +47,29 @@ class Frame:
 
     def probes(self, seed=3):
         contrast = contrast_of(self.warped, ~self.holes)
-        return place_probes(~self.holes, contrast, spacing=SPACING, seed=seed), contrast
+        return place_random_probes(~self.holes, contrast, spacing=SPACING, seed=seed), contrast
 
     def measured(self, seed=3, spoil=None, shown=None):
         probes, contrast = self.probes(seed)
         w, a, b = (image[probes.mask] for image in (self.warped, self.traced(), self.traced()))
         if spoil:
             spoil(w, a, b)
-        return measure(probes, ~self.holes, contrast, w, a, b, shown=shown)
+        return measure_tiles(probes, ~self.holes, contrast, ProbeTraces(w, a, b), materials=shown)
 
     def refined(self, measured, chosen):
         """The same measured anew once the chosen tiles are traced."""
         pixels = measured.probes.pixels_of(chosen) & ~self.holes
         noise = local_noise(measured)
-        return with_refined(measured, chosen, pixels, noise, warped=self.warped, traced=self.traced()), pixels
+        return with_refined(measured, RefinedTiles(chosen, pixels, self.warped, self.traced()), noise), pixels
 
     def true_ratio(self, pixels):
         ours = np.where((self.holes | pixels)[..., None], self.traced(), self.warped)
         return noise_ratio(ours, self.traced(), self.traced())
+
+
+def traces_of(probes, *images):
+    """The colours of the probes' pixels in the warped picture and in two traced ones."""
+    return ProbeTraces(*(image[probes.mask] for image in images))
 
 
 def even(shape):
@@ -81,13 +81,13 @@ def test_each_tile_with_a_warped_pixel_has_one_probe_among_them():
     warped[:8, :8] = False
     warped[8:16, 8:16] = False
     warped[12, 13] = True
-    probes = place_probes(warped, even(warped.shape), spacing=8, seed=1)
+    probes = place_random_probes(warped, even(warped.shape), spacing=8, seed=1)
     assert warped[probes.rows, probes.columns].all()
     tiles = list(zip(*probes.tiles, strict=True))
     assert len(tiles) == len(set(tiles)) == 3 * 5 - 1
     assert (12, 13) in list(zip(probes.rows, probes.columns, strict=True))
     np.testing.assert_array_equal(np.argwhere(probes.mask), np.stack([probes.rows, probes.columns], axis=1))
-    np.testing.assert_allclose(probes.weight, probes.in_tiles(warped))
+    np.testing.assert_allclose(probes.weight, probes.tile_sum(warped))
 
 
 def test_a_probe_stands_for_as_many_pixels_as_its_chance_was_small():
@@ -99,7 +99,7 @@ def test_a_probe_stands_for_as_many_pixels_as_its_chance_was_small():
     contrast = Contrast(rng.random(shape).astype(np.float32) ** 4, np.ones(shape, np.float32))
     sums, rim = [], []
     for seed in range(400):
-        probes = place_probes(warped, contrast, spacing=8, seed=seed)
+        probes = place_random_probes(warped, contrast, spacing=8, seed=seed)
         sums.append((probes.weight * picture[probes.rows, probes.columns]).sum())
         rim.append(contrast.signal[probes.rows, probes.columns].mean())
     true = picture[warped].sum()
@@ -109,9 +109,9 @@ def test_a_probe_stands_for_as_many_pixels_as_its_chance_was_small():
 
 def test_no_warped_pixel_no_probe_and_nothing_to_promise():
     warped = np.zeros((16, 16), bool)
-    probes = place_probes(warped, even(warped.shape), spacing=8, seed=1)
+    probes = place_random_probes(warped, even(warped.shape), spacing=8, seed=1)
     none = np.zeros((0, 4))
-    measured = measure(probes, warped, even(warped.shape), none, none, none)
+    measured = measure_tiles(probes, warped, even(warped.shape), ProbeTraces(none, none, none))
     assert estimate(measured).noise_ratio == 1.0
     assert worst_tiles(measured) == 1.0
     assert not probes.pixels_of(choose_tiles(measured, 1.1)).any()
@@ -197,7 +197,7 @@ def test_the_intervals_of_the_tiles_hold_their_truth(known):
     for seed in range(8):
         measured = frame.measured(seed, shown=shown)
         probes, told = measured.probes, tile_estimates(measured)
-        true = np.sqrt(probes.in_tiles(errors) / probes.in_tiles(noises))
+        true = np.sqrt(probes.tile_sum(errors) / probes.tile_sum(noises))
         rows, columns = probes.tiles
         in_mirror = (rows >= 11) & (rows < 24) & (columns >= 14) & (columns < 31)
         beside = (rows < 8) | (rows > 27)
@@ -211,7 +211,7 @@ def test_the_intervals_of_the_tiles_hold_their_truth(known):
 def test_the_map_of_the_estimate_is_one_where_traced_and_unknown_where_no_probe_tells():
     frame = Frame(0.12)
     measured, pixels = frame.refined(frame.measured(), choose_tiles(frame.measured(), 1.1))
-    told = estimate_map(Refinement(pixels, measured=measured), frame.holes | pixels)
+    told = estimate_map(Refinement(pixels, evidence=measured), frame.holes | pixels)
     assert told.shape == (*SIZE, 3)
     assert (told[frame.holes | pixels] == 1.0).all()
     # Half of the trace is holes here: tiles without a warped pixel have no probe, and nothing that needs one.
@@ -238,7 +238,7 @@ def test_a_frame_that_is_mostly_without_noise_has_worst_tiles():
     a, b = frame.traced(), frame.traced()
     for image in (a, b):
         image[96:] = 0.0
-    measured = measure(probes, ~frame.holes, contrast, *(image[probes.mask] for image in (frame.warped, a, b)))
+    measured = measure_tiles(probes, ~frame.holes, contrast, traces_of(probes, frame.warped, a, b))
     assert 1.1 < worst_tiles(measured) < 5.0
     told = tile_estimates(measured)
     assert np.isfinite(told).all()
@@ -271,7 +271,7 @@ def test_what_was_chosen_by_its_own_probe_does_not_flatter_what_is_told():
         by_own = outlier_tiles(measured, 2.0)
         pixels = measured.probes.pixels_of(by_own) & ~frame.holes
         noise = local_noise(measured)
-        after = with_refined(measured, by_own, pixels, noise, warped=frame.warped, traced=frame.traced(), by_own=by_own)
+        after = with_refined(measured, RefinedTiles(by_own, pixels, frame.warped, frame.traced(), by_own), noise)
         told.append(estimate(after).noise_ratio)
         true.append(frame.true_ratio(pixels))
     off = np.array(told) - np.array(true)
@@ -284,7 +284,7 @@ def test_noise_beside_a_quiet_place_is_not_taken_for_its_own():
     measured = frame.measured()
     rows, columns = measured.probes.tiles
     beside = (rows == 12) & (columns == 10)
-    assert measured.noise_around[beside] > 4.0 * local_noise(measured)[beside]
+    assert measured.neighbourhood_noise[beside] > 4.0 * local_noise(measured)[beside]
 
 
 def test_a_texture_without_noise_does_not_make_the_noise_elsewhere_an_error():
@@ -299,9 +299,9 @@ def test_a_texture_without_noise_does_not_make_the_noise_elsewhere_an_error():
     ]
     frame.warped = images[0]
     probes, contrast = frame.probes()
-    measured = measure(probes, ~frame.holes, contrast, *(image[probes.mask] for image in images))
+    measured = measure_tiles(probes, ~frame.holes, contrast, traces_of(probes, *images))
     below = probes.tiles[0] > 26
-    assert np.median(local_noise(measured)[below]) > 0.7 * np.median(measured.noise_around[below])
+    assert np.median(local_noise(measured)[below]) > 0.7 * np.median(measured.neighbourhood_noise[below])
     chosen = choose_tiles(measured, 1.1, worst=1.5) | outlier_tiles(measured, 1.5)
     assert chosen[below].mean() < 0.03
 
@@ -347,7 +347,7 @@ def test_what_materials_tell_is_of_probes_alone():
     after, _ = frame.refined(measured, choose_tiles(measured, 1.3))
     assert after.refined.any()
     nearby = np.ones(after.refined.size)
-    np.testing.assert_array_equal(after.materials.likely(nearby), measured.materials.likely(nearby))
+    np.testing.assert_array_equal(after.materials.expected(nearby), measured.materials.expected(nearby))
 
 
 @pytest.mark.parametrize("shown", [None, unlike_tiles()], ids=["unknown", "materials"])
@@ -379,12 +379,12 @@ def test_a_firefly_counts_for_no_more_than_a_few_probes():
     """In a frame with little noise one of them is more than all the rest, and would hide what is wrong elsewhere."""
     rng = np.random.default_rng(5)
     warped = np.ones((160, 240), bool)
-    probes = place_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
+    probes = place_random_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
     a, b = (0.4 + rng.normal(0.0, 0.01, (probes.rows.size, 3)) for _ in range(2))
     w = a.mean() + np.where(np.arange(probes.rows.size) % 4 == 0, 0.05, 0.0)[:, None] + np.zeros(3)
-    quiet = estimate(measure(probes, warped, even(warped.shape), w, a, b))
+    quiet = estimate(measure_tiles(probes, warped, even(warped.shape), ProbeTraces(w, a, b)))
     a[7] = 1000.0
-    disturbed = estimate(measure(probes, warped, even(warped.shape), w, a, b))
+    disturbed = estimate(measure_tiles(probes, warped, even(warped.shape), ProbeTraces(w, a, b)))
     assert quiet.noise_ratio > 1.5
     assert disturbed.noise_ratio > 0.9 * quiet.noise_ratio
 
@@ -418,11 +418,11 @@ def test_a_noisy_thing_on_a_quiet_frame_is_neither_wrong_nor_a_reason_to_trace_i
 def test_one_outlier_on_a_quiet_frame_does_not_have_everything_traced():
     rng = np.random.default_rng(5)
     warped = np.ones((160, 240), bool)
-    probes = place_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
+    probes = place_random_probes(warped, even(warped.shape), spacing=SPACING, seed=1)
     a, b = (0.4 + rng.normal(0.0, 0.001, (probes.rows.size, 3)) for _ in range(2))
     w = a + rng.normal(0.0, 0.0005, a.shape)
     w[100] = 3.0
-    measured = measure(probes, warped, even(warped.shape), w, a, b)
+    measured = measure_tiles(probes, warped, even(warped.shape), ProbeTraces(w, a, b))
     assert estimate(measured).noise_ratio > 1.1
     assert choose_tiles(measured, 1.1, worst=2.0).mean() <= 0.5, "no more than may have something to gain"
 
@@ -434,7 +434,7 @@ def test_a_refining_trace_that_is_no_number_spoils_nothing():
     pixels = measured.probes.pixels_of(chosen) & ~frame.holes
     traced = frame.traced()
     traced[np.argwhere(pixels)[5][0], np.argwhere(pixels)[5][1]] = np.nan
-    after = with_refined(measured, chosen, pixels, local_noise(measured), warped=frame.warped, traced=traced)
+    after = with_refined(measured, RefinedTiles(chosen, pixels, frame.warped, traced), local_noise(measured))
     told = estimate(after)
     assert np.isfinite([told.noise_ratio, told.low, told.high, worst_tiles(after)]).all()
     assert told.noise_ratio <= 1.1
@@ -453,7 +453,7 @@ def test_without_noise_whatever_is_off_is_traced():
     frame = Frame(0.3, warped_noise=0.0)
     probes, contrast = frame.probes()
     truth = frame.truth[probes.mask]
-    measured = measure(probes, ~frame.holes, contrast, frame.warped[probes.mask], truth, truth)
+    measured = measure_tiles(probes, ~frame.holes, contrast, ProbeTraces(frame.warped[probes.mask], truth, truth))
     pixels = probes.pixels_of(choose_tiles(measured, 1.1, worst=2.0))
     assert pixels[80:200, 104:256].all()
     assert not pixels[:72].any()

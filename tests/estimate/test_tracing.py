@@ -6,16 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import ROUNDS, FillPlanner, TargetEye
+from stereo_reproject.estimate.estimator import estimator_of
+from stereo_reproject.estimate.target import Provenance
+from stereo_reproject.estimate.tracing import ProbedTracing
+from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.images.metrics import noise_ratio
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.trace.planner import FillPlanner
 
 SIZE = (160, 240)
 NOISE = 0.05
 COST = SourceCost(60.0, 1.0)
 BALANCED = SETTINGS["balanced"]
+ROUNDS = EstimateTuning().max_refining_renders
 
 
 @dataclass
@@ -46,18 +51,19 @@ class Frame:
     def traced(self):
         return (self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32)
 
-    def trace(self, method, view, pixels, *, twice=None):
-        assert view == "right"
-        self.asked.append((method, int(pixels.sum())))
-        once = self.traced()[pixels]
-        return {"Combined": once if twice is None else np.concatenate([once, self.traced()[twice]])}
+    def trace(self, method, requests):
+        [request] = requests
+        assert request.view == "right"
+        self.asked.append((method, int(request.pixels.sum())))
+        return [{"Combined": np.concatenate([self.traced()[mask] for mask in request.masks])}]
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
-        means = FillPlanner(asked, COST, blockers or {})
-        return TargetEye(self, "right", means, self.reprojection, accuracy, watched=watched, seed=self.seed)
+        planner = FillPlanner(asked, COST, blockers or {})
+        estimator = estimator_of(self.reprojection, accuracy, None, probed=watched)
+        return ProbedTracing(self, "right", planner, self.reprojection, accuracy, estimator=estimator, seed=self.seed)
 
     def ratio(self, eye):
-        return noise_ratio(eye.passes["Combined"], self.traced(), self.traced())
+        return noise_ratio(eye.target.passes["Combined"], self.traced(), self.traced())
 
 
 def test_a_hopeless_frame_is_found_out_by_a_few_probes_and_rendered_whole():
@@ -66,11 +72,11 @@ def test_a_hopeless_frame_is_found_out_by_a_few_probes_and_rendered_whole():
     assert eye.wants_pilot
     eye.send_pilot()
     _, pixels = frame.asked[-1]
-    assert pixels < 0.005 * eye.traced.size, "early means: before much is traced"
+    assert pixels < 0.005 * eye.target.traced.size, "early means: before much is traced"
     choice = eye.fill()
     assert choice.method == "full"
     assert "expected" in choice.reason
-    assert eye.traced.all()
+    assert eye.target.traced.all()
     refinement = eye.refine()
     assert refinement.whole
     assert refinement.estimate.low < refinement.estimate.noise_ratio == 1.0 < refinement.estimate.high
@@ -84,7 +90,7 @@ def test_a_pilot_does_not_give_up_a_frame_that_is_worth_it(wrong):
     eye.send_pilot()
     assert eye.fill().method == "packed"
     refinement = eye.refine()
-    assert eye.traced.mean() < 0.4 + wrong
+    assert eye.target.traced.mean() < 0.4 + wrong
     assert refinement.estimate.noise_ratio <= BALANCED.promise
     assert frame.ratio(eye) <= BALANCED.promise + 0.03
 
@@ -120,7 +126,7 @@ def test_the_second_render_is_for_what_the_first_uncovered():
     one._worth_a_render = lambda *_: False
     once, twice = one.refine(), two.refine()
     assert (len(once.fills), len(twice.fills)) == (1, ROUNDS) == (1, 2)
-    assert two.traced[:, :36].mean() > one.traced[:, :36].mean()
+    assert two.target.traced[:, :36].mean() > one.target.traced[:, :36].mean()
     assert frame.ratio(two) <= frame.ratio(one) + 0.01
 
 
@@ -131,7 +137,7 @@ def test_where_tracing_the_rest_is_no_dearer_all_of_it_is_traced():
     refinement = eye.refine()
     assert refinement.whole
     assert refinement.fills[-1].method == "full"
-    assert eye.traced.all()
+    assert eye.target.traced.all()
 
 
 def test_without_a_promise_nothing_is_probed_and_nothing_claimed():
@@ -140,8 +146,8 @@ def test_without_a_promise_nothing_is_probed_and_nothing_claimed():
     eye.fill()
     refinement = eye.refine()
     assert refinement.estimate is None
-    assert not eye.probed.any()
-    np.testing.assert_array_equal(eye.traced, frame.reprojection.reasons > 0)
+    assert not eye.target.any_of(Provenance.PROBE).any()
+    np.testing.assert_array_equal(eye.target.traced, frame.reprojection.reasons > 0)
 
 
 def test_a_frame_that_is_all_hole_needs_no_probe_to_be_as_rendered():
@@ -157,15 +163,15 @@ def test_a_probe_of_which_one_trace_is_no_number_takes_the_other():
     eye = frame.eye(asked="packed")
     plain = frame.trace
 
-    def trace(method, view, pixels, *, twice=None):
-        passes = plain(method, view, pixels, twice=twice)
-        if twice is not None:
-            passes["Combined"][int(pixels.sum()) + 3] = np.nan
-        return passes
+    def trace(method, requests):
+        [passes], [request] = plain(method, requests), requests
+        if request.twice is not None:
+            passes["Combined"][int(request.pixels.sum()) + 3] = np.nan
+        return [passes]
 
     frame.trace = trace
     eye.fill()
-    assert np.isfinite(eye.passes["Combined"]).all()
+    assert np.isfinite(eye.target.passes["Combined"]).all()
     assert eye.refine().estimate.noise_ratio < 1.1
 
 
@@ -174,11 +180,11 @@ def test_a_watched_frame_without_holes_is_probed_or_rendered_whole():
     frame = Frame(holes=0.0, wrong=0.5)
     eye = frame.eye(blockers={"packed": "no OSL", "card": "no card"})
     assert eye.fill().method == "full"
-    assert eye.traced.all()
+    assert eye.target.traced.all()
     assert eye.refine().whole
     unwatched = Frame(holes=0.0).eye(blockers={"packed": "no OSL", "card": "no card"}, watched=False)
     unwatched.fill()
-    assert not unwatched.traced.any()
+    assert not unwatched.target.traced.any()
 
 
 class SlowError(Frame):
@@ -211,9 +217,10 @@ def slow_error(**options):
 def test_a_slow_error_of_a_noisy_picture_is_taken_away_and_not_traced():
     """Or single tiles of it would be, and stand out of the others."""
     frame, eye = slow_error()
-    warped = ~eye.traced
+    warped = ~eye.target.traced
     before, after = (
-        (image["Combined"] - frame.truth)[..., :3].mean(axis=-1) for image in (frame.reprojection.passes, eye.passes)
+        (image["Combined"] - frame.truth)[..., :3].mean(axis=-1)
+        for image in (frame.reprojection.passes, eye.target.passes)
     )
     middle = np.s_[60:100, 80:120]
     assert before[middle].mean() > 2.0 * NOISE
@@ -225,7 +232,7 @@ def test_a_slow_error_of_a_noisy_picture_is_taken_away_and_not_traced():
 
 def test_parts_of_the_light_still_add_up_when_a_slow_error_is_taken_away():
     frame, eye = slow_error()
-    warped, passes = ~eye.traced, eye.passes
+    warped, passes = ~eye.target.traced, eye.target.passes
     assert not np.array_equal(passes["Emission"], frame.reprojection.passes["Emission"])
     parts = passes["Diffuse Color"] * passes["Diffuse Direct"] + passes["Emission"]
     np.testing.assert_allclose(parts[warped], passes["Combined"][..., :3][warped], rtol=1e-5, atol=1e-6)

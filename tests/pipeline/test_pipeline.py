@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.estimate.tracing import FillPlanner
 from stereo_reproject.holes.reprojection import PINHOLE, reproject
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
@@ -20,6 +19,7 @@ from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.trace.planner import FillPlanner
 from stereo_reproject.views.frustum import Lens
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
 from stereo_reproject.warp.composite import replace_non_finite
@@ -89,7 +89,7 @@ class Caster:
     deepest: float = 0.0
     gpu: object = staticmethod(lambda: None)
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
-    foreign: bool = False
+    matcher: object = None
 
     def picture(self, view, seed):
         passes = self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
@@ -119,9 +119,10 @@ class Caster:
     def plan(self):
         return EffectsPlan((Finding(Effect.GLOSSY, self.view_dependent, "probed"),), {})
 
-    def trace(self, method, view, pixels, *, twice=None):
-        self.asked.append((method, view, pixels.copy()))
-        masks = [pixels] if twice is None else [pixels, twice]
+    def trace(self, method, requests):
+        [request] = requests
+        view, masks = request.view, request.masks
+        self.asked.append((method, view, request.pixels.copy()))
         # The first trace has a seed that the tests know; each after it has one of its own.
         seeds = [2 + 1000 * (len(self.asked) - 2) + k for k in range(len(masks))]
         pictures = [self.picture(view, seed=seed) for seed in seeds]
@@ -132,7 +133,7 @@ class Caster:
         passes = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         if self.traced_colour is not None:
             passes["Combined"][:] = self.traced_colour
-        return passes
+        return [passes]
 
 
 class Denoiser:
@@ -314,7 +315,7 @@ def test_what_another_frame_has_found_is_not_looked_for_again():
     for precedent in (None, Known(None), Known(0.5)):
         renderer = caster(noise=0.1)
         renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
-        frame = render_stereo_frame(renderer, settings(), precedent=precedent)
+        frame = render_stereo_frame(renderer, settings(), findings=precedent)
         given.append(len(renderer.denoise.given))
         estimates.append(frame.refinement.estimate)
         assert precedent is None or [cost.seconds for cost in precedent.found] == [renderer.cost.seconds]
@@ -440,15 +441,16 @@ def test_a_full_fill_is_the_target_s_own_render():
     assert traced_fractions(frame)["rerendered"] == 1.0
 
 
-@pytest.mark.parametrize("foreign", [False, True])
+@pytest.mark.parametrize("other_engine", [False, True])
 @pytest.mark.parametrize("accuracy", ["draft", "exact"])
-def test_a_target_that_was_rendered_whole_is_offered_nothing_better(foreign, accuracy):
-    renderer = caster(foreign=foreign)
+def test_a_target_that_was_rendered_whole_is_offered_nothing_better(other_engine, accuracy):
+    renderer = caster()
+    renderer.matcher = renderer if other_engine else None
     renderer.unmatchable = lambda: "its light is odd"
-    whole = render_stereo_frame(renderer, settings(fill="full", accuracy=accuracy)).price
+    whole = render_stereo_frame(renderer, settings(fill="full", accuracy=accuracy)).next_accuracy
     assert (whole.accuracy, whole.more_seconds) == ("full", None)
-    if not foreign:
-        assert render_stereo_frame(renderer, settings(accuracy=accuracy)).price.more_seconds is not None
+    if not other_engine:
+        assert render_stereo_frame(renderer, settings(accuracy=accuracy)).next_accuracy.more_seconds is not None
 
 
 @pytest.mark.parametrize(
@@ -720,10 +722,10 @@ def test_a_large_picture_has_larger_tiles(method, monkeypatch):
     small = render_stereo_frame(renderer, asked)
     monkeypatch.setattr("stereo_reproject.settings.accuracy.PROBED_PIXELS", SIZE[0] * SIZE[1] // 4)
     large = render_stereo_frame(renderer, asked)
-    sides = [frame.refinement.measured.probes.spacing for frame in (small, large)]
+    sides = [frame.refinement.evidence.probes.spacing for frame in (small, large)]
     assert sides == [FillPlanner.spacing(method, side) for side in (8, 16)]
     # What the next better setting traces beside holes is a quarter, too.
-    assert small.price.traced - large.price.traced > 0.5 / sides[0] ** 2
+    assert small.next_accuracy.traced - large.next_accuracy.traced > 0.5 / sides[0] ** 2
 
 
 def test_motion_vectors_are_carried_over_with_the_probes_there():

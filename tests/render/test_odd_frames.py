@@ -193,7 +193,7 @@ def test_a_firefly_in_the_source_refines_no_wall(tmp_path):
     add_mirror_out_of_sight(scene)
     with working_scene(scene, SceneOverrides()) as working:
         frame = balanced(scene, FireflyInTheSource(working, tmp_path, near=ON_THE_WALL))
-    assert frame.refinement.measured is not None
+    assert frame.refinement.evidence is not None
     assert frame.refinement.pixels.sum() <= FEW_TILES
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.pipeline.price import WHOLE, next_better
+from stereo_reproject.pipeline.next_accuracy import WHOLE, next_better
 from stereo_reproject.settings.accuracy import SETTINGS, accuracy_of, for_size
 from stereo_reproject.settings.frame import ACCURACIES, CUSTOM, StereoSettings
 

@@ -119,7 +119,7 @@ def _render_layer(
 ) -> tuple[StereoFrame, dict[str, Any]]:
     facts = frame_facts(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, watch=watch, precedent=precedent)
+        frame = render_stereo_frame(renderer, settings, watch=watch, findings=precedent)
         warnings = list(renderer.warnings)
         parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
     return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}
@@ -174,9 +174,9 @@ def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: Stere
         },
         "warp": {"asked": settings.warp, "used": frame.warped_by, "gpu": frame.gpu},
         "fractions": traced_fractions(frame),
-        "effects": effects_fields(renderer.plan, frame.accounts),
-        "estimate": estimate_fields(frame.refinement, accuracy_of(settings), foreign=renderer.foreign),
-        "price": asdict(frame.price),
+        "effects": effects_fields(renderer.plan, frame.effect_costs),
+        "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
+        "price": asdict(frame.next_accuracy),
         "correction": None if frame.correction is None else asdict(frame.correction),
         **_limited(renderer),
     }

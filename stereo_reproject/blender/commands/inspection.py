@@ -18,7 +18,7 @@ from ...images.effects import SEEN_DIFFERENTLY, Effect
 from ...images.effects_pass import CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ...pipeline.frame import interpolations_of
-from ...pipeline.matched_eye import foreseen_fill
+from ...pipeline.matched_tracing import foreseen_fill
 from ...pipeline.prediction import (
     Prediction,
     Sketch,

@@ -53,7 +53,10 @@ def renderer_of(
 class EeveeRenderer(BlenderRenderer):
     """Renders whole eyes with EEVEE, and traces with Cycles."""
 
-    foreign = True
+    @property
+    def matcher(self) -> LightMatcher:
+        """This renderer: what it traces with Cycles is matched to EEVEE's light."""
+        return self
 
     @property
     def warnings(self) -> list[str]:

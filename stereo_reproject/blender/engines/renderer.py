@@ -13,7 +13,9 @@ from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
+from ...trace.requests import TraceRequest
 from ..gpu.warp import gpu_stage
 from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
@@ -46,7 +48,7 @@ class BlenderRenderer:
     user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """
 
-    foreign = False
+    matcher: LightMatcher | None = None
     gpu = staticmethod(gpu_stage)
 
     @property

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate import refinement
-from stereo_reproject.estimate.denoised_probes import look
-from stereo_reproject.estimate.probes import measure, place_regular_probes
-from stereo_reproject.estimate.refinement import choose_tiles, estimate
+from stereo_reproject.estimate.denoised import DenoisedEstimator
+from stereo_reproject.estimate.evidence import ProbeTraces, measure_tiles
+from stereo_reproject.estimate.noise_ratio import estimate
+from stereo_reproject.estimate.probes import place_regular_probes
+from stereo_reproject.estimate.refinement import _on_mostly_traced_materials, choose_tiles
 from stereo_reproject.images.contrast import Contrast
 from stereo_reproject.images.denoising import Denoising
 from stereo_reproject.images.metrics import tone
@@ -49,29 +50,20 @@ class Frame:
         nothing = np.zeros((*SIZE, 3), np.float32)
         noisy = self.noisy() + self.off[..., None]
         passes = {NOISY_PASS: noisy, ALBEDO_PASS: nothing, NORMAL_PASS: nothing, COLOUR_PASS: self.warped}
-        risk = np.full(SIZE, 1e-4, np.float32)
-        seen = look(
+        contrast = Contrast(np.full(SIZE, 1e-4, np.float32), np.zeros(SIZE, np.float32))
+        denoising = Denoising(lambda pictures: blurred(pictures, 2), LEFT)
+        everything = np.ones(SIZE, bool)
+        traces = ProbeTraces(self.warped[self.probes.mask], once, again)
+        estimator = DenoisedEstimator(contrast, noisy, denoising)
+        seen = estimator.analyse(self.probes, passes, everything, traces, self.shown)
+        return measure_tiles(
             self.probes,
-            passes,
-            np.ones(SIZE, bool),
-            (once, again),
-            self.warped[self.probes.mask],
-            noisy=noisy,
-            risk=risk,
-            shown=self.shown,
-            denoising=Denoising(lambda pictures: blurred(pictures, 2), LEFT),
-        )
-        contrast = Contrast(risk, np.zeros(SIZE, np.float32))
-        return measure(
-            self.probes,
-            np.ones(SIZE, bool),
+            everything,
             contrast,
-            seen.at_probes,
-            once,
-            again,
-            shown=self.shown,
-            denoised=LEFT,
-            first=seen.first,
+            replace(traces, warped=seen.at_probes),
+            materials=self.shown,
+            noise_left=LEFT,
+            selection=seen.selection,
         )
 
     def true_excess(self, pixels):
@@ -103,16 +95,16 @@ def test_a_material_most_of_which_is_traced_is_traced_as_a_whole(part, whole):
     mirror = np.nonzero(measured.materials.of_probe == 1)[0]
     chosen = np.zeros(measured.refined.size, bool)
     chosen[mirror[: round(part * mirror.size)]] = True
-    more = refinement._mostly_traced(measured, chosen, 0.0)
+    more = _on_mostly_traced_materials(measured, chosen, 0.0)
     assert more[mirror].all() == whole
     assert not np.delete(more, mirror).any()
     # What was traced before counts too.
     before = replace(measured, refined=chosen)
-    assert refinement._mostly_traced(before, np.zeros_like(chosen), 0.0)[mirror].all() == whole
+    assert _on_mostly_traced_materials(before, np.zeros_like(chosen), 0.0)[mirror].all() == whole
     # Where there is no contrast, nothing can be seen to have moved.
-    assert not refinement._mostly_traced(measured, chosen, 0.1).any()
+    assert not _on_mostly_traced_materials(measured, chosen, 0.1).any()
     # Where colours are noisy, the probes tell of every tile what it needs.
-    assert not refinement._mostly_traced(replace(measured, likely=None), chosen, 0.0).any()
+    assert not _on_mostly_traced_materials(replace(measured, selection=None), chosen, 0.0).any()
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.02, 0.05])

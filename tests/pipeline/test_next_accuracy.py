@@ -5,10 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import FillPlanner, Refinement
-from stereo_reproject.pipeline.price import WHOLE, price_of
+from stereo_reproject.estimate.tracing import Refinement
+from stereo_reproject.pipeline.next_accuracy import WHOLE, FinishedTarget, cost_of
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.trace.fill import FillChoice, SourceCost
+from stereo_reproject.trace.planner import FillPlanner
 
 SIZE = (40, 60)
 COST = SourceCost(20.0, 0.0)
@@ -24,14 +25,14 @@ def reprojection(share):
     return SimpleNamespace(reasons=reasons, reasons_at=lambda _: reasons)
 
 
-def price(name="high", *, share=0.2, refinement=NOTHING, fill=FILL, watched=False, blockers=None, whole=False):
-    means = FillPlanner("auto", COST, blockers or {})
-    return price_of(name, reprojection(share), refinement, means, SECONDS, fill, watched=watched, whole=whole)
+def price(name="high", *, share=0.2, fill=FILL, needs_probes=False, whole=False, cost=COST):
+    planner = FillPlanner("auto", cost, {})
+    return cost_of(name, FinishedTarget(reprojection(share), planner, fill, NOTHING, needs_probes, whole), SECONDS)
 
 
 def test_more_pixels_cost_more_at_the_pace_of_this_frame():
     told = price()
-    assert told.more_seconds == pytest.approx(FillPlanner("auto", COST, {}).choose(0.2).predicted_seconds - 2.6)
+    assert told.more_seconds == pytest.approx(FillPlanner("auto", COST, {}).plan(0.2).predicted_seconds - 2.6)
     assert told.seconds == pytest.approx(24.0 + told.more_seconds)
     assert told.traced == pytest.approx(0.2)
     slower = price(fill=FillChoice("packed", "asked for", 1.3))
@@ -43,7 +44,7 @@ def test_nothing_better_is_cheaper():
 
 
 def test_probes_have_their_price_where_there_are_any():
-    unwatched, watched = price(), price(watched=True)
+    unwatched, watched = price(), price(needs_probes=True)
     assert watched.seconds > unwatched.seconds
     assert watched.traced == pytest.approx(unwatched.traced + 1.0 / SETTINGS["high"].probe_spacing ** 2)
     assert unwatched.complete
@@ -63,6 +64,5 @@ def test_a_frame_that_was_rendered_whole_has_nothing_better():
 
 
 def test_a_full_render_that_costs_nothing_more_is_better_all_the_same():
-    cheap = SourceCost(1.0, 0.0)
-    told = price_of(WHOLE, reprojection(0.2), NOTHING, FillPlanner("auto", cheap, {}), SECONDS, FILL, watched=False)
+    told = price(WHOLE, cost=SourceCost(1.0, 0.0))
     assert told.more_seconds == 0.0

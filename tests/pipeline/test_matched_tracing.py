@@ -5,13 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tracing import FillPlanner
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.matching.matching import Traced
-from stereo_reproject.pipeline.matched_eye import AT_ONCE, MatchedEye, foreseen_fill
+from stereo_reproject.pipeline.matched_tracing import MatchedTracing, foreseen_fill
+from stereo_reproject.pipeline.tuning import PipelineTuning
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.trace.planner import FillPlanner
 
 HEIGHT, WIDTH = 90, 120
 TRUE, DARK = 0.8, 0.2
@@ -36,11 +37,12 @@ class LightMatcher:
         self.per_pixel, self.why_not = per_pixel, why_not
         self.asked = []
 
-    def trace(self, method, _view, pixels):
-        self.asked.append((method, int(pixels.sum())))
+    def trace(self, method, requests):
+        [request] = requests
+        count = int(request.pixels.sum())
+        self.asked.append((method, count))
         value = TRUE if method == "full" else DARK
-        count = int(pixels.sum())
-        return {COLOUR_PASS: np.full((count, 4), value, np.float32), DEPTH_PASS: np.full((count, 1), 5.0, np.float32)}
+        return [{COLOUR_PASS: np.full((count, 4), value, np.float32), DEPTH_PASS: np.full((count, 1), 5.0, np.float32)}]
 
     def traced_features(self, passes):
         colour = passes[COLOUR_PASS][:, :3]
@@ -61,7 +63,7 @@ class LightMatcher:
 
 def filled(matcher, *, asked="auto", seconds=100.0, blockers=None):
     means = FillPlanner(asked, SourceCost(seconds, 0.0), blockers or {"packed": None, "card": None})
-    eye = MatchedEye(matcher, "right", means, reprojection(), SETTINGS["preview"], seed=1)
+    eye = MatchedTracing(matcher, "right", means, reprojection(), SETTINGS["preview"], seed=1)
     return eye, eye.fill()
 
 
@@ -69,10 +71,10 @@ def test_holes_are_matched_and_the_rest_stays():
     matcher = LightMatcher()
     eye, choice = filled(matcher)
     assert choice.method == "packed"
-    assert np.allclose(eye.passes[COLOUR_PASS][..., :3], TRUE, atol=1e-3)
-    assert np.all(eye.passes[DEPTH_PASS] == 5.0)
+    assert np.allclose(eye.target.passes[COLOUR_PASS][..., :3], TRUE, atol=1e-3)
+    assert np.all(eye.target.passes[DEPTH_PASS] == 5.0)
     wanted = 30 * 36 + 2 * (30 + 36) + 4
-    assert sum(count for _, count in matcher.asked) == wanted == eye.traced.sum()
+    assert sum(count for _, count in matcher.asked) == wanted == eye.target.traced.sum()
     # tone(TRUE) - tone(DARK) over tone of the picture
     assert eye.correction.mean == pytest.approx((TRUE / 1.8 - DARK / 1.2) / (TRUE / 1.8 * 0.9), rel=0.02)
     assert "packed" not in choice.reason
@@ -87,13 +89,13 @@ def test_what_a_pilot_says_is_dearer_than_a_second_render_is_not_done():
     assert choice.method == "full"
     assert choice.reason.startswith("a second EEVEE render, predicted 100.0 s: 1024 pixels took 2049.0 s")
     assert eye.correction is None
-    assert np.allclose(eye.passes[COLOUR_PASS], TRUE)
+    assert np.allclose(eye.target.passes[COLOUR_PASS], TRUE)
 
 
 @pytest.mark.parametrize(
     ("matcher", "how", "word"),
     [
-        (LightMatcher(), {"seconds": 0.5 * AT_ONCE}, "handing the scene to Cycles"),
+        (LightMatcher(), {"seconds": 0.5 * PipelineTuning().min_seconds_to_hand_over}, "handing the scene to Cycles"),
         (LightMatcher(why_not="glass is blended"), {}, "glass is blended"),
         (
             LightMatcher(),
@@ -113,7 +115,7 @@ def test_a_second_render_is_taken_at_once_and_says_why(matcher, how, word):
 @pytest.mark.parametrize("asked", ["packed", "card", "full"])
 def test_what_is_asked_for_is_done(asked):
     matcher = LightMatcher(per_pixel=99.0, why_not="glass is blended")
-    _, choice = filled(matcher, asked=asked, seconds=0.5 * AT_ONCE)
+    _, choice = filled(matcher, asked=asked, seconds=0.5 * PipelineTuning().min_seconds_to_hand_over)
     assert choice.method == asked
     assert {method for method, _ in matcher.asked} == {asked}
 

@@ -1,0 +1,177 @@
+"""The estimator for a denoised picture, which has a fiftieth of the probes' noise: errors show beside that.
+
+Three things together tell what one probe cannot. Slow changes have the same sign over many probes: they are told by
+the mean of those and taken away (see `bias`). The probes of all tiles are a small picture of the target, and that too
+can be denoised, with the same guides: what is left between it and the warped colours is an error, or a detail finer
+than a tile. And materials of which much is off for their contrast are off elsewhere for theirs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.contrast import Contrast, box_sum
+from ..images.denoising import Denoising, guided
+from ..images.effects_pass import materials_of
+from ..images.metrics import squared_error, tone, untone
+from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes
+from .bias import SourceNoise, bias_of
+from .evidence import ProbeTraces, SelectionEvidence, TileEvidence, measure_tiles
+from .probes import Probes, place_regular_probes
+from .target import Provenance, Target
+from .tuning import tuned
+
+MIN_NOISE = 1e-12
+"""Variance that is added to the probes' own, so that a picture without noise divides by something."""
+
+
+@dataclass(frozen=True)
+class DenoisedEvidence:
+    """Evidence of the probes of a denoised picture.
+
+    colour (H, W, C) is the target's with its slow errors taken away; at_probes (N, 3) are the colours that a trace of
+    the probes is then expected to have, had their own traces not been heard; selection is what the first traces tell.
+    """
+
+    colour: NDArray[np.float32]
+    at_probes: NDArray[np.float32]
+    selection: SelectionEvidence
+
+
+@dataclass(frozen=True)
+class DenoisedEstimator:
+    """Measures a denoised target.
+
+    contrast is that of the warped picture; noisy (H, W, 4) is the scene-linear colour that was warped from the source
+    before that was denoised.
+    """
+
+    contrast: Contrast
+    noisy: NDArray[np.float32]
+    denoising: Denoising
+
+    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
+        """Place probes at one place in each tile: together they are a picture."""
+        return place_regular_probes(warped, spacing=spacing, seed=seed)
+
+    def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
+        """Return the corrected target and the evidence, as `Estimator` says."""
+        colour = target.colour.copy()
+        colour[probes.mask] = traces.warped
+        materials = materials_of(target.passes)
+        # A pilot's probes keep the warped colour too.
+        warped = target.warped | target.any_of(Provenance.PROBE)
+        seen = self.analyse(probes, {**target.passes, COLOUR_PASS: colour}, warped, traces, materials)
+        # The traced pixels are to be denoised among neighbours that are as bright as theirs.
+        moved = np.where(target.warped[..., None], seen.colour - colour, 0.0)
+        noisy = np.maximum(target.passes[NOISY_PASS] + moved, 0.0).astype(np.float32)
+        target = replace(target, passes={**target.passes, COLOUR_PASS: seen.colour, NOISY_PASS: noisy})
+        evidence = measure_tiles(
+            probes,
+            target.warped | probes.mask,
+            self.contrast,
+            replace(traces, warped=seen.at_probes),
+            materials=materials,
+            noise_left=self.denoising.noise_left,
+            selection=seen.selection,
+        )
+        return target, evidence
+
+    def analyse(
+        self,
+        probes: Probes,
+        passes: Passes,
+        warped: NDArray[np.bool_],
+        traces: ProbeTraces,
+        materials: NDArray[np.integer] | None,
+    ) -> DenoisedEvidence:
+        """Return what the probes tell of the target's passes, whose colour is the warped one in `warped` (H, W).
+
+        materials (H, W) is a number for what each pixel shows, if known.
+        """
+        contrast, noisy = self.contrast.signal, self.noisy
+        kinds = np.zeros(warped.shape, np.intp) if materials is None else materials
+        noise_there = source_noise(probes, passes[COLOUR_PASS], noisy, warped)
+        bias = bias_of(probes, traces, contrast, kinds, noise=noise_there)
+        colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
+        both = traces.once, noisy[probes.rows, probes.columns]
+        target, source = _denoised_probes(probes, passes, both, self.denoising)
+        before = traces.warped
+        # A detail finer than a tile shows in one of the two, an error in both.
+        told = np.minimum(squared_error(target, bias.at_probes(before)), squared_error(target, bias.at_probes(source)))
+        noise = probes.neighbourhood_mean(squared_error(traces.once, traces.again)) + MIN_NOISE
+        # Most tiles are right: what they are told to be off by is the noise of the telling.
+        error = np.maximum(told - np.quantile(told / noise, tuned().right_tiles_share) * noise, 0.0)
+        own = error * probes.tile_sum(warped)
+        by_material = _error_by_material(probes, error, np.where(warped, contrast, 0.0), kinds)
+        share = tuned().own_probe_share
+        excess = share * own + (1.0 - share) * by_material
+        expected = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
+        return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
+
+    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:  # noqa: ARG002
+        """Return True where the gain is large; of a denoised picture the estimate is too unsure to decide."""
+        return gain > tuned().min_gain_denoised
+
+
+def source_noise(
+    probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]
+) -> SourceNoise:
+    """Return the noise around each probe by the warped pixels (H, W) that are no probes, whose denoised colour
+    (H, W, C) is known beside the noisy one."""
+    known = warped & ~probes.mask
+    change = np.where(known[..., None], tone(noisy).astype(np.float64) - tone(colour), 0.0)
+    near = probes.rows, probes.columns
+    side = tuned().source_noise_reach_tiles * probes.spacing
+    reach = side, side
+    pixels = np.maximum(box_sum(known, reach)[near], 1.0)
+    shift = np.stack([box_sum(change[..., channel], reach)[near] / pixels for channel in range(3)], axis=-1)
+    squares = box_sum(np.mean(change**2, axis=-1), reach)[near] / pixels
+    return SourceNoise(shift, np.maximum(squares - np.mean(shift**2, axis=-1), 0.0))
+
+
+def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the mean squared difference (N,) of the source's pixels from their denoised ones, around each probe."""
+    warped = warped & ~probes.mask
+    squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
+    near = probes.rows, probes.columns
+    return box_sum(squares, tuned().source_noise_reach_px)[near] / np.maximum(
+        box_sum(warped, tuned().source_noise_reach_px)[near], 1.0
+    )
+
+
+def _denoised_probes(
+    probes: Probes, passes: Passes, colours: tuple[NDArray[np.float32], ...], denoising: Denoising
+) -> list[NDArray[np.float32]]:
+    """Return the colours (N, 4) of the probes' pixels denoised, (N, 3) each, as pictures of one pixel a tile."""
+    height, width = probes.shape
+    rows, columns = (
+        np.minimum(np.arange(count) * probes.spacing + probes.spacing // 2, size - 1)
+        for count, size in zip(probes.tile_grid, (height, width), strict=True)
+    )
+    rows, columns = (places.copy() for places in np.meshgrid(rows, columns, indexing="ij"))
+    # A tile without a probe is traced throughout.
+    rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
+    small = {name: image[rows, columns] for name, image in guided(passes).items()}
+    pictures = []
+    for colour in colours:
+        noisy = small[NOISY_PASS].copy()
+        noisy[probes.tiles] = colour
+        pictures.append({**small, NOISY_PASS: noisy})
+    return [clean[probes.tiles] for clean in denoising.denoise(pictures)]
+
+
+def _error_by_material(
+    probes: Probes, error: NDArray, contrast: NDArray, shown: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Return the error (N,) of each tile, were every pixel as wrong for its contrast (H, W) as the material that it
+    shows (H, W) is at the probes, where it is `error` (N,)."""
+    of_probe = shown[probes.rows, probes.columns]
+    count = int(shown.max(initial=0)) + 1
+    at_probes = np.bincount(of_probe, weights=contrast[probes.rows, probes.columns], minlength=count)
+    off = np.bincount(of_probe, weights=error, minlength=count)
+    per_contrast = np.where(at_probes > 0.0, off / np.where(at_probes > 0.0, at_probes, 1.0), 0.0)
+    return probes.tile_sum(per_contrast[shown] * contrast)

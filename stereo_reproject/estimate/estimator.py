@@ -1,0 +1,56 @@
+"""Estimators: how good the warped part of a target is, told by probes. A noisy and a denoised picture have one each."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..holes.reprojection import Reprojection
+from ..images.contrast import Contrast, contrast_of
+from ..images.denoising import Denoising
+from ..images.passes import COLOUR_PASS, NOISY_PASS
+from ..settings.accuracy import Accuracy
+from .denoised import DenoisedEstimator
+from .evidence import ProbeTraces, TileEvidence
+from .noisy import NoisyEstimator
+from .probes import Probes
+from .target import Target
+
+
+class Estimator(Protocol):
+    """Places probes in a target, and reads them."""
+
+    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
+        """Place one probe in each tile of `spacing` pixels, among the pixels of `warped` (H, W)."""
+        ...
+
+    def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
+        """Return the target with its slow errors corrected, and the evidence of its tiles.
+
+        The target holds the traced probes already; traces has their colours before and after.
+        """
+        ...
+
+    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
+        """Return whether tiles should be traced in one more render that is expected to take `gain` off the frame's
+        excess; promise is the noise ratio that is promised."""
+        ...
+
+
+def estimator_of(
+    reprojection: Reprojection, accuracy: Accuracy, denoising: Denoising | None, *, probed: bool
+) -> Estimator | None:
+    """Return the estimator for a warped view, or None where nothing is to be measured.
+
+    That is where the accuracy promises nothing, where every pixel is a hole, and where nothing that is seen can break
+    the promise (`probed` is False). denoising is None for a picture that stays noisy.
+    """
+    holes = reprojection.reasons > 0
+    if accuracy.promise is None or not probed or holes.all():
+        return None
+    contrast: Contrast = contrast_of(reprojection.passes[COLOUR_PASS], ~holes)
+    if denoising is None:
+        return NoisyEstimator(contrast, reprojection.passes[COLOUR_PASS], reprojection.sampled)
+    return DenoisedEstimator(contrast, reprojection.passes[NOISY_PASS], denoising)

@@ -1,0 +1,246 @@
+"""Evidence of the probes: how far the warped pixels are off beyond noise, tile by tile.
+
+With w the warped value of a pixel and a, b two independent traces of it, all after tone mapping,
+
+    error  = (w - a)(w - b)      has the mean   bias^2 + var(w),
+    noise  = (a - b)^2 / 2       has the mean   var(a), the variance of one traced pixel,
+    excess = error - noise       is what tracing the pixel would save: negative where the warp is the less noisy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.contrast import Contrast
+from ..images.metrics import squared_error, tone
+from .probes import Probes
+from .shown_materials import ShownMaterials, materials_by_tile
+from .tuning import tuned
+
+
+@dataclass(frozen=True)
+class ProbeTraces:
+    """Scene-linear colours (N, >= 3) of the probes' pixels: as they were warped, and as traced once and once again.
+
+    A probe with a value that is no number tells nothing.
+    """
+
+    warped: NDArray
+    once: NDArray
+    again: NDArray
+
+    @property
+    def finite(self) -> NDArray[np.bool_]:
+        """(N,) probes whose values are all numbers."""
+        w, a, b = (np.isfinite(colour).all(axis=-1) for colour in (self.warped, self.once, self.again))
+        return w & a & b
+
+    def toned(self, known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
+        """Return the three colours (N, 3) after `metrics.tone`, black where `known` (N,) is not set."""
+        w, a, b = (
+            tone(np.where(known[:, None], colour, 0.0)).astype(np.float64)
+            for colour in (self.warped, self.once, self.again)
+        )
+        return w, a, b
+
+
+@dataclass(frozen=True)
+class SelectionEvidence:
+    """Evidence of the first traces alone, by which tiles of a denoised picture are chosen.
+
+    excess (N,) is what each tile is expected to have; source_noise (N,) is in proportion to the variance of a traced
+    pixel, as the source shows it.
+    """
+
+    excess: NDArray[np.float64]
+    source_noise: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TileEvidence:
+    """Evidence of the probes per tile (N,) that has one. Squares are of tone-mapped colour.
+
+    excess: squared error beyond noise, summed over the tile's warped pixels: from its probe, or, for a tile that was
+    traced since (`refined`), from all its pixels. left: the part of it that counts as left in the frame, on average.
+    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture shows.
+    pixels: warped pixels of the tile. contrast: sum that the excess of tiles is taken to be proportional to, where
+    nothing else is known. frame_pixels: pixels of the whole picture. materials: what the tiles show, None if unknown.
+    noise_left: variance of a denoised pixel over that of a traced one, 1 for a picture that is not denoised.
+    selection: expected excess of each tile by the first traces alone, and left_by_second the excess by the second;
+    None for a picture that is not denoised.
+    """
+
+    probes: Probes
+    excess: NDArray[np.float64]
+    left: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    seen_noise: NDArray[np.float64]
+    pixels: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+    refined: NDArray[np.bool_]
+    frame_pixels: int
+    materials: ShownMaterials | None = None
+    noise_left: float = 1.0
+    selection: NDArray[np.float64] | None = None
+    left_by_second: NDArray[np.float64] | None = None
+
+    @property
+    def mean_noise(self) -> float:
+        """Variance of one pixel, averaged over the warped part of the frame; holes are taken to be as noisy."""
+        weight = self.probes.weight
+        return float((weight * self.noise).sum() / weight.sum()) if weight.size else 0.0
+
+    @property
+    def neighbourhood_noise(self) -> NDArray[np.float64]:
+        """(N,) variance of one pixel, averaged over the tiles around each and itself."""
+        weight = self.probes.weight
+        noise = weight * self.noise
+        return (self.probes.neighbour_sum(noise) + noise) / (self.probes.neighbour_sum(weight) + weight)
+
+    @property
+    def traced_noise(self) -> float:
+        """Variance of one traced pixel over that of one of the delivered picture."""
+        return 1.0 / self.noise_left
+
+    @property
+    def frame_noise(self) -> float:
+        """Sum over the frame's pixels of the squared difference between two plain renders."""
+        return 2.0 * self.mean_noise * self.frame_pixels
+
+
+def measure_tiles(
+    probes: Probes,
+    warped: NDArray[np.bool_],
+    contrast: Contrast,
+    traces: ProbeTraces,
+    *,
+    materials: NDArray[np.integer] | None = None,
+    noise_left: float = 1.0,
+    selection: SelectionEvidence | None = None,
+) -> TileEvidence:
+    """Return the evidence of the probes for the pixels of `warped` (H, W), their own among them.
+
+    materials (H, W) is a number for the materials that each pixel shows, if known. noise_left is the variance of a
+    denoised pixel over that of a traced one, 1 where nothing is denoised. selection is the evidence of the first traces
+    alone, if tiles are chosen by it; what is left is then told by the second alone.
+    """
+    w, a, b = traces.toned(traces.finite)
+    noise = noise_left * np.mean((a - b) ** 2, axis=-1) / 2.0
+    share = _heard_share(probes, noise)
+    expected = np.where(warped, contrast.signal + tuned().noise_weight * contrast.noise, 0.0)
+    excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
+    by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, noise_left)
+    return TileEvidence(
+        probes=probes,
+        excess=excess,
+        left=excess,
+        noise=share * noise,
+        seen_noise=probes.tile_mean(contrast.noise, warped),
+        pixels=probes.tile_sum(warped),
+        contrast=probes.tile_sum(expected),
+        refined=np.zeros(w.shape[0], bool),
+        frame_pixels=warped.size,
+        materials=None if materials is None else _materials_in(probes, materials, expected, excess),
+        noise_left=noise_left,
+        selection=None if selection is None else selection.excess,
+        left_by_second=None if by_second is None else probes.weight * by_second,
+    )
+
+
+def _excess_by_second(
+    probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, noise_left: float
+) -> NDArray[np.float64]:
+    """Return the excess (N,) of the probes' pixels by their second trace; residual (N, 3) is w - b.
+
+    A tile's own first trace must have no part in it: the noise is the local one of the source, at the scale that all
+    probes give it.
+    """
+    local = selection.source_noise
+    scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
+    error = np.mean(residual**2, axis=-1)
+    limit = tuned().max_probe_noise_ratio
+    heard = np.minimum(1.0, limit * scale * local / noise_left / np.maximum(error, 1e-30))
+    return heard * error - (1.0 + 1.0 / noise_left) * scale * local
+
+
+def _materials_in(
+    probes: Probes, materials: NDArray[np.integer], contrast: NDArray, found: NDArray[np.float64]
+) -> ShownMaterials:
+    """Return which of the materials (H, W) each tile shows, with the contrast (H, W) on each, and the excess (N,) that
+    the probes found."""
+    numbers = probes.on_grid(np.arange(probes.rows.size), 0)
+    side = probes.spacing
+
+    def row_of_tiles(row: int) -> tuple[NDArray, NDArray, NDArray]:
+        band = slice(row * side, (row + 1) * side)
+        rows, columns = np.nonzero(contrast[band] > 0.0)
+        return numbers[row, columns // side], materials[band][rows, columns], contrast[band][rows, columns]
+
+    pairs = materials_by_tile(row_of_tiles(row) for row in range(probes.tile_grid[0]))
+    return ShownMaterials(*pairs, of_probe=materials[probes.rows, probes.columns].astype(np.intp), found=found)
+
+
+def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the share (N,) of each probe's evidence that counts, so that none is louder than is allowed."""
+    everywhere = (noise.sum() - noise) / max(noise.size - 1, 1)
+    nearby = probes.neighbour_sum(noise) / np.maximum(probes.neighbour_sum(np.ones_like(noise)), 1.0)
+    allowed = tuned().max_probe_noise_ratio * np.maximum(nearby, everywhere)
+    return np.where((noise > allowed) & (allowed > 0.0), allowed / np.where(noise > 0.0, noise, 1.0), 1.0)
+
+
+@dataclass(frozen=True)
+class RefinedTiles:
+    """Tiles that were traced as a whole.
+
+    tiles (N,) are set for them; pixels (H, W) were traced; warped and traced (H, W, >= 3) are the scene-linear colours
+    before and after. outliers (N,) are those of the tiles that were chosen by their own probe alone, if any were.
+    """
+
+    tiles: NDArray[np.bool_]
+    pixels: NDArray[np.bool_]
+    warped: NDArray
+    traced: NDArray
+    outliers: NDArray[np.bool_] | None = None
+
+
+def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.float64]) -> TileEvidence:
+    """Return the evidence once some tiles were traced: their excess is known from every pixel then.
+
+    noise (N,) is the variance of one pixel of a plain render. An outlier's own probe may have told too much, as those
+    of the tiles that stay have then told too little: of it no more is taken off than is known now to have been there.
+    """
+    refined = done.tiles
+    known = (
+        done.pixels & np.isfinite(done.warped[..., :3]).all(axis=-1) & np.isfinite(done.traced[..., :3]).all(axis=-1)
+    )
+    error = np.zeros(known.shape)
+    error[known] = squared_error(done.warped[known], done.traced[known])
+    counted = (1.0 + evidence.traced_noise) * evidence.probes.tile_sum(known)
+    excess = evidence.probes.tile_sum(error) - noise * counted
+    found = evidence.probes.tile_sum(error) - evidence.neighbourhood_noise * counted
+    taken = evidence.left if done.outliers is None else np.where(done.outliers, found, evidence.left)
+    return replace(
+        evidence,
+        selection=None if evidence.selection is None else _selection_after(evidence, refined, excess),
+        excess=np.where(refined, excess, evidence.excess),
+        left=np.where(refined, evidence.left - taken, evidence.left),
+        refined=evidence.refined | refined,
+    )
+
+
+def _selection_after(
+    evidence: TileEvidence, refined: NDArray[np.bool_], excess: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the expected excess (N,) once that of some tiles is known: more around those that had more."""
+    expected = evidence.selection
+    assert expected is not None
+    had, foretold = (
+        evidence.probes.neighbour_sum(np.where(refined, a, 0.0)) for a in (np.maximum(excess, 0.0), expected)
+    )
+    usual = max(float(expected.mean()), 1e-12)
+    limit = tuned().max_neighbour_scale
+    factor = np.clip((had + usual) / (foretold + usual), 1.0 / limit, limit)
+    return np.where(refined | evidence.refined, 0.0, expected * factor)

@@ -1,0 +1,114 @@
+"""The noise ratio of a finished frame: its error over that of a plain render, estimated from its probes.
+
+A plain render of the whole view differs from another by 2 var(a). So, with W the pixels that stay warped,
+
+    noise ratio^2 = 1 + sum over W of excess / sum over all of 2 noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.metrics import TILE
+from .evidence import TileEvidence
+from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
+from .tuning import tuned
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Noise ratio of a frame with the ends of its 95 % confidence interval; the ends are NaN where none is known."""
+
+    noise_ratio: float
+    low: float
+    high: float
+
+    @property
+    def excess(self) -> float:
+        """Mean squared error beyond noise over that of noise: noise ratio^2 - 1."""
+        return self.noise_ratio**2 - 1.0
+
+
+AS_RENDERED = Estimate(1.0, float("nan"), float("nan"))
+"""The estimate of a view that was rendered whole and of whose noise nothing is known, or that has none."""
+
+
+def estimate(evidence: TileEvidence) -> Estimate:
+    """Return the frame's noise ratio; the refined tiles count as traced."""
+    if not evidence.frame_noise:
+        return AS_RENDERED
+    if evidence.left_by_second is not None:
+        # Tiles were chosen by what their own first trace told.
+        evidence = replace(evidence, left=np.where(evidence.refined, evidence.left, evidence.left_by_second))
+    excess, error = remaining_excess(evidence, np.zeros(0, np.intp))
+    return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(evidence, evidence.refined))
+
+
+def as_rendered(evidence: TileEvidence | None) -> Estimate:
+    """Return the estimate of a frame that is traced throughout: 1, give or take what chance does to any one render."""
+    if evidence is None or not evidence.frame_noise:
+        return AS_RENDERED
+    return _interval(0.0, _own_noise(evidence, np.ones_like(evidence.refined)))
+
+
+def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
+    """Return the variance of the excess that comes from the noise of the traced pixels, the tiles `traced` (N,) among
+    them."""
+    pixels = evidence.frame_pixels - evidence.pixels[~traced].sum()
+    return float(pixels * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
+
+
+def _interval(excess: float, variance: float) -> Estimate:
+    """Return the estimate with this excess, whose variance is given."""
+    reach = CONFIDENCE_95_SIGMAS * np.sqrt(variance)
+    return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach)))
+
+
+def worst_tiles(evidence: TileEvidence) -> float:
+    """Return the expected `metrics.worst_tiles`, without chance: a second plain render too is above 1 by that.
+
+    Each tile is judged by those around it and by its materials: an error in one tile alone is told too low.
+    """
+    if not evidence.frame_noise:
+        return 1.0
+    probes = evidence.probes
+    ratio = np.zeros(probes.tile_grid)
+    # Tiles without a probe are traced throughout: nothing is off there.
+    ratio[probes.tiles] = np.maximum(_excess_over_noise(evidence)[0], 0.0)
+    block = max(1, TILE // probes.spacing)
+    rows, columns = (np.arange(0, size, block) for size in ratio.shape)
+    sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (ratio, np.ones_like(ratio)))
+    return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))
+
+
+def tile_estimates(evidence: TileEvidence) -> NDArray[np.float64]:
+    """Return the noise ratio of each tile and the ends of its 95 % interval, (N, 3), judged as in `worst_tiles`.
+
+    1 for tiles that were refined; NaN where there is no noise at all.
+    """
+    if not evidence.frame_noise:
+        return np.full((evidence.refined.size, 3), np.nan)
+    excess, error = _excess_over_noise(evidence)
+    ends = excess[:, None] + CONFIDENCE_95_SIGMAS * error[:, None] * np.array([0.0, -1.0, 1.0])
+    return np.sqrt(np.maximum(1.0 + ends, 0.0))
+
+
+def _excess_over_noise(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
+    """Return the expected excess (N,) of each tile over the noise of two plain renders, and its standard error; 0 where
+    it was refined.
+
+    As in `metrics.worst_tiles`, what is quieter than most is as noisy as those; where most is sky, as a hundredth
+    of the mean.
+    """
+    noise = local_noise(evidence)
+    floor = float(np.median(noise))
+    if not floor:
+        # Most of the frame is noiseless: black, or nothing but light.
+        floor = float(np.median(noise[noise > 0.0])) if noise.any() else evidence.mean_noise
+    floor = max(floor, tuned().min_noise_share * evidence.mean_noise)
+    per_noise = np.where(evidence.refined, 0.0, 0.5 / np.maximum(noise, floor))
+    expected, error = expected_excess(evidence, tuned().tile_reach_tiles)
+    return per_noise * expected, per_noise * error

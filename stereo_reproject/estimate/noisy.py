@@ -1,0 +1,78 @@
+"""The estimator for a picture that stays noisy: probes at random places, read one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.contrast import Contrast
+from ..images.effects_pass import materials_of
+from ..images.passes import is_light
+from .bias import SourceNoise, bias_of, multiplied
+from .evidence import ProbeTraces, TileEvidence, measure_tiles
+from .noise_ratio import estimate
+from .probes import Probes, place_random_probes
+from .target import Target
+from .tuning import tuned
+
+
+@dataclass(frozen=True)
+class NoisyEstimator:
+    """Measures a noisy target.
+
+    contrast is that of the warped picture; warped (H, W, 4) is its scene-linear colour before anything was corrected;
+    single_samples gives the colours (N, C) of the source's own pixels nearest to what rows and columns (N,) show.
+    """
+
+    contrast: Contrast
+    warped: NDArray[np.float32]
+    single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
+
+    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
+        """Place probes at random, with more chance where there is contrast."""
+        return place_random_probes(warped, self.contrast, spacing=spacing, seed=seed)
+
+    def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
+        """Return the corrected target and the evidence, as `Estimator` says."""
+        materials = materials_of(target.passes)
+        target, expected = self._corrected(target, probes, traces)
+        evidence = measure_tiles(
+            probes,
+            target.warped | probes.mask,
+            self.contrast,
+            replace(traces, warped=expected),
+            materials=materials,
+        )
+        return target, evidence
+
+    def _corrected(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, NDArray[np.float32]]:
+        """Take slow errors away from the warped pixels, from all parts of their light alike.
+
+        Also returns the colours (N, 3) that the probes' pixels would then have, had their own traces not been heard.
+        """
+        warped, shown = target.warped, materials_of(target.passes)
+        materials = np.zeros(warped.shape, np.intp) if shown is None else shown
+        noise = SourceNoise.of_noisy(probes.neighbourhood_mean(probes.tile_mean(self.contrast.noise, warped)))
+        place = probes.rows, probes.columns
+        # The warped colours hold a pilot's correction already.
+        was = self.warped[place]
+        once_more = np.divide(traces.warped, was, out=np.ones_like(traces.warped), where=was > 0.0)
+        sampled = self.single_samples(place) * once_more
+        # The one is half a pixel aside, the other brighter because it is less noisy.
+        by_sample, by_mean = (
+            bias_of(probes, replace(traces, warped=w), self.contrast.signal, materials, noise=noise)
+            for w in (sampled, traces.warped)
+        )
+        bias = by_sample.agreed(by_mean)
+        if bias.added.any():
+            factor = bias.factor(target.colour, warped, materials)
+            light = {name: multiplied(image, warped, factor) for name, image in target.passes.items() if is_light(name)}
+            target = replace(target, passes={**target.passes, **light})
+        return target, bias.at_probes(traces.warped, without_own=True)
+
+    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
+        """Return True where the promise is not kept yet, or the gain is large."""
+        return estimate(evidence).noise_ratio > promise or gain > tuned().min_gain

@@ -1,0 +1,77 @@
+"""The target view while it is completed: plain data, replaced by a new one at each step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.passes import COLOUR_PASS, Passes
+from ..warp.composite import composite
+
+
+class Provenance(IntFlag):
+    """Where a pixel of the target comes from, and why; without any flag, from the warp alone."""
+
+    HOLE = 1
+    """Traced because the warp has no answer: set from the start, when it is still to be traced."""
+    PROBE = 2
+    """Traced twice, to measure how good the warp is there; the pixel is the mean of both."""
+    REFINED = 4
+    """In a tile that probes asked to be traced: also the probes in it."""
+    REFERENCE = 8
+    """Traced only to be compared with the warped colour, which the pixel keeps."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A view that is partly warped and partly traced.
+
+    view is its name; passes (H, W, C) are by pass name, in scene-linear colour; provenance (H, W) holds `Provenance`
+    flags.
+    """
+
+    view: str
+    passes: Passes
+    provenance: NDArray[np.uint8]
+
+    @classmethod
+    def of_warp(cls, view: str, passes: Passes, reasons: NDArray[np.uint16]) -> Target:
+        """Return a target of warped passes, in which each pixel with a `Reason` (H, W) is a hole."""
+        return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
+
+    @property
+    def colour(self) -> NDArray[np.float32]:
+        """(H, W, 4) colour pass."""
+        return self.passes[COLOUR_PASS]
+
+    @property
+    def warped(self) -> NDArray[np.bool_]:
+        """(H, W) pixels that were not traced and are no holes."""
+        return self.provenance == 0
+
+    @property
+    def traced(self) -> NDArray[np.bool_]:
+        """(H, W) pixels that were traced, once the holes were."""
+        return self.provenance != 0
+
+    @property
+    def keeps_warped_colour(self) -> NDArray[np.bool_]:
+        """(H, W) pixels whose colour is the warped one in a denoised picture. Probes in tiles that stay warped are
+        among them: alone, a traced pixel would stand out."""
+        return ~self.any_of(Provenance.HOLE | Provenance.REFINED)
+
+    def any_of(self, flags: Provenance) -> NDArray[np.bool_]:
+        """Return the pixels (H, W) that have any of the flags."""
+        return (self.provenance & np.uint8(flags)) > 0
+
+    def flagged(self, pixels: NDArray[np.bool_], flags: Provenance) -> Target:
+        """Return the target with these flags set in the pixels (H, W)."""
+        return replace(self, provenance=np.where(pixels, self.provenance | np.uint8(flags), self.provenance))
+
+    def with_pixels(self, pixels: NDArray[np.bool_], passes: Mapping[str, NDArray]) -> Target:
+        """Return the target whose pixels (H, W) hold the passes (N, C), in the mask's order; flags stay."""
+        return replace(self, passes=composite(self.passes, dict(passes), pixels))

@@ -1,0 +1,123 @@
+"""Tuned numbers of this room, in one place.
+
+`make spending` renders a few scenes, varies some of these fields one at a time and prints what each value costs in
+traced pixels and buys in quality (docs/accuracy.md has a table of it). The others were set by hand: their docstrings
+say by what reasoning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class EstimateTuning:
+    """Numbers by which probes are placed, heard and believed, and tiles are chosen.
+
+    Distances in tiles count tiles each way; sigmas are standard errors; excess is relative to the frame's noise.
+    """
+
+    # Where probes are, and how much each may say
+    even_probe_chance: float = 0.5
+    """Share of a probe's chance that is spread evenly over its tile, so that no pixel stands for more than the rest
+    allows. Varied by `make spending`."""
+    max_probe_noise_ratio: float = 25.0
+    """Times the mean noise of the probes around it, or of all others, that a probe's noise may be. One firefly in one
+    trace is more than the noise of a whole frame; taken as it is, nothing would seem wrong beside it. By hand: ordinary
+    noise of neighbours differs by less."""
+    noise_weight: float = 0.5
+    """Weight of noise beside contrast in a tile's expected error: where nothing is to be seen, tiles differ by little
+    else. By hand."""
+    max_neighbour_scale: float = 3.0
+    """Times that a tile's expected excess may go up or down because of traced tiles around it. By hand."""
+
+    # How tiles are judged
+    frame_reach_tiles: int = 2
+    """Tiles each way whose probes tell how wrong a tile is likely to be, for the frame's ratio. Varied by
+    `make spending`."""
+    tile_reach_tiles: int = 1
+    """The same distance for the limit on single tiles: an error in a small place must not be averaged away. By hand:
+    the nearest there are."""
+    unmoved_share: float = 0.25
+    """Share of a tile's expected excess that does not follow its contrast: an error of brightness, and not of place.
+    Varied by `make spending`."""
+    min_material_probes: int = 4
+    """Other probes on a material without which it tells nothing. Varied by `make spending`."""
+    tile_outlier_sigmas: float = 10.0
+    """Times the noise around it that a probe's excess must be before its tile is traced for that alone. By hand: chance
+    does not reach it in any frame that was seen."""
+    mostly_traced_share: float = 0.5
+    """Share of a material's tiles in a denoised frame from which all of them are traced: an error that is nearly
+    everywhere, as in a mirror, is also where the picture is too faint for probes, and traced parts of it show. By
+    hand."""
+    denoised_relative_error: float = 0.5
+    """Standard error of the excess that denoised probes tell of a tile, as a share of it. Measured on denoised scenes,
+    roughly."""
+    min_noise_share: float = 0.01
+    """Share of the frame's mean noise that a tile has at least when its error is held against it. By hand: less is not
+    seen."""
+    promise_margin_sigmas: float = 0.5
+    """Standard errors by which the estimate must be within the promise before refinement stops. Varied by
+    `make spending`."""
+
+    # Slow errors, which are corrected and not traced
+    bias_reaches_tiles: tuple[int, ...] = (4, 2, 1)
+    """Tiles each way whose probes tell what a tile is off by: slow changes by many, what is left of faster ones by the
+    nearest, as far as those are sure of it. By hand."""
+    bias_doubt: float = 5.0
+    """Times its own variance that is taken off the square of a mean residual: less is left where it may be chance. By
+    hand, on pictures without any error: there next to nothing is corrected."""
+    bias_contrast_share: float = 0.5
+    """Share of the contrast around a probe that it may be off by without that being slow: an edge that is half a pixel
+    aside. Probes of a denoised picture lie in one place of each tile, and along an edge all are off to one side; those
+    of a noisy one are drawn to contrast."""
+    max_bias_factor: float = 2.0
+    """Times brighter or darker that a correction may make a colour: bright ones are a hair from white after tone
+    mapping."""
+
+    # Denoised pictures
+    own_probe_share: float = 0.5
+    """Share of a tile's expected error that its own denoised probe tells; the rest is told by its material. By hand."""
+    right_tiles_share: float = 0.75
+    """Share of a denoised frame's tiles that are taken to be right. By hand, from scenes with mirrors: fewer were
+    wrong."""
+    source_noise_reach_px: tuple[int, int] = (4, 4)
+    """Pixels, down and across, over which the source's noise is averaged."""
+    source_noise_reach_tiles: int = 2
+    """Tiles each way over which all pixels tell the noise of the probes."""
+
+    # How often, and for what, something is traced
+    pilot_spacing_ratio: int = 4
+    """Times further apart that the probes of a pilot are."""
+    pilot_min_hole_share: float = 0.12
+    """Share of holes from which a pilot is worth its render call: with fewer, a frame that turns out to need everything
+    has lost little."""
+    max_refining_renders: int = 2
+    """Refining renders of a frame, at most. Varied by `make spending`."""
+    min_gain: float = 0.02
+    """Excess that another refining render must be expected to take away where the promise is kept without it. By hand:
+    a render call costs as much as a few percent of a frame."""
+    min_gain_denoised: float = 0.3
+    """The same for a denoised picture, whose estimate is less sure."""
+
+
+TUNING = EstimateTuning()
+"""The numbers that are in use."""
+
+
+@contextmanager
+def varied(tuning: EstimateTuning) -> Iterator[None]:
+    """Have other numbers in use for a while, in this process: to measure what they change."""
+    global TUNING  # noqa: PLW0603 - the one place that changes it
+    before, TUNING = TUNING, tuning
+    try:
+        yield
+    finally:
+        TUNING = before
+
+
+def tuned() -> EstimateTuning:
+    """The numbers that are in use."""
+    return TUNING

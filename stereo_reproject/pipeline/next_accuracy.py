@@ -1,0 +1,100 @@
+"""The cost of the next better accuracy, predicted from a frame that is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..estimate.refinement import choose_tiles
+from ..estimate.tracing import Refinement
+from ..holes.reprojection import Reprojection
+from ..settings.accuracy import SETTINGS, Accuracy, for_denoised, for_size
+from ..trace.fill import FillChoice
+from ..trace.planner import FillPlanner
+
+WHOLE = "full"
+"""Name of what is beyond the best of the settings: the target rendered whole."""
+
+
+@dataclass(frozen=True)
+class NextAccuracy:
+    """Predicted cost of the next better accuracy.
+
+    seconds are those of the whole frame at it, more_seconds those beyond this frame's; traced is the share of the
+    target that would be traced. complete: whether the tiles that probes would ask for are in it. more_seconds is None
+    where nothing better can be had: the target was rendered whole.
+    """
+
+    accuracy: str
+    seconds: float
+    more_seconds: float | None
+    traced: float
+    complete: bool
+
+
+@dataclass(frozen=True)
+class FinishedTarget:
+    """A target that was completed, as far as a prediction needs it.
+
+    reprojection can flag its holes at any accuracy; fill is how the holes were traced, planner how others would be.
+    needs_probes: whether an accuracy that promises something traces probes here; is_whole: whether all of it was
+    traced.
+    """
+
+    reprojection: Reprojection
+    planner: FillPlanner
+    fill: FillChoice
+    refinement: Refinement
+    needs_probes: bool
+    is_whole: bool
+
+
+def next_better(accuracy: Accuracy) -> str:
+    """Return the name of the setting that promises next more."""
+    promise = accuracy.promise or np.inf
+    better = [name for name, other in SETTINGS.items() if other.promise is not None and other.promise < promise]
+    return better[0] if better else WHOLE
+
+
+def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> NextAccuracy:
+    """Return the cost of this frame at the accuracy called `name`; seconds are those of its stages, and in total.
+
+    Pixels that would be traced are predicted to take as much longer or shorter than fills are said to as this frame's
+    own did, and to cost no less than it.
+    """
+    total, planner = seconds["total"], target.planner
+    if target.is_whole:
+        return NextAccuracy(WHOLE, total, None, 1.0, complete=True)
+    spent = seconds.get("fill", 0.0) + seconds.get("refine", 0.0)
+    apart = total - spent
+    if name == WHOLE:
+        more = max(apart - seconds.get("pilot", 0.0) + planner.cost.fixed + planner.cost.per_frame - total, 0.0)
+        return NextAccuracy(name, total + more, more, 1.0, complete=True)
+    predicted = sum(choice.predicted_seconds for choice in (target.fill, *target.refinement.fills))
+    pace = spent / predicted if predicted > 0.0 else 1.0
+    accuracy = for_size(SETTINGS[name], target.reprojection.reasons.size)
+    accuracy = for_denoised(accuracy) if planner.cost.denoise_seconds else accuracy
+    to_trace, share = _tracing(accuracy, target)
+    more = max(apart + pace * to_trace - total, 0.0)
+    complete = target.refinement.evidence is not None or not target.needs_probes
+    return NextAccuracy(name, total + more, more, share, complete)
+
+
+def _tracing(accuracy: Accuracy, target: FinishedTarget) -> tuple[float, float]:
+    """Return the predicted seconds of fill and refinement at another accuracy, and the share of the target traced."""
+    holes = target.reprojection.reasons_at(accuracy) > 0
+    spacing, planner = accuracy.probe_spacing, target.planner
+    fill = planner.plan(float(np.mean(holes)), spacing=spacing if target.needs_probes else None)
+    if fill.method == "full":
+        return fill.predicted_seconds, 1.0
+    probes = 1.0 / planner.spacing(fill.method, spacing) ** 2 if target.needs_probes else 0.0
+    evidence = target.refinement.evidence
+    if evidence is None or accuracy.promise is None:
+        return fill.predicted_seconds, min(float(np.mean(holes)) + probes, 1.0)
+    worst, unseen = accuracy.tile_limit, accuracy.unseen
+    chosen = choose_tiles(evidence, accuracy.promise, worst=worst, unseen=unseen) | evidence.refined
+    pixels = evidence.probes.pixels_of(chosen) & ~holes
+    refining = planner.plan(float(np.mean(pixels))).predicted_seconds if pixels.any() else 0.0
+    return fill.predicted_seconds + refining, min(float(np.mean(holes | pixels)) + probes, 1.0)

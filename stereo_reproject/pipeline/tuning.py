@@ -1,0 +1,23 @@
+"""Tuned numbers of this room, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PipelineTuning:
+    """Numbers by which the pixels of a source of another engine are traced."""
+
+    matched_pilot_share: float = 0.1
+    """Share of the pixels to be traced that go ahead, to tell what the others will cost. By hand."""
+    min_matched_pilot_pixels: int = 1024
+    """Pixels of that pilot, at least: with fewer, a render call costs what it costs to begin. Measured on living-room
+    and classroom."""
+    min_seconds_to_hand_over: float = 1.0
+    """Seconds of a render of one eye below which another one is taken unasked: to copy a scene to the tracer, which is
+    all that can be gained, takes as long."""
+
+
+TUNING = PipelineTuning()
+"""The numbers that are in use."""

@@ -1,0 +1,30 @@
+"""The plan of a frame's traces: which fill method for which share of the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
+
+
+@dataclass(frozen=True)
+class FillPlanner:
+    """Chooses fill methods for one frame.
+
+    asked is the method that was asked for, or 'auto'; cost is what the source has cost; blockers say by method why it
+    cannot be used, or None (as for `choose_fill`).
+    """
+
+    asked: str
+    cost: SourceCost
+    blockers: Mapping[str, str | None]
+
+    def plan(self, fraction: float, *, spacing: int | None = None, expected: float = 0.0) -> FillChoice:
+        """Return the method for a share of the picture, with its predicted seconds; arguments as for `choose_fill`."""
+        return choose_fill(self.asked, fraction, self.cost, self.blockers, spacing=spacing, expected=expected)
+
+    @staticmethod
+    def spacing(method: str, spacing: int) -> int:
+        """Return the side, in pixels, of the tiles that have a probe each when holes are traced by this method."""
+        return spacing * (CARD_SPACING if method == "card" else 1)
