@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from ..images.effects_pass import materials_of
 from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes, filtered, is_light
 from ..settings.accuracy import Accuracy
 from ..trace.fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
+from ..trace.requests import TraceRequest
 from ..warp.composite import composite
 from .bias import SourceNoise, bias_of, multiplied
 from .denoised_probes import look
@@ -42,9 +43,7 @@ WORTH_OF_DENOISED = 0.3
 class Tracer(Protocol):
     """The part of `pipeline.frame.Renderer` that traces."""
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes: ...
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]: ...
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,8 @@ class TargetEye:
 
     def _trace(self, method: str, pixels: NDArray[np.bool_]) -> None:
         if pixels.any():
-            self.passes = composite(self.passes, self._tracer.trace(method, self._view, pixels), pixels)
+            traced = self._tracer.trace(method, [TraceRequest(self._view, pixels)])[0]
+            self.passes = composite(self.passes, traced, pixels)
             self.traced = self.traced | pixels
             self._wanted |= pixels | (method == "full")
 
@@ -220,7 +220,7 @@ class TargetEye:
             probes = place_regular_probes(warped, spacing=spacing, seed=seed)
         twins = probes.mask
         wanted = holes | twins
-        traced = self._tracer.trace(method, self._view, wanted, twice=twins)
+        traced = self._tracer.trace(method, [TraceRequest(self._view, wanted, twins)])[0]
         count = int(wanted.sum())
         before = self.passes[COLOUR_PASS][twins]
         passes = composite(self.passes, {name: image[:count] for name, image in traced.items()}, wanted)

@@ -22,6 +22,7 @@ from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
 from ..trace.fill import FillChoice, SourceCost, check_fill
+from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
@@ -67,13 +68,8 @@ class Renderer(Protocol):
         """Why a fill method cannot be used for this scene, by method; deepest is the greatest depth that was seen."""
         ...
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        """The passes (N, C) of the target pixels that are set in `pixels` (H, W), in the mask's order.
-
-        After them those of the pixels set in `twice` (H, W), traced once more with noise of their own.
-        """
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        """The passes (N, C) of the pixels of each request, as `Tracer` has them."""
         ...
 
 

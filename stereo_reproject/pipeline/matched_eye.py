@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from ..images.reasons import Reason
 from ..matching.matching import Correction, Traced, correction_of, match, ring_of
 from ..settings.accuracy import Accuracy
 from ..trace.fill import CLEARLY_LOWER, FillChoice, SourceCost
+from ..trace.requests import TraceRequest
 from ..warp.composite import composite
 
 PILOT_SHARE = 0.1
@@ -34,9 +35,7 @@ WHOLE = "a second EEVEE render"
 class LightMatcher(Protocol):
     """What is asked of a renderer whose source another engine traces."""
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes: ...
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]: ...
 
     def traced_features(self, passes: Passes) -> Traced:
         """What the tracer tells of the pixels of passes (N, C), which are those of a trace."""
@@ -118,7 +117,7 @@ class MatchedEye(TargetEye):
         predicted, told = choice.predicted_seconds, ""
         if self._means.asked == "auto" and choice.method == "packed":
             ahead = _some_of(wanted, self._seed)
-            pieces.append((ahead, self._matcher.trace("packed", self._view, ahead)))
+            pieces.append((ahead, self._matcher.trace("packed", [TraceRequest(self._view, ahead)])[0]))
             rest, again = self._rest_of(ahead, wanted), self._means.cost.seconds
             spent = self._matcher.trace_cost().seconds
             told = f"{int(ahead.sum())} pixels took {spent:.1f} s, the others are predicted to take {rest:.1f} s"
@@ -127,7 +126,7 @@ class MatchedEye(TargetEye):
             predicted, told = spent + rest, f"{told} against {again:.1f} s for {WHOLE}"
         others = wanted & ~ahead
         if others.any():
-            pieces.append((others, self._matcher.trace(choice.method, self._view, others)))
+            pieces.append((others, self._matcher.trace(choice.method, [TraceRequest(self._view, others)])[0]))
         self._put(_gathered(pieces, wanted), wanted, ring)
         words = f"Cycles traces the holes and a ring around them, matched to EEVEE's light; {told or choice.reason}"
         words += f", though {self._unmatchable}" if self._unmatchable else ""

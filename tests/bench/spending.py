@@ -38,6 +38,7 @@ from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.trace.requests import TraceRequest
 from stereo_reproject.warp.composite import replace_non_finite
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
@@ -114,11 +115,11 @@ class StoredTracer:
     once: NDArray
     again: NDArray
 
-    def trace(
-        self, _method: str, _view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        first = self.once[pixels]
-        return {COLOUR_PASS: first if twice is None else np.concatenate([first, self.again[twice]])}
+    def trace(self, _method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        return [{COLOUR_PASS: np.concatenate([self.once[one.pixels], *self._again(one)])} for one in requests]
+
+    def _again(self, request: TraceRequest) -> list[NDArray]:
+        return [] if request.twice is None else [self.again[request.twice]]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import pytest
 
 from stereo_reproject.estimate import refinement
 from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.trace.requests import TraceRequest
 from tests.bench.spending import KNOBS, SHIPPED, Knob, Outcome, StoredTracer, load_pictures, parse, save_pictures, table
 
 
@@ -69,8 +70,9 @@ def test_a_stored_trace_is_what_the_renders_have_at_its_pixels_in_the_masks_orde
     pixels = np.array([[True, False, True], [False, True, False]])
     twins = np.array([[False, False, True], [False, False, False]])
     tracer = StoredTracer(once, again)
-    np.testing.assert_array_equal(tracer.trace("packed", "right", pixels)[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
-    traced = tracer.trace("packed", "right", pixels, twice=twins)[COLOUR_PASS]
+    (traced,) = tracer.trace("packed", [TraceRequest("right", pixels)])
+    np.testing.assert_array_equal(traced[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
+    traced = tracer.trace("packed", [TraceRequest("right", pixels, twins)])[0][COLOUR_PASS]
     np.testing.assert_array_equal(traced[:, 0], [0.0, 8.0, 16.0, 108.0])
 
 

@@ -46,11 +46,11 @@ class Frame:
     def traced(self):
         return (self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32)
 
-    def trace(self, method, view, pixels, *, twice=None):
-        assert view == "right"
-        self.asked.append((method, int(pixels.sum())))
-        once = self.traced()[pixels]
-        return {"Combined": once if twice is None else np.concatenate([once, self.traced()[twice]])}
+    def trace(self, method, requests):
+        (request,) = requests
+        assert request.view == "right"
+        self.asked.append((method, int(request.pixels.sum())))
+        return [{"Combined": np.concatenate([self.traced()[mask] for mask in request.masks])}]
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
         means = FillPlanner(asked, COST, blockers or {})
@@ -157,11 +157,11 @@ def test_a_probe_of_which_one_trace_is_no_number_takes_the_other():
     eye = frame.eye(asked="packed")
     plain = frame.trace
 
-    def trace(method, view, pixels, *, twice=None):
-        passes = plain(method, view, pixels, twice=twice)
-        if twice is not None:
-            passes["Combined"][int(pixels.sum()) + 3] = np.nan
-        return passes
+    def trace(method, requests):
+        (passes,) = plain(method, requests)
+        if requests[0].twice is not None:
+            passes["Combined"][int(requests[0].pixels.sum()) + 3] = np.nan
+        return [passes]
 
     frame.trace = trace
     eye.fill()

@@ -36,11 +36,13 @@ class LightMatcher:
         self.per_pixel, self.why_not = per_pixel, why_not
         self.asked = []
 
-    def trace(self, method, _view, pixels):
+    def trace(self, method, requests):
+        pixels = requests[0].pixels
         self.asked.append((method, int(pixels.sum())))
         value = TRUE if method == "full" else DARK
         count = int(pixels.sum())
-        return {COLOUR_PASS: np.full((count, 4), value, np.float32), DEPTH_PASS: np.full((count, 1), 5.0, np.float32)}
+        colour, depth = np.full((count, 4), value, np.float32), np.full((count, 1), 5.0, np.float32)
+        return [{COLOUR_PASS: colour, DEPTH_PASS: depth}]
 
     def traced_features(self, passes):
         colour = passes[COLOUR_PASS][:, :3]

@@ -119,9 +119,10 @@ class Caster:
     def plan(self):
         return EffectsPlan((Finding(Effect.GLOSSY, self.view_dependent, "probed"),), {})
 
-    def trace(self, method, view, pixels, *, twice=None):
-        self.asked.append((method, view, pixels.copy()))
-        masks = [pixels] if twice is None else [pixels, twice]
+    def trace(self, method, requests):
+        (request,) = requests
+        view, masks = request.view, request.masks
+        self.asked.append((method, view, request.pixels.copy()))
         # The first trace has a seed that the tests know; each after it has one of its own.
         seeds = [2 + 1000 * (len(self.asked) - 2) + k for k in range(len(masks))]
         pictures = [self.picture(view, seed=seed) for seed in seeds]
@@ -132,7 +133,7 @@ class Caster:
         passes = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         if self.traced_colour is not None:
             passes["Combined"][:] = self.traced_colour
-        return passes
+        return [passes]
 
 
 class Denoiser:
