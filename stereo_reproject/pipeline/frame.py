@@ -60,8 +60,11 @@ class Renderer(Protocol):
     """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
     denoise: Denoise | None
     """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
-    matcher: LightMatcher | None
-    """The engine that traces, where that is another one than renders the source; else None."""
+
+    @property
+    def matcher(self) -> LightMatcher | None:
+        """The engine that traces, where that is another one than renders the source; else None."""
+        ...
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Return the source eye, whole and not denoised, and its cost."""

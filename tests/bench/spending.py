@@ -20,7 +20,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +30,18 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.estimate import probes, refinement, shown_materials, tracing
-from stereo_reproject.estimate.tracing import FillPlanner, TargetEye
+from stereo_reproject.estimate.estimator import estimator_of
+from stereo_reproject.estimate.target import Target
+from stereo_reproject.estimate.tracing import ProbedTracing
+from stereo_reproject.estimate.tuning import EstimateTuning, varied
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.trace.planner import FillPlanner
+from stereo_reproject.trace.requests import TraceRequest
 from stereo_reproject.warp.composite import replace_non_finite
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
@@ -54,41 +58,37 @@ TARGET = "target "
 
 @dataclass(frozen=True)
 class Knob:
-    """A number that ships, and those to try in its place: a constant, by its name where it is kept (`place`), or, when
-    there is no place, a field of `Accuracy`."""
+    """A number that ships, and those to try in its place: a field of `EstimateTuning`, or of `Accuracy`."""
 
     name: str
     values: tuple[float, ...]
-    place: dict[str, Any] | None = field(default=None, repr=False)
-    key: str = ""
+
+    @property
+    def is_tuning(self) -> bool:
+        return self.name in {field.name for field in fields(EstimateTuning)}
 
     def shipped(self, accuracy: Accuracy = SHIPPED) -> float:
-        return getattr(accuracy, self.name) if self.place is None else self.place[self.key or self.name]
+        return getattr(EstimateTuning() if self.is_tuning else accuracy, self.name)
 
     @contextmanager
     def turned(self, value: float, accuracy: Accuracy = SHIPPED) -> Iterator[Accuracy]:
         """The accuracy to run with while the knob stands at `value`."""
-        if self.place is None:
+        if not self.is_tuning:
             yield replace(accuracy, **{self.name: value})
             return
-        shipped, key = self.shipped(), self.key or self.name
-        self.place[key] = value
-        try:
+        with varied(replace(EstimateTuning(), **{self.name: value})):
             yield accuracy
-        finally:
-            self.place[key] = shipped
 
 
 KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
-    Knob("NEIGHBOURS", (1, 2, 3), vars(refinement)),
-    Knob("UNMOVED", (0.0, 0.25, 0.5), vars(refinement)),
-    Knob("FEWEST", (2, 4, 8, 10**6), vars(shown_materials)),
-    Knob("EVEN", (1.0, 0.5, 0.2), vars(probes)),
-    # The constant is a default argument, and that is bound when the function is defined.
-    Knob("SURE", (0.0, 0.5, 1.0), refinement.choose_tiles.__kwdefaults__, key="sure"),
+    Knob("frame_reach_tiles", (1, 2, 3)),
+    Knob("unmoved_share", (0.0, 0.25, 0.5)),
+    Knob("min_material_probes", (2, 4, 8, 10**6)),
+    Knob("even_probe_chance", (1.0, 0.5, 0.2)),
+    Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
     Knob("tile_limit", (1.5, 2.0, 3.0)),
-    Knob("ROUNDS", (1, 2), vars(tracing)),
+    Knob("max_refining_renders", (1, 2)),
 )
 
 
@@ -114,11 +114,11 @@ class StoredTracer:
     once: NDArray
     again: NDArray
 
-    def trace(
-        self, _method: str, _view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        first = self.once[pixels]
-        return {COLOUR_PASS: first if twice is None else np.concatenate([first, self.again[twice]])}
+    def trace(self, _method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        return [{COLOUR_PASS: np.concatenate([self.once[one.pixels], *self._again(one)])} for one in requests]
+
+    def _again(self, request: TraceRequest) -> list[NDArray]:
+        return [] if request.twice is None else [self.again[request.twice]]
 
 
 @dataclass(frozen=True)
@@ -131,23 +131,25 @@ class Scene:
 
     def outcome(self, knob: Knob, value: float, seed: int, accuracy: Accuracy) -> Outcome:
         with knob.turned(value, accuracy) as accuracy:
-            eye, estimate = self._finished(accuracy, seed)
+            target, estimate = self._finished(accuracy, seed)
         _, _, reference, again = self._shifted(seed)
-        ours = eye.passes[COLOUR_PASS]
+        ours = target.colour
         truth = noise_ratio(ours, reference, again), worst_tiles(ours, reference, again)
-        return Outcome(self.name, knob.name, value, seed, float(np.mean(eye.traced)), *truth, estimate)
+        return Outcome(self.name, knob.name, value, seed, float(np.mean(target.traced)), *truth, estimate)
 
-    def _finished(self, accuracy: Accuracy, seed: int) -> tuple[TargetEye, float]:
+    def _finished(self, accuracy: Accuracy, seed: int) -> tuple[Target, float]:
         """As `frame.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
         warped = replace(self.warped, passes=passes, accuracy=accuracy)
-        tracer, means = StoredTracer(once, again), FillPlanner("auto", COST, {})
-        eye = TargetEye(tracer, StereoSettings().target, means, warped, accuracy, watched=True, seed=seed)
-        if eye.wants_pilot:
-            eye.send_pilot()
-        eye.fill()
-        return eye, eye.refine().estimate.noise_ratio
+        tracer, planner, view = StoredTracer(once, again), FillPlanner("auto", COST, {}), StereoSettings().target
+        estimator = estimator_of(warped, accuracy, None, probed=True)
+        tracing = ProbedTracing(tracer, view, planner, warped, accuracy, estimator=estimator, seed=seed)
+        if tracing.wants_pilot:
+            tracing.send_pilot()
+        tracing.fill()
+        estimate = tracing.refine().estimate
+        return tracing.target, estimate.noise_ratio
 
     def _shifted(self, seed: int) -> list[NDArray]:
         return [self.targets[(seed + number) % RENDERS] for number in range(RENDERS)]

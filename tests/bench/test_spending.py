@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate import refinement
+from stereo_reproject.estimate.tuning import EstimateTuning, tuned
 from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.trace.requests import TraceRequest
 from tests.bench.spending import KNOBS, SHIPPED, Knob, Outcome, StoredTracer, load_pictures, parse, save_pictures, table
 
 
@@ -14,24 +15,19 @@ class TurnedTooFarError(Exception):
 
 @pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
 def test_a_knob_turns_what_the_engine_reads_and_goes_back(knob):
-    before = {other.name: other.shipped() for other in KNOBS}
     for value in knob.values:
         with knob.turned(value) as accuracy:
-            if knob.place is None:
-                assert getattr(accuracy, knob.name) == value
-                assert knob.shipped() == before[knob.name], "the accuracy that ships is not touched"
-            else:
-                assert knob.shipped() == value
-                assert accuracy is SHIPPED
-        assert {other.name: other.shipped() for other in KNOBS} == before
+            assert getattr(tuned() if knob.is_tuning else accuracy, knob.name) == value
+            assert knob.is_tuning == (accuracy is SHIPPED)
+            assert knob.shipped() in knob.values, "what ships is not touched"
+        assert tuned() == EstimateTuning()
 
 
 @pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
 def test_a_knob_goes_back_after_an_error_too(knob):
-    before = knob.shipped()
     with pytest.raises(TurnedTooFarError), knob.turned(knob.values[0]):
         raise TurnedTooFarError
-    assert knob.shipped() == before
+    assert tuned() == EstimateTuning()
 
 
 @pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
@@ -40,27 +36,19 @@ def test_what_ships_is_among_what_is_tried(knob):
     assert len(knob.values) > 1
 
 
-def test_a_default_argument_is_turned_though_it_was_bound_long_ago():
-    knob = next(knob for knob in KNOBS if knob.name == "SURE")
-    assert knob.shipped() == refinement.SURE
-    with knob.turned(7.0):
-        assert refinement.choose_tiles.__kwdefaults__["sure"] == 7.0
-    assert refinement.choose_tiles.__kwdefaults__["sure"] == refinement.SURE
-
-
 def test_the_table_has_means_over_scenes_and_seeds_and_marks_what_ships():
-    knob = Knob("LENGTH", (1, 2.5), {"LENGTH": 2.5})
+    knob = Knob("tile_limit", (1, 2.0))
     outcomes = [
-        Outcome("a", "LENGTH", 1, 1, traced=0.1, ratio=1.0, worst=1.2, estimate=0.9),
-        Outcome("b", "LENGTH", 1, 2, traced=0.3, ratio=1.1, worst=1.4, estimate=1.1),
-        Outcome("a", "LENGTH", 2.5, 1, traced=1.0, ratio=1.0, worst=1.1, estimate=1.0),
+        Outcome("a", "tile_limit", 1, 1, traced=0.1, ratio=1.0, worst=1.2, estimate=0.9),
+        Outcome("b", "tile_limit", 1, 2, traced=0.3, ratio=1.1, worst=1.4, estimate=1.1),
+        Outcome("a", "tile_limit", 2.0, 1, traced=1.0, ratio=1.0, worst=1.1, estimate=1.0),
         Outcome("a", "WIDTH", 1, 1, traced=9.0, ratio=9.0, worst=9.0, estimate=9.0),
     ]
     head, rule, *rows = table(outcomes, [knob]).splitlines()
     assert {line.count("|") for line in (head, rule, *rows)} == {10}
     assert rows == [
-        "| `LENGTH` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 1.30 | 1.000 | 0.071 |",
-        "| `LENGTH` | **2.5** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.10 | 1.000 | 0.000 |",
+        "| `tile_limit` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 1.30 | 1.000 | 0.071 |",
+        "| `tile_limit` | **2** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.10 | 1.000 | 0.000 |",
     ]
 
 
@@ -69,8 +57,9 @@ def test_a_stored_trace_is_what_the_renders_have_at_its_pixels_in_the_masks_orde
     pixels = np.array([[True, False, True], [False, True, False]])
     twins = np.array([[False, False, True], [False, False, False]])
     tracer = StoredTracer(once, again)
-    np.testing.assert_array_equal(tracer.trace("packed", "right", pixels)[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
-    traced = tracer.trace("packed", "right", pixels, twice=twins)[COLOUR_PASS]
+    (traced,) = tracer.trace("packed", [TraceRequest("right", pixels)])
+    np.testing.assert_array_equal(traced[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
+    traced = tracer.trace("packed", [TraceRequest("right", pixels, twins)])[0][COLOUR_PASS]
     np.testing.assert_array_equal(traced[:, 0], [0.0, 8.0, 16.0, 108.0])
 
 

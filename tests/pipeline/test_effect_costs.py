@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.evidence import measure_tiles
+from stereo_reproject.estimate.evidence import ProbeTraces, measure_tiles
 from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.effects import Effect

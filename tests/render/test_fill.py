@@ -19,6 +19,7 @@ from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import (
     FINEST_FILTER,
     Material,
@@ -377,7 +378,7 @@ def trace_in_halves(scene, folder, method, view):
         camera = renderer.cameras[view]
         half = random_half((camera.height, camera.width), grain=GRAIN[method])
         for pixels in (half, ~half):
-            for name, values in renderer.trace(method, view, pixels).items():
+            for name, values in renderer.trace(method, [TraceRequest(view, pixels)])[0].items():
                 whole = result.setdefault(name, np.full((*pixels.shape, values.shape[1]), np.nan, np.float32))
                 whole[pixels] = values
     return result
@@ -467,7 +468,7 @@ def test_card_in_focus_at_another_frame(tmp_path):
         renderer = BlenderRenderer(working, tmp_path)
         camera = renderer.cameras[TARGET]
         pixels = random_half((camera.height, camera.width), grain=GRAIN["card"])
-        ours = renderer.trace("card", TARGET, pixels)[COLOUR_PASS]
+        ours = renderer.trace("card", [TraceRequest(TARGET, pixels)])[0][COLOUR_PASS]
     scene.frame_set(FRAME)
     a, b = (render_plain(scene, tmp_path, seed=seed, views=(TARGET,))[TARGET][COLOUR_PASS] for seed in (1, 2))
     assert rms(ours - a[pixels]) < NOISE * rms((b - a)[pixels])
@@ -526,7 +527,7 @@ def test_animated_settings_of_the_camera(tmp_path, change, standing):
             renderer = BlenderRenderer(working, tmp_path)
             camera = renderer.cameras[TARGET]
             pixels = random_half((camera.height, camera.width), grain=GRAIN["card"])
-            traced[method] = renderer.trace(method, TARGET, pixels)[COLOUR_PASS]
+            traced[method] = renderer.trace(method, [TraceRequest(TARGET, pixels)])[0][COLOUR_PASS]
     scene.frame_set(FRAME)
     a, b = (render_plain(scene, tmp_path, seed=seed, views=(TARGET,))[TARGET][COLOUR_PASS] for seed in (1, 2))
     noise = rms((b - a)[pixels])
@@ -543,7 +544,8 @@ def test_one_method_leaves_nothing_to_the_next(tmp_path):
         camera = renderer.cameras[TARGET]
         pixels = random_half((camera.height, camera.width), grain=GRAIN["card"])
         for method in ("packed", "card", "full", "card", "packed", "full"):
-            traced.append((method, renderer.trace(method, TARGET, pixels)[COLOUR_PASS]))
+            passes = renderer.trace(method, [TraceRequest(TARGET, pixels)])[0]
+            traced.append((method, passes[COLOUR_PASS]))
             # Blender crashes here when it still has what a method has removed.
             assert BlenderRenderer(working, tmp_path).plan == renderer.plan
     a, b = (render_plain(scene, tmp_path, seed=seed, views=(TARGET,))[TARGET][COLOUR_PASS] for seed in (1, 2))

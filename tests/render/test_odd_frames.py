@@ -138,8 +138,10 @@ class OneFirefly(BlenderRenderer):
         self.near, self.which = near, trace
         self.place = None
 
-    def trace(self, method, view, pixels, *, twice=None):
-        passes = super().trace(method, view, pixels, twice=twice)
+    def trace(self, method, requests):
+        (passes,) = super().trace(method, requests)
+        (request,) = requests
+        pixels, twice = request.pixels, request.twice
         if twice is not None:
             probes = np.argwhere(twice)
             chosen = int(np.argmin(np.hypot(*(probes - self.near).T)))
@@ -149,7 +151,7 @@ class OneFirefly(BlenderRenderer):
                 "second": int(pixels.sum()) + chosen,
             }
             passes[COLOUR_PASS][place[self.which], :3] = self.BRIGHT
-        return passes
+        return [passes]
 
 
 class FireflyInTheSource(BlenderRenderer):

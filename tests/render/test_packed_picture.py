@@ -7,6 +7,7 @@ from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import add_camera, empty_scene, set_background
 
 
@@ -19,5 +20,5 @@ def test_no_entry_is_mistaken_for_the_padding_below_it(tmp_path, count):
     pixels = np.zeros((count, 4), bool)
     pixels[:, 0] = True
     with working_scene(scene, SceneOverrides()) as working:
-        traced = BlenderRenderer(working, tmp_path).trace("packed", "right", pixels)[COLOUR_PASS]
+        traced = BlenderRenderer(working, tmp_path).trace("packed", [TraceRequest("right", pixels)])[0][COLOUR_PASS]
     assert (traced[:, :3] > 0.0).all()

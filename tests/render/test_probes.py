@@ -13,6 +13,7 @@ from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import (
     Material,
     add_camera,
@@ -72,10 +73,11 @@ def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method, chan
         change(scene)
     with working_scene(scene, SceneOverrides(samples=4)) as working:
         renderer = BlenderRenderer(working, tmp_path)
-        traced = tone(renderer.trace(method, "right", everything, twice=everything)[COLOUR_PASS])
+        traced = tone(renderer.trace(method, [TraceRequest("right", everything, everything)])[0][COLOUR_PASS])
         # These are to be as good as the mean of many pixels.
         working.cycles.scrambling_distance = 1.0
-        others = [tone(renderer.trace("full", "right", everything)[COLOUR_PASS]) for _ in range(2)]
+        whole = [TraceRequest("right", everything)] * 2
+        others = [tone(passes[COLOUR_PASS]) for passes in renderer.trace("full", whole)]
     once, again = traced[: everything.size], traced[everything.size :]
     # The true colour cancels in both differences, and what they share is what the two traces share.
     shared = np.mean((once - others[0]) * (again - others[1]))
@@ -88,7 +90,8 @@ def test_a_mirror_is_found_and_traced(scene, tmp_path):
         assert renderer.view_dependent == ("material 'mirror' on 'Sphere'",)
         frame = render_stereo_frame(renderer, StereoSettings(fill="packed"))
         everything = np.ones(SIZE[::-1], bool)
-        traces = [renderer.trace("full", "right", everything)[COLOUR_PASS] for _ in range(2)]
+        whole = [TraceRequest("right", everything)] * 2
+        traces = [passes[COLOUR_PASS] for passes in renderer.trace("full", whole)]
     reference, again = (trace.reshape(*SIZE[::-1], -1) for trace in traces)
     assert ((frame.reasons & Reason.REFINED.bit) > 0).any()
     told = frame.refinement.estimate

@@ -19,6 +19,7 @@ from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import (
     Material,
     add_camera,
@@ -161,8 +162,9 @@ def packed_in_any_order(working, folder):
 
 
 def behind_the_card(working, folder):
-    traced = BlenderRenderer(working, folder).trace("card", TARGET, np.ones((HEIGHT, WIDTH), bool))
-    return traced[COLOUR_PASS][:, :3].reshape(HEIGHT, WIDTH, 3)
+    everything = TraceRequest(TARGET, np.ones((HEIGHT, WIDTH), bool))
+    traced = BlenderRenderer(working, folder).trace("card", [everything])
+    return traced[0][COLOUR_PASS][:, :3].reshape(HEIGHT, WIDTH, 3)
 
 
 @pytest.fixture(scope="module", params=SURFACES, ids=str)

@@ -11,6 +11,7 @@ from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import COLOUR_PASS, cryptomatte_of
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import (
     add_camera,
     add_plane,
@@ -70,7 +71,8 @@ def test_traced_with_the_samples_of_the_source(scene, tmp_path, threshold):
         assert COUNTS not in source
         assert not any(map(cryptomatte_of, source)), "only what the user has asked for"
         everything = np.ones(SIZE[::-1], bool)
-        traced = renderer.trace("packed", "left", everything)[COLOUR_PASS].reshape(source[COLOUR_PASS].shape)
+        traced = renderer.trace("packed", [TraceRequest("left", everything)])[0][COLOUR_PASS]
+        traced = traced.reshape(source[COLOUR_PASS].shape)
         with without_time_limit(working, samples):
             other = render_views(working, ("left",), tmp_path, seed=7).views["left"][COLOUR_PASS]
         noise = rms(other - source[COLOUR_PASS])

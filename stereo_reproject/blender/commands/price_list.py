@@ -30,6 +30,7 @@ from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_fram
 from ...report.report import OUTSIDE_TOTAL
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost
+from ...trace.requests import TraceRequest
 from ...tradeoff.cases import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
 from ...tradeoff.charts import check_charts, draw_charts
 from ..engines.renderer import BlenderRenderer
@@ -92,7 +93,7 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
         pixels[::WARM_UP_SPACING, ::WARM_UP_SPACING] = True
         for method, blocker in renderer.fill_blockers().items():
             if not blocker:
-                renderer.trace(method, settings.target, pixels)
+                renderer.trace(method, [TraceRequest(settings.target, pixels)])
     return time.perf_counter() - start
 
 

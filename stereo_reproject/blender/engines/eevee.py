@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from ...matching.matching import Traced
+from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
-from ...views.camera import Camera, ray_length_per_depth
+from ...trace.requests import TraceRequest
+from ...views.camera import ray_length_per_depth
 from ..scene.denoiser import has_denoiser
 from ..scene.engine_support import engine_warnings, unmatched_materials
 from ..scene.working import CYCLES, rendered_layer
@@ -21,7 +23,7 @@ from .denoise import ALBEDO, NORMAL, denoise_pictures
 from .hole_camera import trace_packed
 from .mask_card import trace_card
 from .render import Rendered
-from .renderer import BlenderRenderer, cost_of, render_target
+from .renderer import BlenderRenderer, cost_of, trace_full
 
 MOST_SAMPLES = 32
 """Of a traced pixel: what is learned from the ring rests on features that have little noise, and it is a preview."""
@@ -66,7 +68,6 @@ class EeveeRenderer(BlenderRenderer):
         super().__init__(scene, folder, user_scene=user_scene)
         self._tracing: str | None = None
         self._last: Rendered | None = None
-        self._target: Camera | None = None
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """The source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
@@ -89,14 +90,15 @@ class EeveeRenderer(BlenderRenderer):
             bpy.data.scenes.remove(scene)
         self._tracing = None
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        assert twice is None, "EEVEE's pixels are not probed"
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        assert all(request.twice is None for request in requests), "EEVEE's pixels are not probed"
+        return [self._traced(method, request) for request in requests]
+
+    def _traced(self, method: str, request: TraceRequest) -> Passes:
+        view, pixels = request.view, request.pixels
         if method == "full":
-            return self._sky_marked(render_target(self, view, pixels, seed=self.seed))
-        scene, self._target = self._tracing_scene(), self.cameras[view]
-        seed = self._next_seed()
+            return self._sky_marked(trace_full(self.scene, view, pixels, self.folder, seed=self.seed)[1])
+        scene, seed = self._tracing_scene(), self._next_seed()
         if method == "card":
             self._last, passes = trace_card(scene, view, pixels, self.folder, seed=seed)
         else:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -48,8 +50,12 @@ class BlenderRenderer:
     user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
     """
 
-    matcher: LightMatcher | None = None
     gpu = staticmethod(gpu_stage)
+
+    @property
+    def matcher(self) -> LightMatcher | None:
+        """None: the engine that renders the source traces too."""
+        return None
 
     @property
     def warnings(self) -> list[str]:
@@ -136,27 +142,26 @@ class BlenderRenderer:
             "card": self.uncounted or card_blocker(self.scene),
         }
 
-    def trace(
-        self, method: str, view: str, pixels: NDArray[np.bool_], *, twice: NDArray[np.bool_] | None = None
-    ) -> Passes:
-        masks = [pixels] if twice is None else [pixels, twice]
+    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        """Trace all requests by one method, as `Tracer` says."""
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
+        trace = self._trace_packed if method == "packed" else partial(self._trace_whole, method)
         with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
-            if method == "packed":
-                places = np.concatenate([np.argwhere(mask) for mask in masks])
-                seed = self._next_seed()
-                traced = trace_packed(self.scene, self.cameras[view], view, places, self.folder, seed=seed)[1]
-            else:
-                apart = [self._trace_whole(method, view, mask) for mask in masks]
-                traced = {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
-        return self._guided(traced)
+            return [self._guided(trace(request)) for request in requests]
 
-    def _trace_whole(self, method: str, view: str, pixels: NDArray[np.bool_]) -> Passes:
-        seed = self._next_seed()
-        if method == "card":
-            return trace_card(self.scene, view, pixels, self.folder, seed=seed)[1]
-        return render_target(self, view, pixels, seed=seed)
+    def _trace_packed(self, request: TraceRequest) -> Passes:
+        places = np.concatenate([np.argwhere(mask) for mask in request.masks])
+        camera = self.cameras[request.view]
+        return trace_packed(self.scene, camera, request.view, places, self.folder, seed=self._next_seed())[1]
+
+    def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
+        """The passes (N, C) of a request, by a render as large as the view for each of its masks."""
+        trace = {"card": trace_card, "full": trace_full}[method]
+        apart = [
+            trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks
+        ]
+        return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
 
     def _next_seed(self) -> int:
         """A seed that no render of this frame has had: noise that is there already must not come twice."""
@@ -168,10 +173,12 @@ def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
-def render_target(renderer: BlenderRenderer, view: str, pixels: NDArray[np.bool_], *, seed: int) -> Passes:
-    """A plain render of the view, as (N, C) of the given pixels."""
-    rendered = render_views(renderer.scene, (view,), renderer.folder, seed=seed)
-    return {name: image[pixels] for name, image in rendered.views[view].items()}
+def trace_full(
+    scene: bpy.types.Scene, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
+) -> tuple[Rendered, Passes]:
+    """A plain render of the view, and its passes as (N, C) of the pixels that are set in `pixels` (H, W)."""
+    rendered = render_views(scene, (view,), folder, seed=seed)
+    return rendered, {name: image[pixels] for name, image in rendered.views[view].items()}
 
 
 def shifted_seed(seed: int, by: int) -> int:
