@@ -8,9 +8,10 @@ from typing import Any
 
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
-from .frames import FAILURES_IN_A_ROW, KEPT
-from .journal import JOURNAL
-from .runs import Runs
+from .frames import FAILURES_IN_A_ROW
+from .journal_folder import JOURNAL
+from .output_errors import KEPT
+from .runs import LiveRuns
 
 
 def run_animation(
@@ -66,7 +67,7 @@ def run_animation(
         finally:
             if job.output is not None:
                 # Whoever is killed before it has a heartbeat leaves its files in the journal.
-                Runs(job.output / JOURNAL).clear(own="")
+                LiveRuns(job.output / JOURNAL).clear(own="")
 
 
 def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:
