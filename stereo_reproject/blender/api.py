@@ -79,6 +79,7 @@ def compare(
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
 
+# Twelve parameters, because scripts call it by these keywords, which docs/scripting.md promises.
 def render_animation(
     settings: StereoSettings | None = None,
     *,

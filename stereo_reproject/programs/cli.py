@@ -9,7 +9,6 @@ import argparse
 import contextlib
 import importlib.metadata
 import os
-import re
 import stat
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -38,6 +37,7 @@ from .arguments import (
     overrides_of,
     settings_of,
 )
+from .converters import OneLineParser
 
 INTERRUPTED_STATUS = 130
 # As saved by Blender: plain, with gzip (before 3.0), with Zstandard (from 3.0).
@@ -207,15 +207,6 @@ def version() -> str:
     return "of unknown version"
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        option = re.fullmatch(r"argument (--[\w-]+): expected one argument", message)
-        if option is not None:
-            # What begins with a dash and is no number is an option to argparse.
-            message += f" (one that begins with - is given as {option[1]}=-...)"
-        raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
-
-
 class _ShowVersion(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         Console().show(f"{PROGRAM} {version()}")
@@ -270,14 +261,14 @@ COMMANDS = (
 
 
 def _parser(program: str) -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneLineParser(
         prog=program,
         description="A stereo pair from a Blender scene, for little more than the price of one eye.",
         epilog="exit status: 0 done, 1 failed, 2 bad input, 130 interrupted",
         allow_abbrev=False,
     )
     parser.add_argument("--version", nargs=0, action=_ShowVersion, help="show the version and exit")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=OneLineParser)
     for command in COMMANDS:
         subparser = commands.add_parser(
             command.name,

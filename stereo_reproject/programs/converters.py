@@ -1,13 +1,24 @@
-"""What argparse turns the texts of options into, with a complaint in one line that names the option."""
+"""Reading of options by argparse, with a complaint in one line that names the option."""
 
 from __future__ import annotations
 
 import argparse
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from ..errors import BadInputError
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that raises BadInputError, in one line, where argparse would print its usage and exit."""
+
+    def error(self, message: str) -> NoReturn:
+        option = re.fullmatch(r"argument (--[\w-]+): expected one argument", message)
+        if option is not None:
+            # argparse takes a value that begins with a dash and is no number for an option.
+            message += f" (one that begins with - is given as {option[1]}=-...)"
+        raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
 
 
 def whole_number(text: str) -> int:

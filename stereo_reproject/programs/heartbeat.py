@@ -10,7 +10,7 @@ import threading
 from pathlib import Path
 
 from ..files import is_regular, read_small
-from ..sequence.runs import BEAT_DIGITS, BEAT_SECONDS, RUN_BYTES, Runs
+from ..sequence.runs import BEAT_DIGITS, BEAT_SECONDS, RUN_BYTES, LiveRuns
 
 
 def main() -> None:
@@ -22,11 +22,18 @@ def main() -> None:
         beat += 1
         # A drive that is away for a moment may come back.
         with contextlib.suppress(OSError):
-            facts = facts or read_small(path, RUN_BYTES)[:-BEAT_DIGITS]
+            facts = _facts(path) or facts
             _write_number(path, facts, f"{beat:0{BEAT_DIGITS}}".encode("ascii"))
-    Runs(path.parent).clear(path.name.removeprefix("run-"))
+    LiveRuns(path.parent).clear(path.name.removeprefix("run-"))
     with contextlib.suppress(OSError):
         path.unlink(missing_ok=True)
+
+
+def _facts(path: Path) -> bytes:
+    """Return the content of the run's file before its number, which changes when the run settles; b"" without one."""
+    with contextlib.suppress(FileNotFoundError):
+        return read_small(path, RUN_BYTES)[:-BEAT_DIGITS]
+    return b""
 
 
 def _write_number(path: Path, facts: bytes, number: bytes) -> None:
@@ -42,7 +49,8 @@ def _write_number(path: Path, facts: bytes, number: bytes) -> None:
             os.fsync(file.fileno())
     except FileNotFoundError:
         # This machine has slept, and was thought dead.
-        path.write_bytes(facts + number)
+        if facts:
+            path.write_bytes(facts + number)
 
 
 def _wait_for_end(ended: threading.Event) -> None:

@@ -14,16 +14,13 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import as_told
 from ..files import strict
+from ..jobs.warn_once import WarnOnce
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
-
-if TYPE_CHECKING:
-    # It takes numpy.
-    pass
 
 Emit = Callable[..., None]
 
@@ -73,7 +70,7 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
     """Render the pair of one frame into work/out."""
     from ..blender.commands.frame import render_files
 
-    work, warn = Path(job["work"]), _warn_once(emit)
+    work, warn = Path(job["work"]), _warning_of(emit)
     scene, loaded = _open(job, emit, warn)
     report, files = render_files(
         scene,
@@ -92,7 +89,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
     from ..jobs.supervisor import Session
     from ..sequence.progress import Listener
 
-    warn = _warn_once(emit)
+    warn = _warning_of(emit)
     scene, _ = _open(job, emit, warn)
     told = Listener(
         _on_stage(emit),
@@ -121,7 +118,7 @@ def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     check_charts()
     from ..blender.commands.price_list import render_prices
 
-    work, warn = Path(job["work"]), _warn_once(emit)
+    work, warn = Path(job["work"]), _warning_of(emit)
     scene, _ = _open(job, emit, warn)
     settings, only = _settings(job["settings"]), job["only"]
     prices, files = render_prices(scene, settings, work, only=only, on_stage=_on_stage(emit))
@@ -132,7 +129,7 @@ def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
     """Say what the scene calls for, and what its pair will cost."""
     from ..blender.commands.inspection import inspect_scene
 
-    work, warn = Path(job["work"]), _warn_once(emit)
+    work, warn = Path(job["work"]), _warning_of(emit)
     scene, _ = _open(job, emit, warn)
     inspection = inspect_scene(scene, _settings(job["settings"]), work, sketch=sketch, on_stage=_on_stage(emit))
     _finish(inspection, [], emit, warn)
@@ -170,16 +167,9 @@ def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple
     return scene, loaded
 
 
-def _warn_once(emit: Emit) -> Callable[[str], None]:
-    """Says each warning once: what is known before the first render is in the report at the end, too."""
-    said: set[str] = set()
-
-    def warn(text: str) -> None:
-        if text not in said:
-            said.add(text)
-            emit("warning", message=text)
-
-    return warn
+def _warning_of(emit: Emit) -> WarnOnce:
+    """Return what gives each warning once: those before the first render are in the report at the end, too."""
+    return WarnOnce(lambda text: emit("warning", message=text))
 
 
 def _finish(report: dict[str, Any], files: list[str], emit: Emit, warn: Callable[[str], None]) -> None:

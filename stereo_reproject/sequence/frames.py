@@ -7,40 +7,28 @@ this can be read, and killed at any moment in a test, without Blender.
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
-import stat
-import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import BadInputError, OtherRunError, OutputError, StereoReprojectError
 from ..files import flush, flush_folder, leads_elsewhere, put_in_place
-from ..jobs.work_folder import tells_full_disk
 from ..settings.animation import spelled
-from .journal import JOURNAL, Fingerprints, FrameState, Journal, Record, checksum
+from .checksums import checksum
+from .fingerprints import Fingerprints, FrameState
+from .frame_record import Record
+from .journal import Journal
 from .listing import Listing
+from .other_runs import check_same
+from .output_errors import failed_output
 
 POLL_SECONDS = 1.0
 """Between two looks at frames that another run has."""
 
 FAILURES_IN_A_ROW = 3
 """Frames that cannot be rendered, one after the other, after which no more are tried."""
-
-KEPT = "finished frames are kept, and --resume renders the rest"
-"""What becomes of an animation that ends early, in words."""
-
-GOING_SECONDS = 0.5
-"""How long a folder of frames may take to go."""
-
-FULL_BELOW = 1 << 20
-"""Bytes free on a drive that is called full."""
-
-FULL_BELOW_FILES = 32
-"""Files for which there is room on it: two frames are in the making at a time, of half a dozen each."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +88,7 @@ def plan_frames(
     # Of many frames few are there as a rule, and only those are looked at.
     known, there = journal.known_frames(), Listing()
     # Read first: a frame that another run finishes while its state is looked at replaces what was there before.
-    replaced = {record.frame: record for record in journal.records(frame for frame in files if frame in known)}
+    replaced = {record.frame: record for record in journal.records.read_all(frame for frame in files if frame in known)}
     states = dict.fromkeys(files, FrameState.MISSING)
     if existing == "overwrite":
         replaced = {
@@ -139,7 +127,7 @@ def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
 def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Mapping[int, Record]) -> None:
     """Frames that are there may be those of another run that has just begun on the same."""
     there = [frame for frame, state in states.items() if state is not FrameState.MISSING or frame in known]
-    records = {record.frame: record for record in journal.records(there)}
+    records = {record.frame: record for record in journal.records.read_all(there)}
     tokens = {records[frame].run if frame in records else "" for frame in there}
     if all(states[frame] is FrameState.WHOLE for frame in there) and all(map(journal.runs.lives, tokens)):
         return
@@ -152,55 +140,12 @@ def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Map
 def _check_scene(journal: Journal, states: Mapping[int, FrameState], wanted: Fingerprints) -> None:
     others = [frame for frame, state in states.items() if state is FrameState.OTHER_SCENE]
     if others:
-        record = journal.record(others[0])
+        record = journal.records.read(others[0])
         kinds = ", ".join(wanted.changed(record)) if record else "unknown"
         raise BadInputError(
             f"{journal.frames_folder}: the scene has changed since frame {others[0]} was rendered ({kinds}):"
             " --overwrite renders all anew, another folder keeps both"
         )
-
-
-def check_other_runs(
-    journal: Journal,
-    frames: Collection[int],
-    wanted: Fingerprints,
-    token: str,
-    waits: Callable[[Sequence[int]], None] = lambda _frames: None,
-) -> None:
-    """Raise OtherRunError where another run renders some of these frames by other settings, or of another scene.
-
-    To be asked by a run that has announced itself, and before it looks what is there: of two that begin, one at least
-    then sees the other. waits is told of the frames of a run that has yet to show that it lives. Raises OSError.
-    """
-    for other in journal.other_runs(token):
-        common = sorted(other.frames.intersection(frames))
-        if not common or wanted.state_of(other.wanted) is FrameState.WHOLE:
-            continue
-        while (at_work := journal.runs.is_at_work(other.token)) is None:
-            waits(common)
-            time.sleep(POLL_SECONDS)
-        if at_work:
-            raise _mixed(journal, f"another run renders frames {spelled(common)} there", wanted, other.wanted)
-
-
-def check_frames_stayed(journal: Journal, frames: Iterable[int], wanted: Fingerprints) -> None:
-    """Raise OtherRunError where a frame that counted as finished is of another scene or other settings by now."""
-    for record in journal.records(frames):
-        _check_same(journal, record, wanted)
-
-
-def _check_same(journal: Journal, record: Record, wanted: Fingerprints) -> None:
-    if wanted.state_of(record) is not FrameState.WHOLE:
-        what = f"another run has rendered frame {record.frame} meanwhile"
-        raise _mixed(journal, what, wanted, record)
-
-
-def _mixed(journal: Journal, what: str, wanted: Fingerprints, theirs: Record | Fingerprints) -> OtherRunError:
-    kinds = ", ".join(wanted.changed(theirs))
-    differs = f"{wanted.state_of(theirs).value} ({kinds})" if kinds else wanted.state_of(theirs).value
-    return OtherRunError(
-        f"{journal.frames_folder}: {what}, {differs}: another folder keeps both; finished frames are kept"
-    )
 
 
 def render_frames(
@@ -245,12 +190,12 @@ class _Work:
     def do(self, frame: int) -> bool:
         """Render a frame, unless it is there by now; False where another run has it."""
         try:
-            claim = self.journal.take(frame, self.token)
+            claim = self.journal.claims.take(frame, self.token)
             if claim is None:
                 return False
-            record = self.journal.record(frame)
+            record = self.journal.records.read(frame)
             if record is not None and self.plan.is_new(record):
-                self.journal.release(frame, claim, self.token)
+                self.journal.claims.release(frame, claim, self.token)
                 self._check_same(record)
                 self.told.done(frame, record)
                 return True
@@ -267,7 +212,7 @@ class _Work:
 
     def _check_same(self, record: Record) -> None:
         try:
-            _check_same(self.journal, record, self.wanted)
+            check_same(self.journal, record, self.wanted)
         except OtherRunError:
             # What is rendered by now is to be kept.
             self._look(wait=True)
@@ -292,7 +237,7 @@ class _Work:
 
     def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
         with contextlib.suppress(OSError):
-            self.journal.release(frame, self._claims[frame], self.token)
+            self.journal.claims.release(frame, self._claims[frame], self.token)
         self._failed_in_a_row += 1
         if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= FAILURES_IN_A_ROW:
             raise error
@@ -311,71 +256,17 @@ def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[st
             flush(path)
             sums[name] = checksum(path)
         finished = Record(**record, files=sums)
-        if not journal.holds(finished.frame, claim, finished.run):
+        if not journal.claims.holds(finished.frame, claim, finished.run):
             return None
-        journal.forget(finished.frame)
+        journal.records.remove(finished.frame)
         for name, path in made.items():
             place = journal.frames_folder / name
             place.parent.mkdir(exist_ok=True)
             put_in_place(path, place)
         for folder in dict.fromkeys((journal.frames_folder / name).parent for name in made):
             flush_folder(folder)
-        journal.write(finished)
-        journal.release(finished.frame, claim, finished.run)
+        journal.records.write(finished)
+        journal.claims.release(finished.frame, claim, finished.run)
     except OSError as error:
         raise failed_output(journal.frames_folder, error) from error
     return finished
-
-
-def failed_output(folder: Path, error: OSError | StereoReprojectError) -> OutputError:
-    """What an error in writing below this folder comes to, in a line."""
-    if _is_gone(folder, error):
-        return OutputError(f"{folder} is gone, with the frames that were in it")
-    if _is_full(folder, error):
-        return OutputError(f"{folder}: the disk is full; free some space: {KEPT}")
-    reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
-    return OutputError(f"{folder} cannot be written ({reason}): {KEPT}")
-
-
-def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReprojectError:
-    """The error itself, unless it comes of this folder's being gone or its disk full: Blender does not tell."""
-    if isinstance(error, OutputError) or not (_is_gone(folder, error) or _is_full(folder, error)):
-        return error
-    return failed_output(folder, error)
-
-
-def _is_gone(folder: Path, error: Exception) -> bool:
-    # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
-    there = _is_folder(folder / JOURNAL)
-    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
-        # Whoever removes it may be at it just now, and its files go first.
-        time.sleep(GOING_SECONDS)
-        there = _is_folder(folder / JOURNAL)
-    return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
-
-
-def _is_folder(path: Path) -> bool:
-    try:
-        return stat.S_ISDIR(path.stat().st_mode)
-    except OSError as error:
-        # What may not be looked at any more is not gone.
-        return not isinstance(error, (FileNotFoundError, NotADirectoryError))
-
-
-def _is_full(folder: Path, error: Exception) -> bool:
-    return (isinstance(error, OSError) and tells_full_disk(error)) or is_full(folder)
-
-
-def is_full(folder: Path, *, below: int = FULL_BELOW) -> bool:
-    """Whether there is hardly any room left on a folder's drive: less than so many bytes, or for too few files."""
-    with contextlib.suppress(OSError):
-        return shutil.disk_usage(folder).free < below or _has_no_names(folder)
-    return False
-
-
-def _has_no_names(folder: Path) -> bool:
-    # Windows does not count them, and some drives have no limit.
-    if sys.platform == "win32":
-        return False
-    drive = os.statvfs(folder)
-    return drive.f_files > 0 and drive.f_favail < FULL_BELOW_FILES

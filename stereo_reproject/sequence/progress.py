@@ -9,8 +9,8 @@ from typing import Any
 
 from ..settings.animation import spelled
 from .figures import figures_of
+from .frame_record import Record
 from .frames import FrameListener, FramePlan
-from .journal import Record
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from ..errors import BadInputError
 from ..files import write_json
 from ..settings.animation import AnimationSettings
 from .figures import figures_of
-from .journal import Fingerprints, FrameState, Journal
+from .fingerprints import Fingerprints, FrameState
+from .journal import Journal
 
 ANIMATION_SCHEMA = 1
 
@@ -56,7 +57,7 @@ def write_animation_report(
 def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]], list[str]]:
     """A row for each frame, and what is to be said of records."""
     rows, odd = [], []
-    for record in journal.records():
+    for record in journal.records.read_all():
         if wanted.state_of(record) is not FrameState.WHOLE:
             continue
         figures, strange = figures_of(record)
@@ -65,7 +66,7 @@ def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]],
             odd.append(f"{what} ({', '.join(strange)}): they are left out of the report")
         if figures.keys() >= FIGURES:
             rows.append({"frame": record.frame, "files": sorted(record.files), "warnings": [], **figures})
-    return rows, [*journal.doubts(), *odd]
+    return rows, [*journal.records.new_doubts(), *odd]
 
 
 def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -49,11 +49,14 @@ UNFINISHED_FILE = re.compile(rf"\.(run-{TOKEN.pattern}|[A-Za-z0-9._-]+\.(json|pn
 RUN_BYTES = 8192
 """What a run's file takes at most."""
 
+UNSETTLED = b'"settled": 0'
+"""Part of the file of a run that has yet to find out whether another is in its way."""
+
 STALE_SECONDS = 90.0
 """A run whose number has not changed for so long is dead. Drives may show for a minute what a file held before."""
 
 
-class Runs:
+class LiveRuns:
     """The runs whose files lie in `folder`; clock counts seconds, from any moment and never backwards."""
 
     def __init__(
@@ -94,6 +97,19 @@ class Runs:
                 if self.lives(token):
                     found[token] = _facts(self._content(token))
         return found
+
+    def mark_settled(self, token: str) -> None:
+        """Let others know that a run has found none in its way: see `other_runs.settle`. Raises OSError."""
+        path = self.path(token)
+        # Without its file it counts as dead, whatever it does.
+        if not is_regular(path):
+            return
+        with path.open("r+b") as file:
+            place = file.read(RUN_BYTES).rfind(UNSETTLED)
+            if place >= 0:
+                # One byte over another: the heartbeat writes into the same file, and a full disk has room for it.
+                file.seek(place + len(UNSETTLED) - 1)
+                file.write(b"1")
 
     def _content(self, token: str) -> bytes:
         """What the file of a run holds; FileNotFoundError where there is none, or what was named is no run."""
@@ -156,7 +172,7 @@ def _facts(content: bytes) -> Mapping[str, Any]:
 
 
 @contextmanager
-def run_at_work(runs: Runs, announced: Mapping[str, Any] | None = None) -> Iterator[str]:
+def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> Iterator[str]:
     """A run of this process, and its token: it lives for others until this is over, or the process is gone.
 
     announced is what others are to know of it, less than `RUN_BYTES` of JSON; they see it as soon as they see the run.

@@ -8,9 +8,11 @@ from typing import Any
 
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
-from .frames import FAILURES_IN_A_ROW, KEPT
-from .journal import JOURNAL
-from .runs import Runs
+from ..jobs.warn_once import WarnOnce
+from .frames import FAILURES_IN_A_ROW
+from .journal_folder import JOURNAL
+from .output_errors import KEPT
+from .runs import LiveRuns
 
 
 def run_animation(
@@ -28,37 +30,28 @@ def run_animation(
     """
     animation = job.animation
     assert animation is not None
-    done: list[int] = []
-    tell = _each_warning_once(on_event)
-    stage: Event = {}
-    crashes = 0
-
-    def watch(event: Event) -> None:
-        nonlocal stage, crashes
-        if event["event"] == "frame":
-            done.append(event["frame"])
-            crashes = 0
-        elif event["event"] == "stage":
-            stage = event
-        tell(event)
-
+    starts = _Starts(on_event)
     while True:
-        stage = {}
+        starts.stage = {}
         try:
             return run_worker(
-                replace(job, animation=animation), watch, on_tick=on_tick, interrupts=interrupts, command=command
+                replace(job, animation=animation),
+                starts.report,
+                on_tick=on_tick,
+                interrupts=interrupts,
+                command=command,
             )
         except RunInterruptedError as error:
             raise RunInterruptedError(error.signum, KEPT) from None
         except WorkerCrashedError as error:
-            crashes += 1
-            frame = str(stage.get("detail"))
-            if not frame.startswith(FRAME) or crashes >= FAILURES_IN_A_ROW:
+            starts.crashes_in_a_row += 1
+            frame = str(starts.stage.get("detail"))
+            if not frame.startswith(FRAME) or starts.crashes_in_a_row >= FAILURES_IN_A_ROW:
                 raise
             # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
-            animation = replace(animation, finished=tuple(done), existing=existing, goes_on=True)
-            if stage["stage"] == HANDED_OVER:
+            animation = replace(animation, finished=tuple(starts.finished), existing=existing, goes_on=True)
+            if starts.stage["stage"] == HANDED_OVER:
                 on_event({"event": "warning", "message": f"Blender is started again: {error}"})
                 continue
             animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
@@ -66,18 +59,29 @@ def run_animation(
         finally:
             if job.output is not None:
                 # Whoever is killed before it has a heartbeat leaves its files in the journal.
-                Runs(job.output / JOURNAL).clear(own="")
+                LiveRuns(job.output / JOURNAL).clear(own="")
 
 
-def _each_warning_once(on_event: Callable[[Event], None]) -> Callable[[Event], None]:
-    """Pass events on, but for warnings that were passed on before."""
-    said: set[str] = set()
+class _Starts:
+    """Events of one run over all starts of Blender: passed on, each warning once, and remembered where they matter."""
 
-    def tell(event: Event) -> None:
-        message = str(event.get("message"))
-        if event["event"] != "warning" or message not in said:
-            on_event(event)
+    def __init__(self, on_event: Callable[[Event], None]) -> None:
+        self._on_event = on_event
+        self._warn = WarnOnce(lambda text: on_event({"event": "warning", "message": text}))
+        self.finished: list[int] = []
+        """Frames that were finished, in order."""
+        self.stage: Event = {}
+        """The last event of a stage since Blender was started."""
+        self.crashes_in_a_row = 0
+
+    def report(self, event: Event) -> None:
+        """Pass an event of the worker on."""
         if event["event"] == "warning":
-            said.add(message)
-
-    return tell
+            self._warn(str(event.get("message")))
+            return
+        if event["event"] == "frame":
+            self.finished.append(event["frame"])
+            self.crashes_in_a_row = 0
+        elif event["event"] == "stage":
+            self.stage = event
+        self._on_event(event)

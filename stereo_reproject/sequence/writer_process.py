@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import BadInputError, OutputError, StereoReprojectError
 from ..jobs.supervisor import Session
 from ..jobs.worker_process import module_command, private_environment
-from .journal import Record
+from .frame_record import Record
 
 ANSWER_SECONDS = 0.02
 """Between two looks for an answer."""

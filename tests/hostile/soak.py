@@ -38,7 +38,9 @@ from typing import Any
 import numpy as np
 
 from stereo_reproject.jobs.work_folder import WORK_PREFIX
-from stereo_reproject.sequence.journal import JOURNAL, Journal, checksum
+from stereo_reproject.sequence.checksums import checksum
+from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.journal_folder import JOURNAL
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
@@ -404,7 +406,7 @@ class Check:
 
 def checks_of(soak: Soak, wanted: dict[str, str]) -> list[Check]:
     journal, frames = Journal(soak.folder), soak.options.frames
-    records = {record.frame: record for record in journal.records()}
+    records = {record.frame: record for record in journal.records.read_all()}
     whole = [frame for frame, record in records.items() if _is_whole(soak.folder, record.files)]
     made = _digests(soak.folder)
     other = sorted(name for name in {*made, *wanted} if made.get(name) != wanted.get(name))
@@ -415,7 +417,11 @@ def checks_of(soak: Soak, wanted: dict[str, str]) -> list[Check]:
         Check("in time", not soak.timed_out, f"{time.monotonic() - soak.began:.0f} of {soak.limit:.0f} s"),
         Check("processes were killed", bool(soak.kills), f"{sum(soak.kills.values())} times"),
         Check("nothing lost", len(whole) == frames, f"{len(whole)} of {frames} frames whole by the journal"),
-        Check("nothing doubled", not journal.doubts() and not again, f"recorded more than once: {again or 'none'}"),
+        Check(
+            "nothing doubled",
+            not journal.records.new_doubts() and not again,
+            f"recorded more than once: {again or 'none'}",
+        ),
         Check("the same bytes", not other, f"{len(made)} files, others: {other[:6] or 'none'}"),
         Check("nothing left behind", not left, ", ".join(left[:6]) or "nothing"),
         Check("no processes", not running, str(running or "none")),

@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from stereo_reproject.sequence.journal import JOURNAL
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.render.test_command_line import DEMO, environment, workers_of
 from tests.render.test_command_line import Run as Ended
 

@@ -18,8 +18,11 @@ from pathlib import Path
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.jobs import work_folder
 from stereo_reproject.sequence import frames as animation
-from stereo_reproject.sequence import runs
-from stereo_reproject.sequence.journal import Fingerprints, Journal
+from stereo_reproject.sequence import other_runs, runs
+from stereo_reproject.sequence.fingerprints import Fingerprints
+from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.sequence.output_errors import failed_output
 
 VIEWS = ("L", "R")
 BYTES = 20_000
@@ -38,20 +41,20 @@ def main():
     options = parse()
     if options.machine:
         runs.machine = lambda: options.machine
-    animation.POLL_SECONDS = 0.05
+    animation.POLL_SECONDS = other_runs.POLL_SECONDS = 0.05
     real_time = time.time
     time.time = lambda: real_time() + options.clock
     if options.full_at:
         fill_disk_at(options.full_at)
-    journal = Journal(options.folder, NAME)
-    journal.runs = runs.Runs(journal.folder, stale_seconds=options.stale)
+    live = runs.LiveRuns(options.folder / JOURNAL, stale_seconds=options.stale)
+    journal = Journal(options.folder, NAME, runs=live)
     wanted = Fingerprints(options.settings, {"meshes": options.scene})
     try:
         with contextlib.ExitStack() as stack:
             private = stack.enter_context(work_folder.work_folder(options.folder, ())) / "tmp"
             files = {n: [options.folder / name for name in names(n)] for n in range(options.first, options.last + 1)}
-            token = prepare(journal, stack, journal.announcement(files, wanted))
-            animation.check_other_runs(journal, files, wanted, token)
+            token = prepare(journal, stack, other_runs.announcement(journal, files, wanted))
+            other_runs.settle(journal, files, wanted, token)
             plan = animation.plan_frames(journal, files, wanted, options.existing)
             say("plan", *plan.todo)
             maker = Maker(journal, wanted, token, private, options)
@@ -61,7 +64,7 @@ def main():
                 waits=lambda frames: say("waits", *frames),
             )
             animation.render_frames(plan, journal, wanted, token, maker, told)
-            animation.check_frames_stayed(journal, files, wanted)
+            other_runs.check_frames_stayed(journal, files, wanted)
     except StereoReprojectError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_status)
@@ -81,10 +84,10 @@ def fill_disk_at(number):
 
 def prepare(journal, stack, announced):
     try:
-        journal.make()
+        journal.place.make()
         return stack.enter_context(runs.run_at_work(journal.runs, announced))
     except OSError as error:
-        raise animation.failed_output(journal.frames_folder, error) from error
+        raise failed_output(journal.frames_folder, error) from error
 
 
 def parse():
@@ -127,7 +130,7 @@ class Maker:
         try:
             made = self.write(frame)
         except OSError as error:
-            raise animation.failed_output(self.journal.frames_folder, error) from error
+            raise failed_output(self.journal.frames_folder, error) from error
         if frame == self.options.stops_at:
             os.kill(os.getpid(), signal.SIGSTOP)
         record = {

@@ -13,24 +13,25 @@ import pytest
 
 from stereo_reproject.errors import BadInputError, OutputError, StereoReprojectError
 from stereo_reproject.sequence import frames as animation
+from stereo_reproject.sequence import other_runs as other_runs_module
+from stereo_reproject.sequence.fingerprints import Fingerprints, FrameState
+from stereo_reproject.sequence.frame_record import Record
 from stereo_reproject.sequence.frames import (
     FrameListener,
     FramePlan,
-    check_frames_stayed,
-    check_other_runs,
-    failed_output,
-    is_full,
     plan_frames,
     publish_frame,
     render_frames,
-    spelled,
 )
-from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal, Record
+from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from stereo_reproject.sequence.listing import Listing
+from stereo_reproject.sequence.other_runs import announcement, check_frames_stayed, other_runs, settle
+from stereo_reproject.sequence.output_errors import failed_output, is_full
 from stereo_reproject.sequence.progress import AnimationProgress
 from stereo_reproject.sequence.progress import Listener as ProgressListener
-from stereo_reproject.sequence.runs import BEAT_DIGITS, RUN_BYTES, STALE_SECONDS, Runs
-from stereo_reproject.settings.animation import EXISTING
+from stereo_reproject.sequence.runs import BEAT_DIGITS, RUN_BYTES, STALE_SECONDS, LiveRuns
+from stereo_reproject.settings.animation import EXISTING, spelled
 from tests.jobs.clock import Clock
 from tests.programs.tokens import token_of
 
@@ -59,7 +60,7 @@ journal = Journal(folder)
 made = folder / "made"
 made.write_bytes(b"theirs")
 with run_at_work(journal.runs) as token:
-    claim = journal.take(2, token)
+    claim = journal.claims.take(2, token)
     fields = {"frame": 2, "settings": "settings", "scene": {"Object": "1"}, "run": token, "figures": {}}
     publish_frame(journal, {"0002.png": made}, fields, claim)
 """
@@ -72,15 +73,15 @@ def clock():
 
 @pytest.fixture
 def journal(tmp_path, clock):
-    made = Journal(tmp_path)
-    made.make()
-    made.runs = Runs(made.folder, clock=clock)
+    made = Journal(tmp_path, runs=LiveRuns(tmp_path / JOURNAL, clock=clock))
+    made.place.make()
     return made
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr(animation, "POLL_SECONDS", 0.0)
+    for module in (animation, other_runs_module):
+        monkeypatch.setattr(module, "POLL_SECONDS", 0.0)
 
 
 class Maker:
@@ -97,7 +98,7 @@ class Maker:
 
     def render(self, frame, claim):
         self.before(frame)
-        assert self.journal.holder(frame) == self.token
+        assert self.journal.claims.holder(frame) == self.token
         self.rendered.append(frame)
         if frame in self.fails:
             raise self.fails[frame]
@@ -134,7 +135,7 @@ class Listener:
 
 
 def publish(journal, frame, claim, *, token=OWN, wanted=WANTED):
-    if not journal.holds(frame, claim, token):
+    if not journal.claims.holds(frame, claim, token):
         (journal.folder / f"{journal.name}{frame:04d}.claim.{claim}").write_text(token, encoding="utf-8")
     made = journal.frames_folder / f"made-{frame}"
     made.write_bytes(f"frame {frame} by {token}".encode())
@@ -235,7 +236,7 @@ def test_refuse_says_what_is_there_and_what_to_do(mixed):
 
 def test_refuse_lets_runs_that_begin_together_share_the_frames(journal):
     elsewhere(journal, FAR)
-    publish(journal, 1, journal.take(1, FAR), token=FAR)
+    publish(journal, 1, journal.claims.take(1, FAR), token=FAR)
     planned = plan(journal, "refuse")
     assert (planned.kept, list(planned.todo)) == ({1: FrameState.WHOLE}, [2, 3, 4])
     publish(journal, 2, 1, token=GONE)
@@ -272,7 +273,7 @@ def test_frames_are_rendered_in_order_and_each_is_told_of(journal):
     assert maker.rendered == list(FRAMES)
     assert told.frames("done") == list(FRAMES)
     assert [journal.state(frame, paths, WANTED) for frame, paths in files_of(journal).items()] == [FrameState.WHOLE] * 4
-    assert [journal.holder(frame) for frame in FRAMES] == [None] * 4
+    assert [journal.claims.holder(frame) for frame in FRAMES] == [None] * 4
     again = Maker(journal)
     assert (render(journal, again).events, again.rendered) == ([], [])
 
@@ -286,7 +287,7 @@ def test_a_frame_that_fails_is_passed_over_and_given_free(journal):
         ("failed", 3, "no file"),
     ]
     assert told.frames("done") == [1, 4]
-    assert [journal.holder(frame) for frame in FRAMES] == [None] * 4
+    assert [journal.claims.holder(frame) for frame in FRAMES] == [None] * 4
     assert list(plan(journal, "resume").todo) == [2, 3]
 
 
@@ -298,7 +299,7 @@ def test_three_failures_in_a_row_are_enough(journal):
         render(journal, maker, told=told)
     assert maker.rendered == [1, 2, 3]
     assert told.frames("failed") == [1, 2]
-    assert [journal.holder(frame) for frame in FRAMES] == [None] * 4
+    assert [journal.claims.holder(frame) for frame in FRAMES] == [None] * 4
 
 
 def test_failures_that_are_not_in_a_row_are_not(journal):
@@ -343,7 +344,7 @@ def test_what_another_run_has_done_meanwhile_is_not_rendered_again(journal):
     assert maker.rendered == [1, 3, 4]
     assert sorted(told.frames("done")) == list(FRAMES)
     assert files_of(journal)[2][0].read_bytes() == b"theirs"
-    assert journal.holder(2) is None
+    assert journal.claims.holder(2) is None
 
 
 def test_with_overwrite_what_was_there_before_is_rendered_and_what_another_run_has_made_since_is_not(journal):
@@ -384,7 +385,7 @@ def test_what_another_run_has_made_meanwhile_of_something_else_is_not_rendered_o
         render(journal, maker, existing=existing, told=told)
     assert maker.rendered == told.frames("done") == [1, 2], "and what is rendered by now is written and told of"
     assert files_of(journal)[3][0].read_text() == f"frame 3 by {ANOTHER}"
-    assert [journal.holder(frame) for frame in FRAMES] == [None] * 4
+    assert [journal.claims.holder(frame) for frame in FRAMES] == [None] * 4
 
 
 def test_what_was_of_other_settings_before_is_rendered_by_one_of_several_runs_alone(journal):
@@ -412,7 +413,10 @@ def test_a_frame_that_another_run_has_replaced_by_something_else_is_found_in_the
 
 
 def announce(journal, *, beat=0, frames=(3, 4, 5, 9), wanted=OTHER_SCENE, **other):
-    elsewhere(journal, FAR, beat, **{**journal.announcement(frames, wanted), **other})
+    """Unless told otherwise, as earlier versions do it, which do not say whether they have settled."""
+    facts = announcement(journal, frames, wanted)
+    facts.pop("settled")
+    elsewhere(journal, FAR, beat, **{**facts, **other})
 
 
 def test_a_run_that_is_at_the_same_frames_of_another_scene_is_in_the_way(journal):
@@ -424,7 +428,7 @@ def test_a_run_that_is_at_the_same_frames_of_another_scene_is_in_the_way(journal
         announce(journal, beat=1)
 
     with pytest.raises(BadInputError) as refused:
-        check_other_runs(journal, FRAMES, WANTED, OWN, it_beats)
+        settle(journal, FRAMES, WANTED, OWN, it_beats)
     assert (
         f"{journal.frames_folder}: another run renders frames 3-4 there, of another scene (Object, Mesh): another"
         in (str(refused.value))
@@ -440,8 +444,71 @@ def test_a_run_that_a_power_cut_has_ended_elsewhere_is_in_nobodys_way_for_good(j
         waits.append(list(frames))
         clock.now += STALE_SECONDS / 2
 
-    check_other_runs(journal, FRAMES, WANTED, OWN, time_passes)
+    settle(journal, FRAMES, WANTED, OWN, time_passes)
     assert len(waits) == 2
+
+
+SMALLEST, GREATEST = "0" * 16, "f" * 16
+
+
+def test_of_two_runs_that_look_at_once_the_one_with_the_greater_token_gives_way(journal):
+    """Neither has settled: each has announced itself, and sees the other."""
+    announce(journal, settled=0)
+    waits = []
+
+    def it_beats(frames):
+        waits.append(frames)
+        announce(journal, settled=0, beat=len(waits))
+
+    with pytest.raises(BadInputError, match="another run renders frames 3-4 there"):
+        settle(journal, FRAMES, WANTED, GREATEST, it_beats)
+    assert waits == [[3, 4]]
+
+
+def test_of_two_runs_that_look_at_once_the_one_with_the_smaller_token_goes_on_when_the_other_has_gone(journal):
+    elsewhere(journal, SMALLEST, **announcement(journal, FRAMES, WANTED))
+    announce(journal, settled=0)
+    waits = []
+
+    def it_beats_and_goes(frames):
+        waits.append(frames)
+        assert not is_settled(journal, SMALLEST)
+        if len(waits) < 3:
+            announce(journal, settled=0, beat=len(waits))
+        else:
+            journal.runs.path(FAR).unlink()
+
+    settle(journal, FRAMES, WANTED, SMALLEST, it_beats_and_goes)
+    assert len(waits) == 3
+    assert is_settled(journal, SMALLEST)
+
+
+def test_a_run_that_settles_meanwhile_stays_whatever_its_token(journal):
+    announce(journal, settled=0)
+    waits = []
+
+    def it_settles(frames):
+        waits.append(frames)
+        announce(journal, settled=0, beat=len(waits))
+        if len(waits) == 3:
+            journal.runs.mark_settled(FAR)
+
+    with pytest.raises(BadInputError, match="another run renders frames 3-4 there"):
+        settle(journal, FRAMES, WANTED, SMALLEST, it_settles)
+    assert len(waits) == 3
+
+
+def is_settled(journal, token):
+    (found,) = (run.settled for run in other_runs(journal, OWN) if run.token == token)
+    return found
+
+
+def test_a_run_that_settles_changes_one_byte_of_its_file(journal):
+    elsewhere(journal, OWN, 7, **announcement(journal, FRAMES, WANTED))
+    before = journal.runs.path(OWN).read_bytes()
+    settle(journal, FRAMES, WANTED, OWN)
+    after = journal.runs.path(OWN).read_bytes()
+    assert after == before.replace(b'"settled": 0', b'"settled": 1') != before
 
 
 UNCONCERNED = {
@@ -462,25 +529,25 @@ def test_other_runs_are_in_nobodys_way(journal, kind):
         raise AssertionError("there is nothing to wait for")
 
     announce(journal, **UNCONCERNED[kind])
-    check_other_runs(journal, FRAMES, WANTED, OWN, never)
+    settle(journal, FRAMES, WANTED, OWN, never)
     elsewhere(journal, FAR)  # as earlier versions do
-    check_other_runs(journal, FRAMES, WANTED, OWN, never)
+    settle(journal, FRAMES, WANTED, OWN, never)
 
 
 def test_an_announcement_tells_frames_and_is_short(journal):
     announce(journal)
-    (other,) = journal.other_runs(OWN)
+    (other,) = other_runs(journal, OWN)
     assert (other.token, other.frames, other.wanted) == (FAR, {3, 4, 5, 9}, OTHER_SCENE)
     announce(journal, frames=[number * number for number in range(1000)])
-    (other,) = journal.other_runs(OWN)
+    (other,) = other_runs(journal, OWN)
     assert other.frames == set(range(998_002))
     assert journal.runs.path(FAR).stat().st_size < RUN_BYTES / 2
-    assert journal.other_runs(FAR) == []
+    assert other_runs(journal, FAR) == []
 
 
 def test_frames_of_others_are_waited_for_when_all_else_is_done(journal):
     elsewhere(journal, FAR)
-    claim = journal.take(1, FAR)
+    claim = journal.claims.take(1, FAR)
     looks = []
 
     def they_finish(frames):
@@ -498,7 +565,7 @@ def test_frames_of_others_are_waited_for_when_all_else_is_done(journal):
 
 def test_frames_of_others_are_taken_over_when_those_are_dead(journal, clock):
     elsewhere(journal, FAR)
-    assert journal.take(2, FAR) == 1
+    assert journal.claims.take(2, FAR) == 1
     waits = []
 
     def time_passes(_frames):
@@ -510,12 +577,12 @@ def test_frames_of_others_are_taken_over_when_those_are_dead(journal, clock):
     assert maker.rendered == [1, 3, 4, 2]
     assert len(waits) == 2
     assert told.frames("done")[-1] == 2
-    assert journal.holder(2) is None
+    assert journal.claims.holder(2) is None
 
 
 def test_frames_of_others_are_not_taken_over_as_long_as_those_live(journal, clock):
     elsewhere(journal, FAR)
-    claim = journal.take(2, FAR)
+    claim = journal.claims.take(2, FAR)
     beats = []
 
     def time_passes(_frames):
@@ -538,26 +605,26 @@ def test_a_frames_files_are_published_with_their_sums_and_the_claim_goes(journal
     for name in ("0007_L.png", "0007_R.png", "holes/0007.png"):
         made[name] = journal.frames_folder / f"made-{len(made)}"
         made[name].write_bytes(name.encode())
-    claim = journal.take(7, OWN)
+    claim = journal.claims.take(7, OWN)
     fields = {"frame": 7, "settings": "s", "scene": {}, "run": OWN, "figures": {"wall_seconds": 1.0}}
     record = publish_frame(journal, made, fields, claim)
-    assert journal.record(7) == record
+    assert journal.records.read(7) == record
     assert sorted(record.files) == sorted(made)
     for name in made:
         assert (journal.frames_folder / name).read_bytes() == name.encode()
         assert record.files[name]["bytes"] == len(name)
-    assert journal.holder(7) is None
+    assert journal.claims.holder(7) is None
 
 
 def test_a_frame_that_cannot_be_published_has_no_record(journal):
     (journal.frames_folder / "0001.png").mkdir()
     with pytest.raises(OutputError, match=r"cannot be written \(.*\): finished frames are kept, and --resume"):
-        publish(journal, 1, journal.take(1, OWN))
-    assert journal.record(1) is None
+        publish(journal, 1, journal.claims.take(1, OWN))
+    assert journal.records.read(1) is None
 
 
 def test_what_stands_in_the_way_of_writing_is_one_line(tmp_path):
-    Journal(tmp_path).make()
+    Journal(tmp_path).place.make()
     full = str(failed_output(tmp_path, OSError(errno.ENOSPC, "No space left on device")))
     assert "the disk is full; free some space: finished frames are kept, and --resume renders the rest" in full
     denied = str(failed_output(tmp_path, OSError(errno.EACCES, "Permission denied")))
@@ -601,7 +668,7 @@ def test_a_frame_that_is_replaced_half_has_no_record(journal):
     """Its files would be of two renders."""
     for token, right in ((EARLIER, "0001_R.png"), (ANOTHER, "0001_R.png")):
         elsewhere(journal, token)
-        claim = journal.take(1, token)
+        claim = journal.claims.take(1, token)
         made = {name: journal.frames_folder / f"made-{name}" for name in ("0001_L.png", right)}
         for path in made.values():
             path.write_text(token)
@@ -614,13 +681,13 @@ def test_a_frame_that_is_replaced_half_has_no_record(journal):
             with pytest.raises(OutputError):
                 publish_frame(journal, made, fields, claim)
     assert (journal.frames_folder / "0001_L.png").read_text() == ANOTHER
-    assert journal.record(1) is None
+    assert journal.records.read(1) is None
 
 
 def test_of_many_frames_those_alone_are_looked_at_that_are_there(journal):
-    publish(journal, 3, journal.take(3, OWN))
+    publish(journal, 3, journal.claims.take(3, OWN))
     journal.frames_folder.joinpath("0005.png").write_bytes(b"of somebody else")
-    journal.take(7, OWN)
+    journal.claims.take(7, OWN)
     looked = []
     frames = range(1, 20_001)
     planned = plan_frames(journal, files_of(journal, frames), WANTED, "resume", on_look=looked.append)

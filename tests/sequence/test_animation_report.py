@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from stereo_reproject.sequence.figures import figures_of
+from stereo_reproject.sequence.fingerprints import Fingerprints
+from stereo_reproject.sequence.frame_record import Record
 from stereo_reproject.sequence.frames import FramePlan
-from stereo_reproject.sequence.journal import Fingerprints, Journal, Record
+from stereo_reproject.sequence.journal import Journal
 from stereo_reproject.sequence.progress import AnimationProgress, Listener
 from stereo_reproject.sequence.report import format_animation, report_path, totals, write_animation_report
 from stereo_reproject.settings.animation import AnimationSettings
@@ -97,12 +99,12 @@ WANTED = Fingerprints("s", {"meshes": "cube"})
 def recorded(journal, frame, *, settings="s", **figures):
     facts = {name: value for name, value in row(**figures).items() if name != "frame"}
     files = {f"{frame:04d}.png": {"bytes": 1, "sha256": "0"}}
-    journal.write(Record(frame, files, settings=settings, scene=WANTED.scene, run="r", figures=facts))
+    journal.records.write(Record(frame, files, settings=settings, scene=WANTED.scene, run="r", figures=facts))
 
 
 def test_it_has_every_frame_of_the_journal_whichever_run_has_rendered_it(tmp_path):
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     recorded(journal, 7, warnings=["fireflies"])
     recorded(journal, 2)
     recorded(journal, 10007, warnings=["fireflies", "black"])
@@ -120,7 +122,7 @@ def test_it_has_every_frame_of_the_journal_whichever_run_has_rendered_it(tmp_pat
 def test_another_animation_in_the_same_folder_is_left_out(tmp_path):
     for name, frame in (("a_", 1), ("b_", 2)):
         journal = Journal(tmp_path, name)
-        journal.make()
+        journal.place.make()
         recorded(journal, frame)
     report = write_animation_report(Journal(tmp_path, "a_"), WANTED, AnimationSettings(), {}, [])
     assert [line["frame"] for line in report["frames"]] == [1]
@@ -128,7 +130,7 @@ def test_another_animation_in_the_same_folder_is_left_out(tmp_path):
 
 def test_frames_of_other_settings_count_for_nothing(tmp_path):
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     recorded(journal, 1)
     recorded(journal, 2, settings="others")
     report = write_animation_report(journal, WANTED, AnimationSettings(), {}, [])
@@ -170,7 +172,7 @@ def deep(levels):
 @pytest.mark.parametrize("name", ODD)
 def test_figures_of_odd_kinds_are_named_and_the_rest_is_told(tmp_path, name):
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     for number, value in enumerate([*ODD[name], deep(600)], 2):
         recorded(journal, number)
         path = tmp_path / "journal" / f"{number:04d}.json"
@@ -214,7 +216,7 @@ def test_figures_as_runs_make_them_are_all_usable():
 
 def test_a_record_that_cannot_be_read_and_one_too_many_are_named(tmp_path):
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     recorded(journal, 1)
     (tmp_path / "journal" / "0002.json").write_text("{")
     (tmp_path / "journal" / "00001.json").write_bytes((tmp_path / "journal" / "0001.json").read_bytes())
@@ -227,7 +229,7 @@ def test_a_record_that_cannot_be_read_and_one_too_many_are_named(tmp_path):
 
 def test_a_frame_beyond_all_that_blender_has_makes_no_chart_of_a_million_gaps(tmp_path):
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     recorded(journal, 1)
     recorded(journal, 999_999_999)
     report = write_animation_report(journal, WANTED, AnimationSettings(), {}, [])
@@ -237,7 +239,7 @@ def test_a_frame_beyond_all_that_blender_has_makes_no_chart_of_a_million_gaps(tm
 def test_what_a_kill_leaves_of_a_chart_lies_in_the_journal_and_is_cleared_away(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     journal = Journal(tmp_path)
-    journal.make()
+    journal.place.make()
     recorded(journal, 1)
     unlink = Path.unlink
 

@@ -14,11 +14,14 @@ from pathlib import Path
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.sequence import journal as journal_module
+from stereo_reproject.sequence import agreed_values
 from stereo_reproject.sequence import runs as runs_module
-from stereo_reproject.sequence.frame_record import is_confined
-from stereo_reproject.sequence.journal import Fingerprints, FrameState, Journal, Record, checksum, digest
-from stereo_reproject.sequence.runs import BEAT_DIGITS, Runs, machine, run_at_work
+from stereo_reproject.sequence.checksums import checksum
+from stereo_reproject.sequence.fingerprints import Fingerprints, FrameState, digest
+from stereo_reproject.sequence.frame_record import Record, is_confined
+from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.sequence.runs import BEAT_DIGITS, LiveRuns, machine, run_at_work
 from stereo_reproject.settings.frame import MAX_FRAME
 from tests.jobs.clock import Clock
 from tests.programs.tokens import token_of
@@ -39,9 +42,9 @@ WANTED = Fingerprints("settings", {"Object": "1", "Mesh": "2"})
 AT_WORK = """
 import sys
 from pathlib import Path
-from stereo_reproject.sequence.runs import Runs, run_at_work
+from stereo_reproject.sequence.runs import LiveRuns, run_at_work
 
-with run_at_work(Runs(Path(sys.argv[1]))) as token:
+with run_at_work(LiveRuns(Path(sys.argv[1]))) as token:
     print(token, flush=True)
     sys.stdin.read()
 """
@@ -60,9 +63,8 @@ def clock():
 
 @pytest.fixture
 def journal(tmp_path, clock):
-    made = Journal(tmp_path, "shot_")
-    made.make()
-    made.runs = Runs(made.folder, clock=clock)
+    made = Journal(tmp_path, "shot_", runs=LiveRuns(tmp_path / JOURNAL, clock=clock))
+    made.place.make()
     return made
 
 
@@ -101,7 +103,7 @@ def finish(journal, frame, *, wanted=WANTED, files=("_L.png", "_R.png")):
         path.write_bytes(f"pixels of {path.name}".encode())
     sums = {path.name: checksum(path) for path in paths}
     record = Record(frame, sums, wanted.settings, wanted.scene, "run", {"wall_seconds": 1.5})
-    journal.write(record)
+    journal.records.write(record)
     return record
 
 
@@ -132,8 +134,8 @@ def dead_here(journal, token):
 
 def test_a_record_comes_back_as_it_was_written(journal):
     record = finish(journal, 12)
-    assert journal.record(12) == record
-    assert (journal.record(13), journal.has_record(13)) == (None, False)
+    assert journal.records.read(12) == record
+    assert (journal.records.read(13), journal.records.has_file(13)) == (None, False)
 
 
 def test_all_records_come_in_order_and_only_those_of_the_same_name(journal):
@@ -141,14 +143,14 @@ def test_all_records_come_in_order_and_only_those_of_the_same_name(journal):
         finish(journal, frame)
     other = Journal(journal.frames_folder, "shot_1")
     finish(other, 4)
-    assert [record.frame for record in journal.records()] == [0, 3, 10000]
-    assert [record.frame for record in journal.records([3, 4])] == [3]
-    assert [record.frame for record in other.records()] == [4]
+    assert [record.frame for record in journal.records.read_all()] == [0, 3, 10000]
+    assert [record.frame for record in journal.records.read_all([3, 4])] == [3]
+    assert [record.frame for record in other.records.read_all()] == [4]
 
 
 def test_no_folder_is_no_records(tmp_path):
     empty = Journal(tmp_path)
-    assert (empty.records(), empty.record(1), empty.holder(1)) == ([], None, None)
+    assert (empty.records.read_all(), empty.records.read(1), empty.claims.holder(1)) == ([], None, None)
 
 
 RUBBISH = {
@@ -180,8 +182,8 @@ def test_rubbish_is_no_record_and_its_frame_is_unknown(journal, kind):
     elif isinstance(rubbish, dict):
         rubbish = json.dumps({**asdict(record), **rubbish}).encode()
     path.write_bytes(rubbish)
-    assert journal.record(1) is None
-    assert journal.records() == []
+    assert journal.records.read(1) is None
+    assert journal.records.read_all() == []
     assert state(journal) is FrameState.UNKNOWN
     for file in paths_of(journal, 1):
         file.unlink()
@@ -209,9 +211,9 @@ def test_each_field_of_a_record_is_of_its_kind_or_nothing_is_believed(journal, f
     path = journal.folder / "shot_0001.json"
     for value in FIELDS[field]:
         path.write_text(json.dumps({**asdict(record), field: value}))
-        assert journal.record(1) is None, value
+        assert journal.records.read(1) is None, value
         assert state(journal) is FrameState.UNKNOWN
-    assert str(path) in journal.doubts()[0]
+    assert str(path) in journal.records.new_doubts()[0]
 
 
 @posix
@@ -221,12 +223,12 @@ def test_whatever_else_lies_in_a_records_place_is_named_and_its_frame_unknown(jo
     path = journal.folder / "shot_0001.json"
     path.unlink()
     make(path)
-    assert journal.record(1) is None
+    assert journal.records.read(1) is None
     assert state(journal) is FrameState.UNKNOWN
-    (doubt,) = journal.doubts()
+    (doubt,) = journal.records.new_doubts()
     assert doubt.startswith(f"{path} is no record that can be read (it is ")
     assert doubt.endswith("): frame 1 counts as not rendered")
-    assert journal.doubts() == [], "once is enough"
+    assert journal.records.new_doubts() == [], "once is enough"
     if make is make_folder:
         with pytest.raises(OSError, match=re.escape("shot_0001.json in journal is a folder: move it")):
             finish(journal, 1)
@@ -253,9 +255,9 @@ OUTSIDE = [
 def test_a_record_that_names_files_elsewhere_is_none(journal, name):
     record = finish(journal, 1)
     known = next(iter(record.files.values()))
-    journal.write(replace(record, files={**record.files, name: known}))
-    assert journal.record(1) is None
-    (doubt,) = journal.doubts()
+    journal.records.write(replace(record, files={**record.files, name: known}))
+    assert journal.records.read(1) is None
+    (doubt,) = journal.records.new_doubts()
     assert repr(name) in doubt
 
 
@@ -286,7 +288,9 @@ def test_whatever_else_lies_in_a_files_place_is_not_read(journal, make):
     path.unlink()
     make(path)
     size = path.lstat().st_size
-    journal.write(replace(record, files={name: {**known, "bytes": size} for name, known in record.files.items()}))
+    journal.records.write(
+        replace(record, files={name: {**known, "bytes": size} for name, known in record.files.items()})
+    )
     assert state(journal) is FrameState.DAMAGED
 
 
@@ -302,7 +306,7 @@ def test_a_link_that_leaves_the_folder_is_no_file_of_it(journal, tmp_path_factor
         place.mkdir()
         (place / "a.png").symlink_to(outside / "a.png")
     record = finish(journal, 1)
-    journal.write(replace(record, files={**record.files, "holes/a.png": checksum(outside / "a.png")}))
+    journal.records.write(replace(record, files={**record.files, "holes/a.png": checksum(outside / "a.png")}))
     assert state(journal) is FrameState.DAMAGED
 
 
@@ -310,15 +314,15 @@ def test_of_two_records_of_a_frame_its_own_counts_and_the_other_is_named(journal
     finish(journal, 3)
     twin = journal.folder / "shot_00003.json"
     twin.write_bytes((journal.folder / "shot_0003.json").read_bytes())
-    assert [record.frame for record in journal.records()] == [3]
-    assert journal.doubts() == [f"{twin} is passed over: the record of frame 3 is shot_0003.json"]
+    assert [record.frame for record in journal.records.read_all()] == [3]
+    assert journal.records.new_doubts() == [f"{twin} is passed over: the record of frame 3 is shot_0003.json"]
 
 
 def test_records_of_frames_whose_name_goes_on_with_digits_are_nobodys_doubt(journal):
     for name in ("shot_0", "shot_1"):
         sums = {f"{name}0003.png": {"bytes": 1, "sha256": "0"}}
-        Journal(journal.frames_folder, name).write(Record(3, sums, WANTED.settings, WANTED.scene, "run", {}))
-    assert (journal.records(), journal.doubts()) == ([], [])
+        Journal(journal.frames_folder, name).records.write(Record(3, sums, WANTED.settings, WANTED.scene, "run", {}))
+    assert (journal.records.read_all(), journal.records.new_doubts()) == ([], [])
 
 
 @posix
@@ -331,7 +335,7 @@ def test_a_link_is_no_journal(tmp_path):
     claim = outside / "0001.claim.1"
     claim.write_text("0" * 16)
     with pytest.raises(BadInputError, match="is a link to another folder"):
-        journal.make()
+        journal.place.make()
     journal.runs.clear(own="")
     assert claim.read_text() == "0" * 16
 
@@ -393,8 +397,8 @@ def test_other_settings_and_another_scene_are_told_apart(journal):
     assert state(journal, wanted=other_settings) is FrameState.OTHER_SETTINGS
     assert state(journal, wanted=moved) is FrameState.OTHER_SCENE
     assert state(journal, wanted=replace(moved, settings="others")) is FrameState.OTHER_SCENE
-    assert moved.changed(journal.record(1)) == ["Object", "World"]
-    assert WANTED.changed(journal.record(1)) == []
+    assert moved.changed(journal.records.read(1)) == ["Object", "World"]
+    assert WANTED.changed(journal.records.read(1)) == []
 
 
 def test_a_digest_depends_on_values_and_not_on_their_order():
@@ -413,7 +417,7 @@ def test_of_many_that_take_a_frame_one_has_it(journal):
     def take(token):
         own = Journal(journal.frames_folder, "shot_")
         barrier.wait()
-        taken[token] = own.take(5, token)
+        taken[token] = own.claims.take(5, token)
 
     threads = [threading.Thread(target=take, args=(token,)) for token in tokens]
     for thread in threads:
@@ -422,13 +426,13 @@ def test_of_many_that_take_a_frame_one_has_it(journal):
         thread.join()
     winners = [token for token, claim in taken.items() if claim is not None]
     assert len(winners) == 1
-    assert journal.holder(5) == winners[0]
-    assert journal.take(5, LATE) is None
-    assert journal.take(6, LATE) == 1
+    assert journal.claims.holder(5) == winners[0]
+    assert journal.claims.take(5, LATE) is None
+    assert journal.claims.take(6, LATE) == 1
 
 
 def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
-    assert journal.take(5, GONE) == 1
+    assert journal.claims.take(5, GONE) == 1
     barrier, taken = threading.Barrier(8), []
     for number in range(8):
         elsewhere(journal, token_of(f"run{number}"))
@@ -436,7 +440,7 @@ def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
     def take(number):
         own = Journal(journal.frames_folder, "shot_")
         barrier.wait()
-        taken.append(own.take(5, token_of(f"run{number}")))
+        taken.append(own.claims.take(5, token_of(f"run{number}")))
 
     threads = [threading.Thread(target=take, args=(number,)) for number in range(8)]
     for thread in threads:
@@ -448,31 +452,31 @@ def test_of_many_that_take_over_from_a_dead_run_one_has_it(journal):
 
 def test_a_frame_that_is_given_free_can_be_taken_again(journal):
     elsewhere(journal, FIRST)
-    claim = journal.take(1, FIRST)
-    assert journal.take(1, SECOND) is None
-    journal.release(1, claim, FIRST)
-    assert journal.holder(1) is None
-    assert journal.take(1, SECOND) == 1
+    claim = journal.claims.take(1, FIRST)
+    assert journal.claims.take(1, SECOND) is None
+    journal.claims.release(1, claim, FIRST)
+    assert journal.claims.holder(1) is None
+    assert journal.claims.take(1, SECOND) == 1
 
 
 def test_giving_a_frame_free_leaves_who_has_taken_over(journal):
     dead_here(journal, FIRST)
     elsewhere(journal, SECOND)
-    first = journal.take(1, FIRST)
-    second = journal.take(1, SECOND)
+    first = journal.claims.take(1, FIRST)
+    second = journal.claims.take(1, SECOND)
     assert (first, second) == (1, 2)
-    journal.release(1, first, FIRST)
-    assert journal.holder(1) == SECOND
-    journal.release(1, second, SECOND)
-    assert journal.holder(1) is None
+    journal.claims.release(1, first, FIRST)
+    assert journal.claims.holder(1) == SECOND
+    journal.claims.release(1, second, SECOND)
+    assert journal.claims.holder(1) is None
 
 
 def test_what_a_dead_run_of_this_machine_has_is_taken_over_at_once(journal):
     dead_here(journal, GONE)
     assert not journal.runs.lives(GONE)
-    assert journal.take(1, GONE) == 1
-    assert journal.take(1, NEXT) == 2
-    assert journal.holder(1) == NEXT
+    assert journal.claims.take(1, GONE) == 1
+    assert journal.claims.take(1, NEXT) == 2
+    assert journal.claims.holder(1) == NEXT
 
 
 def test_a_run_without_a_file_is_dead(journal):
@@ -482,17 +486,17 @@ def test_a_run_without_a_file_is_dead(journal):
 
 def test_a_run_of_another_machine_lives_as_long_as_its_number_changes(journal, clock):
     elsewhere(journal, FAR, beat=1)
-    assert journal.take(1, FAR) == 1
+    assert journal.claims.take(1, FAR) == 1
     assert journal.runs.lives(FAR)
     clock.now += runs_module.STALE_SECONDS - 1
     assert journal.runs.lives(FAR)
     elsewhere(journal, FAR, beat=2)
     assert journal.runs.lives(FAR)
     clock.now += runs_module.STALE_SECONDS - 1
-    assert journal.take(1, NEXT) is None
+    assert journal.claims.take(1, NEXT) is None
     clock.now += 1
     assert not journal.runs.lives(FAR)
-    assert journal.take(1, NEXT) == 2
+    assert journal.claims.take(1, NEXT) == 2
 
 
 def test_a_run_that_comes_back_lives_again(journal, clock):
@@ -521,9 +525,9 @@ def test_a_run_file_without_sense_is_given_time_and_then_dead(journal, clock, co
 
 def test_a_claim_that_names_no_run_yet_is_given_time_and_then_taken_over(journal, clock):
     (journal.folder / "shot_0001.claim.1").touch()
-    assert journal.take(1, NEXT) is None
+    assert journal.claims.take(1, NEXT) is None
     clock.now += runs_module.STALE_SECONDS
-    assert journal.take(1, NEXT) == 2
+    assert journal.claims.take(1, NEXT) == 2
 
 
 DAMAGED_CLAIMS = [bytes(16), b"\xff" * 16, b"../../somewhere", b"0123456789ABCDEF", b"\n", b"x"]
@@ -533,15 +537,15 @@ DAMAGED_CLAIMS = [bytes(16), b"\xff" * 16, b"../../somewhere", b"0123456789ABCDE
 def test_a_damaged_claim_is_given_time_and_then_taken_over(journal, clock, content):
     """After a power cut it may hold anything; but it may also be one that was made a moment ago."""
     (journal.folder / "shot_0001.claim.1").write_bytes(content)
-    assert journal.take(1, NEXT) is None
+    assert journal.claims.take(1, NEXT) is None
     clock.now += runs_module.STALE_SECONDS
-    assert journal.take(1, NEXT) == 2
+    assert journal.claims.take(1, NEXT) == 2
 
 
 @pytest.mark.parametrize("content", [b"x" * 5000, b"\0" * 5000])
 def test_a_claim_that_no_run_can_have_made_is_taken_over(journal, content):
     (journal.folder / "shot_0001.claim.1").write_bytes(content)
-    assert journal.take(1, NEXT) == 2
+    assert journal.claims.take(1, NEXT) == 2
 
 
 @posix
@@ -549,9 +553,9 @@ def test_a_claim_that_no_run_can_have_made_is_taken_over(journal, content):
 def test_whatever_else_is_called_as_a_claim_holds_nobody_up_and_stays(journal, make):
     strange = journal.folder / "shot_0001.claim.7"
     make(strange)
-    number = journal.take(1, NEXT)
-    assert (number, journal.holder(1)) == (8, NEXT)
-    journal.release(1, number, NEXT)
+    number = journal.claims.take(1, NEXT)
+    assert (number, journal.claims.holder(1)) == (8, NEXT)
+    journal.claims.release(1, number, NEXT)
     journal.runs.clear(NEXT)
     assert [path.name for path in journal.folder.iterdir()] == ([] if make is make_huge_file else [strange.name])
 
@@ -602,7 +606,7 @@ def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkey
         flush(descriptor)
 
     monkeypatch.setattr(os, "fsync", watched)
-    journal.take(1, NEXT)
+    journal.claims.take(1, NEXT)
     assert flushed == ["shot_0001.claim.1", "journal"]
     flushed.clear()
     with run_at_work(journal.runs) as token:
@@ -611,7 +615,7 @@ def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkey
     finish(journal, 1)
     assert [name.split(".")[1] if name.startswith(".") else name for name in flushed] == ["shot_0001", "journal"]
     flushed.clear()
-    journal.agree_on("key", {"seconds": 1.0})
+    journal.agreed.agree_on("key", {"seconds": 1.0})
     assert flushed == ["found-key.json", "journal"]
 
 
@@ -622,17 +626,17 @@ def test_a_run_lives_for_others_and_is_dead_when_it_is_killed(journal, start):
     process = start(AT_WORK, journal.folder)
     token = process.stdout.readline().decode().strip()
     assert journal.runs.lives(token)
-    assert journal.take(1, token) == 1
-    assert journal.take(1, NEXT) is None
+    assert journal.claims.take(1, token) == 1
+    assert journal.claims.take(1, NEXT) is None
     process.kill()
     process.wait()
-    assert journal.take(1, NEXT) == 2
+    assert journal.claims.take(1, NEXT) == 2
     # What counts its number up finds that out too, and clears away.
     wait_until(lambda: not journal.runs.path(token).exists())
 
 
 def test_a_run_that_is_over_leaves_nothing(tmp_path):
-    runs = Runs(tmp_path)
+    runs = LiveRuns(tmp_path)
     with run_at_work(runs) as token:
         assert [path.name for path in tmp_path.iterdir()] == [f"run-{token}"]
     assert list(tmp_path.iterdir()) == []
@@ -650,14 +654,27 @@ def test_a_heart_beats_as_long_as_its_run_holds_on_to_it(tmp_path, start):
     assert (process.returncode, path.exists()) == (0, False)
 
 
+def test_a_run_that_was_thought_dead_comes_back_as_settled_as_it_was(tmp_path, start):
+    runs, path = LiveRuns(tmp_path), tmp_path / f"run-{FIRST}"
+    path.write_text(f'{{"settled": 0}}\n{0:0{BEAT_DIGITS}}')
+    start(BEATING, path)
+    wait_until(lambda: int(path.read_bytes()[-BEAT_DIGITS:]) > 0)
+    runs.mark_settled(FIRST)
+    beat = int(path.read_bytes()[-BEAT_DIGITS:])
+    wait_until(lambda: int(path.read_bytes()[-BEAT_DIGITS:]) > beat + 1)
+    path.unlink()
+    wait_until(lambda: path.exists() and path.stat().st_size > BEAT_DIGITS)
+    assert path.read_bytes().startswith(b'{"settled": 1}\n')
+
+
 # What a frame has found
 
 
 def test_values_are_agreed_on_by_whoever_comes_first(journal):
-    assert journal.found("key") is None
-    assert journal.agree_on("key", {"seconds": 2.0}) == {"seconds": 2.0}
-    assert journal.agree_on("key", {"seconds": 9.0}) == {"seconds": 2.0}
-    assert journal.agree_on("other", {"seconds": 9.0}) == {"seconds": 9.0}
+    assert journal.agreed.read("key") is None
+    assert journal.agreed.agree_on("key", {"seconds": 2.0}) == {"seconds": 2.0}
+    assert journal.agreed.agree_on("key", {"seconds": 9.0}) == {"seconds": 2.0}
+    assert journal.agreed.agree_on("other", {"seconds": 9.0}) == {"seconds": 9.0}
 
 
 @pytest.mark.parametrize(
@@ -678,19 +695,19 @@ def test_values_are_agreed_on_by_whoever_comes_first(journal):
     ],
 )
 def test_values_that_cannot_be_read_are_agreed_on_anew(journal, monkeypatch, rubbish):
-    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
+    monkeypatch.setattr(agreed_values, "READ_INTERVAL_SECONDS", 0.0)
     (journal.folder / "found-key.json").write_bytes(rubbish)
-    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
-    assert journal.found("key") == {"seconds": 3.0}
+    assert journal.agreed.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.agreed.read("key") == {"seconds": 3.0}
 
 
 @posix
 @pytest.mark.parametrize("make", [make for make in STRANGE if make is not make_folder])
 def test_whatever_else_is_called_as_what_was_found_is_replaced(journal, monkeypatch, make):
-    monkeypatch.setattr(journal_module, "FOUND_SECONDS", 0.0)
+    monkeypatch.setattr(agreed_values, "READ_INTERVAL_SECONDS", 0.0)
     make(journal.folder / "found-key.json")
-    assert journal.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
-    assert journal.found("key") == {"seconds": 3.0}
+    assert journal.agreed.agree_on("key", {"seconds": 3.0}) == {"seconds": 3.0}
+    assert journal.agreed.read("key") == {"seconds": 3.0}
 
 
 # Movies of the frames
@@ -700,7 +717,7 @@ def make_movie(journal, place, content=b"moving", frames=(1, 2, 3, 9)):
     """A movie as an animation makes it: beside its place, and then there."""
     made = place.with_name(f"made-{place.name}")
     made.write_bytes(content)
-    with journal.movie_noted(made, place, frames):
+    with journal.movies.noted(made, place, frames):
         made.replace(place)
 
 
@@ -713,28 +730,28 @@ def test_movies_beside_a_folder_that_is_reached_by_a_link_stay_known(tmp_path):
     (tmp_path / "drive" / "deep").mkdir(parents=True)
     (tmp_path / "link").symlink_to(tmp_path / "drive" / "deep")
     journal = Journal(tmp_path / "link", "shot_")
-    journal.make()
+    journal.place.make()
     left, right = tmp_path / "left.mp4", tmp_path / "right.mp4"
     make_movie(journal, left, b"left")
     make_movie(journal, right, b"right")
-    assert journal.movie_note(left) is not None
-    assert journal.movie_note(right) is not None
+    assert journal.movies.read(left) is not None
+    assert journal.movies.read(right) is not None
 
 
 def test_a_movie_of_the_frames_is_known_wherever_it_lies_until_it_is_another(journal, tmp_path):
     movie = tmp_path / "film.mp4"
     movie.write_bytes(b"moving")
-    assert journal.movie_note(movie) is None
+    assert journal.movies.read(movie) is None
     make_movie(journal, movie)
-    assert journal.movie_note(movie).frames == {1, 2, 3, 9}
-    assert journal.movie_note(movie.rename(tmp_path / "renamed.mp4")).frames == {1, 2, 3, 9}
+    assert journal.movies.read(movie).frames == {1, 2, 3, 9}
+    assert journal.movies.read(movie.rename(tmp_path / "renamed.mp4")).frames == {1, 2, 3, 9}
     movie.write_bytes(b"others")
-    assert journal.movie_note(movie) is None
+    assert journal.movies.read(movie) is None
     others = Journal(journal.frames_folder, "others_")
-    assert others.movie_note(tmp_path / "renamed.mp4") is None, "of other frames in the same folder"
+    assert others.movies.read(tmp_path / "renamed.mp4") is None, "of other frames in the same folder"
     (note,) = notes_of_movies(journal)
     note.write_bytes(b"[1]")
-    assert journal.movie_note(tmp_path / "renamed.mp4") is None
+    assert journal.movies.read(tmp_path / "renamed.mp4") is None
 
 
 def test_of_a_movie_of_an_earlier_version_the_frames_are_unknown(journal, tmp_path):
@@ -742,7 +759,7 @@ def test_of_a_movie_of_an_earlier_version_the_frames_are_unknown(journal, tmp_pa
     make_movie(journal, movie)
     (note,) = notes_of_movies(journal)
     note.write_text(json.dumps({"of": journal.name, **checksum(movie)}))
-    assert journal.movie_note(movie).frames is None
+    assert journal.movies.read(movie).frames is None
     make_movie(journal, tmp_path / "another.mp4", b"another")
     assert note in notes_of_movies(journal), "nobody knows where it was put"
 
@@ -753,14 +770,14 @@ def test_a_movie_whose_frames_are_nonsense_is_unknown(journal, tmp_path, frames)
     make_movie(journal, movie)
     (note,) = notes_of_movies(journal)
     note.write_text(json.dumps({**json.loads(note.read_text()), "frames": frames}))
-    assert journal.movie_note(movie) is None
+    assert journal.movies.read(movie) is None
 
 
 def test_as_many_frames_as_a_movie_may_have_are_remembered(journal, tmp_path):
     frames = frozenset(number * (number + 1) // 2 for number in range(1447))
     frames |= {MAX_FRAME - number * 3 for number in range(9, 100_000)}
     make_movie(journal, tmp_path / "film.mp4", frames=frames)
-    assert journal.movie_note(tmp_path / "film.mp4").frames == frames
+    assert journal.movies.read(tmp_path / "film.mp4").frames == frames
 
 
 @posix
@@ -771,22 +788,22 @@ def test_whatever_else_lies_in_a_movies_place_or_its_notes_is_unknown(journal, t
     (note,) = notes_of_movies(journal)
     note.unlink()
     make(note)
-    assert journal.movie_note(movie) is None
+    assert journal.movies.read(movie) is None
     make_movie(journal, tmp_path / "another.mp4", b"another")
     assert os.path.lexists(note), "it is not ours to remove"
     if make is not make_huge_file:
         movie.unlink()
         make(movie)
-        assert journal.movie_note(movie) is None
+        assert journal.movies.read(movie) is None
 
 
 def test_a_movie_that_was_not_put_in_its_place_takes_nothing_from_the_one_that_is_there(journal, tmp_path):
     movie, following = tmp_path / "film.mp4", tmp_path / "made.mp4"
     make_movie(journal, movie)
     following.write_bytes(b"moving on")
-    with pytest.raises(BadInputError), journal.movie_noted(following, movie, [1]):
+    with pytest.raises(BadInputError), journal.movies.noted(following, movie, [1]):
         raise BadInputError("it cannot be replaced")
-    assert journal.movie_note(movie).frames == {1, 2, 3, 9}
+    assert journal.movies.read(movie).frames == {1, 2, 3, 9}
 
 
 def test_of_movies_that_are_gone_or_were_replaced_no_note_is_left(journal, tmp_path):
@@ -800,17 +817,17 @@ def test_of_movies_that_are_gone_or_were_replaced_no_note_is_left(journal, tmp_p
     for content in (b"once", b"more", b"again"):
         make_movie(journal, replaced, content, [4])
     assert len(notes_of_movies(journal)) == 3, "and one of others, that is theirs to remove"
-    assert [journal.movie_note(movie).frames for movie in (kept, replaced)] == [{1, 2, 3, 9}, {4}]
+    assert [journal.movies.read(movie).frames for movie in (kept, replaced)] == [{1, 2, 3, 9}, {4}]
 
 
 def test_a_note_that_another_run_has_taken_for_outlived_is_there_in_the_end(journal, tmp_path):
     movie, made = tmp_path / "film.mp4", tmp_path / "made.mp4"
     made.write_bytes(b"moving")
-    with journal.movie_noted(made, movie, [1, 2]):
+    with journal.movies.noted(made, movie, [1, 2]):
         make_movie(journal, movie, b"theirs")
         assert len(notes_of_movies(journal)) == 1
         made.replace(movie)
-    assert journal.movie_note(movie).frames == {1, 2}
+    assert journal.movies.read(movie).frames == {1, 2}
 
 
 # Names
@@ -834,5 +851,5 @@ def files_of_one(journal):
     path = journal.frames_folder / "shot_0001.png"
     path.write_bytes(b"frame 1")
     record = Record(1, {path.name: checksum(path)}, WANTED.settings, WANTED.scene, "run", {})
-    journal.write(record)
+    journal.records.write(record)
     return [path]

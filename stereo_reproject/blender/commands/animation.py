@@ -22,15 +22,12 @@ from ...errors import BadInputError, OtherRunError, StereoReprojectError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.supervisor import Session
 from ...jobs.work_folder import work_folder
-from ...sequence.frames import (
-    FramePlan,
-    check_frames_stayed,
-    check_other_runs,
-    failed_output,
-    plan_frames,
-    render_frames,
-)
-from ...sequence.journal import Fingerprints, FrameState, Journal, MovieNote, digest
+from ...sequence.fingerprints import Fingerprints, FrameState, digest
+from ...sequence.frames import FramePlan, plan_frames, render_frames
+from ...sequence.journal import Journal
+from ...sequence.movie_notes import MovieNote
+from ...sequence.other_runs import announcement, check_frames_stayed, settle
+from ...sequence.output_errors import failed_output
 from ...sequence.progress import AnimationProgress, Listener
 from ...sequence.report import report_path, write_animation_report
 from ...sequence.runs import run_at_work
@@ -85,7 +82,7 @@ def render_animation_files(
         token = stack.enter_context(_run_in(journal, output, wanted, told))
         there = all(path.exists() for path in _movies_of(scene, options, output))
         plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
-        for doubt in journal.doubts():
+        for doubt in journal.records.new_doubts():
             told.warn(doubt)
         _say_plan(plan, options, told)
         if options.movie is not None and plan.todo:
@@ -142,12 +139,12 @@ def _run_in(journal: Journal, output: Output, wanted: Fingerprints, told: Listen
     settings on the same frames."""
     _make_journal(journal)
     try:
-        with run_at_work(journal.runs, journal.announcement(output.files, wanted)) as token:
+        with run_at_work(journal.runs, announcement(journal, output.files, wanted)) as token:
             waits = "waits to see whether another run is at work"
-            check_other_runs(journal, output.files, wanted, token, lambda _: told.on_stage("plan", waits))
+            settle(journal, output.files, wanted, token, lambda _: told.on_stage("plan", waits))
             yield token
     finally:
-        journal.remove_empty()
+        journal.place.remove_empty()
 
 
 def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
@@ -158,7 +155,7 @@ def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> lis
 
 def _make_journal(journal: Journal) -> None:
     try:
-        journal.make()
+        journal.place.make()
     except FileExistsError as error:
         raise BadInputError(
             f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames:"
@@ -210,7 +207,7 @@ def _tell_of_early_end(
 ) -> None:
     # Where another run has the frames, what tells of them is that one's to write.
     with contextlib.suppress(OSError):
-        if not isinstance(error, OtherRunError) and (failed or journal.records()):
+        if not isinstance(error, OtherRunError) and (failed or journal.records.read_all()):
             write_animation_report(journal, wanted, options, failed, said)
 
 
@@ -310,7 +307,7 @@ def _check_movies(
     how = "switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it"
     for path in _movies_of(scene, options, output):
         try:
-            note = journal.movie_note(path) if path.exists() else MovieNote(None)
+            note = journal.movies.read(path) if path.exists() else MovieNote(None)
         except OSError as error:
             raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
         if note is None:
@@ -340,7 +337,7 @@ def _movie(
 
 
 def _put_noted(movie: Path, place: Path, journal: Journal, output: Output) -> Path:
-    with journal.movie_noted(movie, place, output.files):
+    with journal.movies.noted(movie, place, output.files):
         return _put_in_place(movie, place)
 
 

@@ -18,8 +18,10 @@ from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.frame import colour
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stereo_pair import StereoPair
-from ...sequence.frames import blamed_on_output, failed_output
-from ...sequence.journal import Fingerprints, Journal, Record, digest
+from ...sequence.fingerprints import Fingerprints, digest
+from ...sequence.frame_record import Record
+from ...sequence.journal import Journal
+from ...sequence.output_errors import blamed_on_output, failed_output
 from ...sequence.writer_process import WriterOrder, WriterProcess, WrittenFrame
 from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
@@ -87,7 +89,7 @@ class AgreedPrecedent(SharedFindings):
         return bool(self._found(f"{self._of_layer}-gpu", "gpu_is_faster", lambda: float(find())))
 
     def _found(self, key: str, name: str, find: Callable[[], float]) -> float:
-        known = (self._journal.found(key) or {}).get(name)
+        known = (self._journal.agreed.read(key) or {}).get(name)
         if known is None:
             found = find()
             known = self._agree(key, {name: found}).get(name, found)
@@ -95,7 +97,7 @@ class AgreedPrecedent(SharedFindings):
 
     def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
         try:
-            return self._journal.agree_on(key, values)
+            return self._journal.agreed.agree_on(key, values)
         except OSError as error:
             raise failed_output(self._journal.frames_folder, error) from error
 

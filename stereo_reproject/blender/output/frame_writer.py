@@ -18,8 +18,9 @@ from ...files import made_in
 from ...images.exr import VIEWS, read_eye
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import Session
-from ...sequence.frames import blamed_on_output, failed_output, is_full, publish_frame
+from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
+from ...sequence.output_errors import blamed_on_output, failed_output, is_full
 from ...sequence.writer_process import WriterOrder, WrittenFrame
 from ..scene.compositor import compositor_tree
 from .delivery import deliver_frames

@@ -8,8 +8,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
 
+from stereo_reproject.programs.converters import OneLineParser
 from stereo_reproject.settings.frame import ACCURACIES
 from tests.bench.performance.plan import QUICK, Plan
 
@@ -22,14 +22,9 @@ MOST_FRAMES = 1000
 LEAST_SIDE = 4
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ValueError(f"{message}; `{self.prog} --help` lists what can be given")
-
-
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """Raises ValueError, which says what is amiss, on one line."""
-    parser = _Parser(
+    """Raises BadInputError or ValueError, which says in one line what is wrong."""
+    parser = OneLineParser(
         prog="python -m tests.bench.performance",
         description="Measure multiview, card and packed over scenes and sizes, along a camera path, and how their "
         "stages grow. It may be interrupted: the same command goes on.",

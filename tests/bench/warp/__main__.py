@@ -15,11 +15,11 @@ import stat
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.files import write_json
-from stereo_reproject.programs.converters import number, size, value_of, whole_number
+from stereo_reproject.programs.converters import OneLineParser, number, size, value_of, whole_number
 from stereo_reproject.settings.frame import StereoSettings
 from tests.bench.warp.settings import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings, format_bench, use_one_core
 
@@ -27,11 +27,6 @@ if TYPE_CHECKING:
     from stereo_reproject.warp.stage import WarpStage
 
 PROGRAM = "tests.bench.warp"
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise BadInputError(f"{message}; `{self.prog} --help` lists what can be given")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,7 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Raises BadInputError."""
-    parser = _Parser(prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0], allow_abbrev=False)
+    parser = OneLineParser(
+        prog=f"python -m {PROGRAM}", description=(__doc__ or "").partition("\n")[0], allow_abbrev=False
+    )
 
     def measured(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         default = getattr(BenchSettings, field)

@@ -3,7 +3,8 @@
 import pytest
 
 from stereo_reproject.blender.commands.frame_maker import AgreedPrecedent, FrameContext
-from stereo_reproject.sequence.journal import Fingerprints, Journal
+from stereo_reproject.sequence.fingerprints import Fingerprints
+from stereo_reproject.sequence.journal import Journal
 
 WANTED = Fingerprints("settings", {"Object": "1"})
 
@@ -18,7 +19,7 @@ def precedent(tmp_path):
 
     def of(run, *, wanted=WANTED, layer="ViewLayer", block=0):
         journal = Journal(tmp_path, "shot_")
-        journal.make()
+        journal.place.make()
         return AgreedPrecedent(FrameContext(journal, wanted, run, True), layer, (block, "Camera"))
 
     return of

@@ -14,7 +14,7 @@ from stereo_reproject.blender.output.delivery import deliver_frames
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.passes import COLOUR_PASS
-from stereo_reproject.sequence.journal import JOURNAL
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything

@@ -1,0 +1,62 @@
+"""The folder in which the parts of a journal lie, and how their files are called and written."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import BadInputError
+from ..files import flush_folder, leads_elsewhere, write_json
+from .fingerprints import digest
+
+JOURNAL = "journal"
+"""Name of the journal's folder, which lies in the folder of the frames."""
+
+UNREADABLE_ERRORS = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+"""Errors that reading a damaged or foreign file as one of the journal's may end in."""
+
+
+class JournalFolder:
+    """The journal's folder in the folder of the frames, and the names of its files.
+
+    `name` is the common beginning of the names of the frames' files, from Blender's output path; it tells these frames
+    from others in the same folder. Characters that some drives do not allow are replaced in it.
+    """
+
+    def __init__(self, frames_folder: Path, name: str) -> None:
+        self.frames_folder = frames_folder
+        self.path = frames_folder / JOURNAL
+        plain = name.replace("#", "")
+        self.name = re.sub(r"[^A-Za-z0-9._-]+", "_", plain)
+        if self.name != plain:
+            # Two names that differ only in replaced characters must still differ.
+            self.name += f"{digest(plain)[:6]}_"
+
+    def make(self) -> None:
+        """Create the folder where it is missing.
+
+        Raises OSError, and BadInputError where a link is in its place, because files of dead runs are removed in it.
+        """
+        self.path.mkdir(exist_ok=True)
+        flush_folder(self.frames_folder)
+        if leads_elsewhere(self.path):
+            raise BadInputError(f"{self.path} is a link to another folder: remove it, or name another for the frames")
+
+    def remove_empty(self) -> None:
+        """Remove the folder where nothing is in it."""
+        with contextlib.suppress(OSError):
+            self.path.rmdir()
+
+    def stem(self, frame: int) -> str:
+        """Return the beginning of the names of a frame's files in the journal."""
+        return f"{self.name}{frame:04d}"
+
+    def write(self, path: Path, values: Mapping[str, Any]) -> None:
+        """Write a JSON file, which appears whole or not at all. Raises OSError."""
+        if path.is_dir() and not path.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, f"{path.name} in {JOURNAL} is a folder: move it", str(path))
+        write_json(path, values)

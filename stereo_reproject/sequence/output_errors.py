@@ -1,0 +1,82 @@
+"""Errors in writing an animation's files, in one line for the user: a folder that is gone, a full disk, or another."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import stat
+import sys
+import time
+from pathlib import Path
+
+from ..errors import OutputError, StereoReprojectError
+from ..jobs.work_folder import tells_full_disk
+from .journal_folder import JOURNAL
+
+KEPT = "finished frames are kept, and --resume renders the rest"
+"""Outcome of an animation that ends early, in words."""
+
+REMOVAL_SECONDS = 0.5
+"""Time that somebody may need to remove a folder of frames."""
+
+FULL_DISK_BYTES = 1 << 20
+"""Free bytes on a drive below which it counts as full."""
+
+FULL_DISK_FILES = 32
+"""Files for which a drive has room, below which it counts as full: two frames of half a dozen files are in the making
+at a time."""
+
+
+def failed_output(folder: Path, error: OSError | StereoReprojectError) -> OutputError:
+    """Return an error in writing below this folder as one line, with its cause where that can be found."""
+    if _is_gone(folder, error):
+        return OutputError(f"{folder} is gone, with the frames that were in it")
+    if _is_full(folder, error):
+        return OutputError(f"{folder}: the disk is full; free some space: {KEPT}")
+    reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
+    return OutputError(f"{folder} cannot be written ({reason}): {KEPT}")
+
+
+def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReprojectError:
+    """Return the error, or one that says that this folder is gone or its disk full: Blender's own does not say so."""
+    if isinstance(error, OutputError) or not (_is_gone(folder, error) or _is_full(folder, error)):
+        return error
+    return failed_output(folder, error)
+
+
+def _is_gone(folder: Path, error: Exception) -> bool:
+    # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
+    there = _is_folder(folder / JOURNAL)
+    if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
+        # Whoever removes it may be at it just now, and its files go first.
+        time.sleep(REMOVAL_SECONDS)
+        there = _is_folder(folder / JOURNAL)
+    return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except OSError as error:
+        # What may not be looked at any more is not gone.
+        return not isinstance(error, (FileNotFoundError, NotADirectoryError))
+
+
+def _is_full(folder: Path, error: Exception) -> bool:
+    return (isinstance(error, OSError) and tells_full_disk(error)) or is_full(folder)
+
+
+def is_full(folder: Path, *, below: int = FULL_DISK_BYTES) -> bool:
+    """Return whether a folder's drive is full: fewer free bytes than `below`, or room for too few files."""
+    with contextlib.suppress(OSError):
+        return shutil.disk_usage(folder).free < below or _has_no_names(folder)
+    return False
+
+
+def _has_no_names(folder: Path) -> bool:
+    # Windows does not count them, and some drives have no limit.
+    if sys.platform == "win32":
+        return False
+    drive = os.statvfs(folder)
+    return drive.f_files > 0 and drive.f_favail < FULL_DISK_FILES
