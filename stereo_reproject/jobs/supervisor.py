@@ -40,6 +40,7 @@ from typing import Any
 
 from ..errors import BadInputError, StereoReprojectError
 from ..files import is_missing
+from ..pipeline.stages import Stage
 from ..report.report import check_report
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
@@ -53,7 +54,7 @@ Event = dict[str, Any]
 FRAME = "frame "
 """What the detail of an animation's stages begins with; its number follows."""
 
-HANDED_OVER = "write"
+HANDED_OVER = Stage.WRITE
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
 
 
@@ -207,7 +208,7 @@ def _listen(
 
     names are as `_known_names` has them.
     """
-    stage: Event = {"event": "stage", "stage": "start", "fraction": None}
+    stage: Event = {"event": "stage", "stage": Stage.START, "fraction": None}
     while True:
         interrupts.check()
         on_tick()

@@ -33,6 +33,7 @@ from .effect_costs import EffectCost, accounts
 from .matched_eye import LightMatcher, MatchedEye
 from .price import WHOLE, Price, next_better, price_of
 from .shared_findings import SharedFindings
+from .stages import Stage
 
 
 class Renderer(Protocol):
@@ -123,7 +124,7 @@ class Stopwatch:
         now = time.perf_counter()
         if self._stage:
             self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._start
-        self._stage, self._start = stage, now
+        self._stage, self._start = str(stage), now
         if stage:
             self._on_stage(stage)
 
@@ -152,7 +153,7 @@ def render_stereo_frame(
     source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
     accuracy = for_size(accuracy or accuracy_of(settings), target_camera.width * target_camera.height)
 
-    watch.lap("source")
+    watch.lap(Stage.SOURCE)
     rendered, cost = renderer.render_source(settings.source)
     source, invalid = replace_non_finite(rendered)
     lost = not_numbers(rendered)
@@ -161,7 +162,7 @@ def render_stereo_frame(
     watched = may_differ and not renderer.foreign
     denoising = None if renderer.denoise is None else Denoising(renderer.denoise)
     if denoising is not None:
-        watch.lap("denoise_source")
+        watch.lap(Stage.DENOISE_SOURCE)
         source = denoise_source(source, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
         if watched and accuracy.promise is not None:
@@ -169,7 +170,7 @@ def render_stereo_frame(
             denoising = replace(denoising, noise_left=left)
         accuracy = for_denoised(accuracy)
 
-    watch.lap("warp")
+    watch.lap(Stage.WARP)
     motion = renderer.motion
     interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=denoising is not None)
     warp = partial(
@@ -196,21 +197,21 @@ def render_stereo_frame(
     means = FillPlanner(settings.fill, precedent.cost(cost), blockers)
     target = _target_eye(renderer, settings.target, means, reprojection, accuracy, watched=watched, denoising=denoising)
     if target.wants_pilot:
-        watch.lap("pilot")
+        watch.lap(Stage.PILOT)
         target.send_pilot()
 
-    watch.lap("fill")
+    watch.lap(Stage.FILL)
     fill = target.fill()
 
-    watch.lap("refine")
+    watch.lap(Stage.REFINE)
     refinement = target.refine()
 
-    watch.lap("composite")
+    watch.lap(Stage.COMPOSITE)
     finished, lost_in_target = _without_lost(target, lost, reprojection, interpolation)
     if denoising is not None:
-        watch.lap("denoise_target")
+        watch.lap(Stage.DENOISE_TARGET)
         finished = denoise_target(finished, target.kept, denoising, refined=target.refined)
-    watch.lap("account")
+    watch.lap(Stage.ACCOUNT)
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reasons = _all_reasons(reprojection.reasons, target.probed, refinement.pixels)
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)

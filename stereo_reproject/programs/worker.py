@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import as_told
 from ..files import strict
+from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
 
@@ -159,7 +160,7 @@ def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple
     from ..jobs.supervisor import Session
 
     start = time.perf_counter()
-    emit("stage", stage="load")
+    emit("stage", stage=Stage.LOAD)
     scene = open_session(Path(job["blend"]), Session(**job["session"]))
     loaded = time.perf_counter() - start
     overrides = _settings(job["settings"]).scene

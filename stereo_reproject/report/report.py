@@ -8,26 +8,12 @@ from numbers import Integral, Real
 from typing import Any
 
 from ..errors import StereoReprojectError
+from ..pipeline.stages import OUTSIDE_TOTAL, in_order, label_of
 from ..settings.frame import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
 
 REPORT_SCHEMA = 1
 
 STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = (
-    "load",
-    "plan",
-    "source",
-    "denoise_source",
-    "warp",
-    "pilot",
-    "fill",
-    "refine",
-    "composite",
-    "denoise_target",
-    "account",
-    "write",
-)
-OUTSIDE_TOTAL = ("load", "account", "write", "compare")
 REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
     "multiview_seconds",
@@ -204,10 +190,9 @@ def _number(value: Any, pattern: str) -> str:
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
     seconds = report["seconds"]
     lines = ["took              seconds"]
-    stages = [name for name in (*IN_ORDER, *seconds) if name in seconds and name != "total"]
-    for name in dict.fromkeys(stages):
+    for name in in_order(name for name in seconds if name != "total"):
         note = "   not in the total" if name in OUTSIDE_TOTAL else ""
-        lines.append(f"  {name.replace('_', ' '):<16}{seconds[name]:8.2f}{note}")
+        lines.append(f"  {label_of(name):<16}{seconds[name]:8.2f}{note}")
     lines.append(f"  {'total':<16}{seconds['total']:8.2f}   from the look at the scene to the finished pair")
     return lines
 

@@ -22,7 +22,8 @@ from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.report.report import OUTSIDE_TOTAL, STAGES, check_report
+from stereo_reproject.pipeline.stages import OUTSIDE_TOTAL
+from stereo_reproject.report.report import STAGES, check_report
 from tests.blender.toolbox import add_camera, add_cube, add_plane, add_sun, diffuse, empty_scene, render_plain
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -21,6 +21,7 @@ from ...images.ranges import range_warnings
 from ...jobs.work_folder import DIFFERENCE, pair_files
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.shared_findings import SharedFindings
+from ...pipeline.stages import Stage
 from ...pipeline.stereo_pair import StereoPair
 from ...report.estimates import effects_fields, estimate_fields, estimate_map
 from ...report.report import REPORT_SCHEMA, check_report
@@ -63,12 +64,12 @@ def render_files(
     if STEREO_PICTURE in files and is_composited(scene):
         check_file_outputs(scene)
     pair, report = render_pair(scene, settings, work, on_stage=on_stage)
-    on_stage("write")
+    on_stage(Stage.WRITE)
     start = time.perf_counter()
     _write_pictures(scene, settings, pair, out, report, files)
     report["seconds"].update(load=load_seconds, write=time.perf_counter() - start)
     if settings.compare:
-        on_stage("compare")
+        on_stage(Stage.COMPARE)
         report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
@@ -98,7 +99,7 @@ def render_pair(
     with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
         for layer in check_layers(scene):
             watch = Stopwatch(on_stage)
-            watch.lap("plan")
+            watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
             frames[layer], report = _render_layer(scene, working, settings, work, watch, precedents(layer))
             reports.append(report)

@@ -17,6 +17,7 @@ from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.frame import colour
 from ...pipeline.shared_findings import SharedFindings
+from ...pipeline.stages import RENDERING, Stage
 from ...pipeline.stereo_pair import StereoPair
 from ...sequence.frames import blamed_on_output, failed_output
 from ...sequence.journal import Fingerprints, Journal, Record, digest
@@ -49,9 +50,6 @@ OF_A_FRAME = (
 
 ALIKE = 24
 """Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
-
-RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_target")
-"""The stages that render, or denoise what was rendered: the rest is what is done beside."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,7 @@ class BlenderFrameMaker:
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()
         where = f"{FRAME}{frame}"
-        self._on_stage("prepare", where)
+        self._on_stage(Stage.PREPARE, where)
         of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
         pair, report = render_pair(
             self._scene,
@@ -154,7 +152,7 @@ class BlenderFrameMaker:
         figures["wall_seconds"] = wall = time.perf_counter() - start
         figures["beside_seconds"] = wall - sum(report["seconds"].get(stage, 0.0) for stage in RENDERING)
         if self._is_compared(frame):
-            self._on_stage("compare", where)
+            self._on_stage(Stage.COMPARE, where)
             self._scenes.close()
             compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
             # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:

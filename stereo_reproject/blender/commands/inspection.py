@@ -31,6 +31,7 @@ from ...pipeline.prediction import (
     shown_differently,
     sketch_accuracy,
 )
+from ...pipeline.stages import Stage
 from ...report.inspection import INSPECTION_SCHEMA, effects_rows
 from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ...settings.frame import StereoSettings
@@ -67,7 +68,7 @@ def inspect_scene(
 
     work is a private folder. Raises BadInputError and StereoReprojectError.
     """
-    on_stage("plan")
+    on_stage(Stage.PLAN)
     with working_scene(scene, settings.scene) as working:
         facts = frame_facts(scene, working, settings)
         cycles = working.render.engine == CYCLES
@@ -83,7 +84,7 @@ def inspect_scene(
             if sketch and isinstance(renderer, EeveeRenderer):
                 predicted = _predicted_of_eevee(renderer, settings)
             elif sketch:
-                on_stage("sketch")
+                on_stage(Stage.SKETCH)
                 sketched = _render_sketch(renderer, settings, facts["samples"])
                 predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
                 parallax = _parallax(renderer, sketched[0], frame_width)
