@@ -9,7 +9,7 @@ import bpy
 
 from ..stereo_reproject.pipeline.price import WHOLE
 from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
-from ..stereo_reproject.report.report import more_seconds_text
+from ..stereo_reproject.report.table import more_seconds_text
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of

@@ -41,7 +41,6 @@ from typing import Any
 from ..errors import BadInputError, StereoReprojectError
 from ..files import is_missing
 from ..pipeline.stages import Stage
-from ..report.report import check_report
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
 from .interrupts import Interrupts, RunInterruptedError
@@ -124,8 +123,6 @@ def run_worker(
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
-        if job.command == "render":
-            check_report(report)
         files = tuple(done.get("files") or ()) if job.command == "animate" else job.files
         if job.output is not None:
             check_complete(work / "out", done.get("files"), files)

@@ -28,6 +28,7 @@ from ...images.passes import MASKED_PASS, Passes
 from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
+from ...report.as_json import as_json
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost
 from ...tradeoff.cases import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
@@ -36,7 +37,7 @@ from ..engines.renderer import BlenderRenderer
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .compare import Peer, render_peer
-from .frame import frame_facts
+from .frame import report_header
 
 OnStage = Callable[[str, str], None]
 
@@ -137,7 +138,7 @@ def _render_runs(
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
         copied = time.perf_counter() - start
-        facts = frame_facts(scene, working, settings)
+        facts = as_json(report_header(scene, working, settings))
         del facts["accuracy"]
         seed = working.cycles.seed
         on_stage(Stage.SOURCE, "")
