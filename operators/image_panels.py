@@ -8,7 +8,8 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.pipeline.next_accuracy import WHOLE
-from ..stereo_reproject.report.report import IN_ORDER, OUTSIDE_TOTAL, more_seconds_text
+from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
+from ..stereo_reproject.report.table import more_seconds_text
 from .panels import paragraph
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
@@ -125,9 +126,9 @@ class IMAGE_PT_stereo_reproject_times(_Part):
         assert report is not None
         seconds = report["seconds"]
         column = self.layout.column(align=True)
-        for name in (*(stage for stage in IN_ORDER if stage not in OUTSIDE_TOTAL), "total"):
+        for name in (*(stage for stage in Stage if stage not in OUTSIDE_TOTAL), "total"):
             if seconds.get(name, 0.0) >= 0.005:
-                _row(column, name.replace("_", " ").capitalize(), f"{seconds[name]:.2f} s")
+                _row(column, label_of(name).capitalize(), f"{seconds[name]:.2f} s")
         compare = report.get("compare")
         if compare:
             _row(column, "Multiview, measured", f"{compare['multiview_seconds']:.2f} s")

@@ -11,29 +11,12 @@ from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.blender.scene.working import camera_at, check_engine, check_layers
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.jobs.progress import clock
+from ..stereo_reproject.pipeline.stages import words_of
 from . import slots
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .run import BackgroundJob
 
 TICK_SECONDS = 0.1
-
-STAGES = {
-    "start": "Starting",
-    "load": "Loading a copy of the file",
-    "plan": "Looking at the scene",
-    "sketch": "Rendering a sketch",
-    "source": "Rendering the first eye",
-    "denoise_source": "Denoising the first eye",
-    "warp": "Reprojecting",
-    "pilot": "Probing",
-    "fill": "Rendering what the first eye does not show",
-    "refine": "Rendering what the probes ask for",
-    "composite": "Putting the second eye together",
-    "denoise_target": "Denoising the second eye",
-    "account": "Measuring",
-    "write": "Writing",
-    "compare": "Rendering both eyes whole to compare",
-}
 
 _running: list[BackgroundJob] = []
 """The run that is under way, if any."""
@@ -72,7 +55,7 @@ def _quiet() -> None:
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
     """How far a run is, from 0 to 1, and in words."""
     fraction, remaining = run.far()
-    words = [STAGES.get(run.stage, run.stage), *filter(None, [run.detail])]
+    words = [words_of(run.stage), *filter(None, [run.detail])]
     left = "" if remaining is None else f", {clock(remaining)} left"
     return fraction, f"{', '.join(words)}: {fraction:.0%}{left}"
 

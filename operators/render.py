@@ -16,6 +16,7 @@ from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from .jobs import JobOperator
@@ -148,19 +149,19 @@ def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress
     if checked is not None and result.inspected == settings and checked["predicted"]["total_seconds"] is not None:
         each = {**dict.fromkeys(usual, 0.0), **_predicted_stages(checked["predicted"])}
         return Progress(now, each, in_seconds=True, frames=layers)
-    stages = {**usual, "compare": 4.0 * usual["source"]} if settings.compare else usual
+    stages = {**usual, Stage.COMPARE: 4.0 * usual[Stage.SOURCE]} if settings.compare else usual
     return Progress(now, stages, frames=layers)
 
 
 def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     refine = predicted["refine_seconds"]
     return {
-        "source": predicted["source_seconds"],
-        "denoise_source": 0.5 * predicted["denoise_seconds"],
-        "warp": predicted["warp_seconds"],
-        "fill": predicted["fill"]["seconds"],
-        "refine": 0.5 * (refine["low"] + refine["high"]),
-        "denoise_target": 0.5 * predicted["denoise_seconds"],
+        Stage.SOURCE: predicted["source_seconds"],
+        Stage.DENOISE_SOURCE: 0.5 * predicted["denoise_seconds"],
+        Stage.WARP: predicted["warp_seconds"],
+        Stage.FILL: predicted["fill"]["seconds"],
+        Stage.REFINE: 0.5 * (refine["low"] + refine["high"]),
+        Stage.DENOISE_TARGET: 0.5 * predicted["denoise_seconds"],
     }
 
 

@@ -22,6 +22,7 @@ from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.progress import Progress
 from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
 from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
+from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
@@ -66,7 +67,7 @@ class BackgroundJob:
         self.name = opened.stem or "untitled"
         self.beside = opened.parent if bpy.data.filepath else None
         self.settings = settings
-        self.stage, self.detail = "start", ""
+        self.stage, self.detail = str(Stage.START), ""
         self.progress = progress
         self.warnings: list[str] = []
         self.report: dict[str, Any] | None = None

@@ -12,6 +12,7 @@ import time
 from typing import Any, TextIO
 
 from ..errors import StereoReprojectError
+from ..pipeline.stages import label_of
 from .progress import clock
 from .supervisor import FRAME, Event
 
@@ -85,7 +86,7 @@ class Console:
     def _on_stage(self, event: Event) -> None:
         stage, detail = str(event.get("stage")), str(event.get("detail") or "")
         if detail.startswith(FRAME):
-            self._animation_line().update(event.get("fraction"), f"{detail}: {stage.replace('_', ' ')}")
+            self._animation_line().update(event.get("fraction"), f"{detail}: {label_of(stage)}")
             return
         if self._line is None or self._line.stage != stage:
             self.end_stage()

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ..pipeline.stages import Stage
+
 _PAIR = {
-    "plan": 1.0,
-    "source": 55.0,
-    "denoise_source": 0.0,
-    "warp": 4.0,
-    "pilot": 0.0,
-    "fill": 20.0,
-    "refine": 10.0,
-    "composite": 1.0,
-    "denoise_target": 0.0,
-    "account": 1.0,
-    "write": 4.0,
+    Stage.PLAN: 1.0,
+    Stage.SOURCE: 55.0,
+    Stage.DENOISE_SOURCE: 0.0,
+    Stage.WARP: 4.0,
+    Stage.PILOT: 0.0,
+    Stage.FILL: 20.0,
+    Stage.REFINE: 10.0,
+    Stage.COMPOSITE: 1.0,
+    Stage.DENOISE_TARGET: 0.0,
+    Stage.ACCOUNT: 1.0,
+    Stage.WRITE: 4.0,
 }
 USUAL: Mapping[str, Mapping[str, float]] = {
-    "render": {"load": 0.0, **_PAIR, "compare": 0.0},
-    "animate": {"load": 0.0, "prepare": 0.0, **_PAIR},
-    "inspect": {"load": 0.0, "plan": 0.0, "sketch": 1.0},
+    "render": {Stage.LOAD: 0.0, **_PAIR, Stage.COMPARE: 0.0},
+    "animate": {Stage.LOAD: 0.0, Stage.PREPARE: 0.0, **_PAIR},
+    "inspect": {Stage.LOAD: 0.0, Stage.PLAN: 0.0, Stage.SKETCH: 1.0},
 }
 """Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
 """

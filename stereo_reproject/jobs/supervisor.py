@@ -40,7 +40,7 @@ from typing import Any
 
 from ..errors import BadInputError, StereoReprojectError
 from ..files import is_missing
-from ..report.report import check_report
+from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
 from .interrupts import Interrupts, RunInterruptedError
@@ -53,7 +53,7 @@ Event = dict[str, Any]
 FRAME = "frame "
 """What the detail of an animation's stages begins with; its number follows."""
 
-HANDED_OVER = "write"
+HANDED_OVER = Stage.WRITE
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
 
 
@@ -123,8 +123,6 @@ def run_worker(
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
-        if job.command == "render":
-            check_report(report)
         files = tuple(done.get("files") or ()) if job.command == "animate" else job.files
         if job.output is not None:
             check_complete(work / "out", done.get("files"), files)
@@ -207,7 +205,7 @@ def _listen(
 
     names are as `_known_names` has them.
     """
-    stage: Event = {"event": "stage", "stage": "start", "fraction": None}
+    stage: Event = {"event": "stage", "stage": Stage.START, "fraction": None}
     while True:
         interrupts.check()
         on_tick()

@@ -37,6 +37,7 @@ from .effect_costs import EffectCost, effect_costs
 from .matched_tracing import LightMatcher, MatchedTracing
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
+from .stages import Stage
 
 
 class Renderer(Protocol):
@@ -185,7 +186,7 @@ def render_stereo_frame(
 
     source = _render_source(renderer, settings, accuracy or accuracy_of(settings), findings, watch)
 
-    watch.lap("warp")
+    watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
     blockers = renderer.fill_blockers(_deepest(source.passes))
@@ -193,20 +194,20 @@ def render_stereo_frame(
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers)
     tracing = _tracing_of(renderer, settings.target, planner, reprojection, source)
     if tracing.wants_pilot:
-        watch.lap("pilot")
+        watch.lap(Stage.PILOT)
         tracing.send_pilot()
 
-    watch.lap("fill")
+    watch.lap(Stage.FILL)
     fill = tracing.fill()
 
-    watch.lap("refine")
+    watch.lap(Stage.REFINE)
     refinement = tracing.refine()
 
-    watch.lap("composite")
+    watch.lap(Stage.COMPOSITE)
     target = tracing.target
     finished, lost_in_target = _without_lost(target, source.lost, reprojection, settings)
     if source.denoising is not None:
-        watch.lap("denoise_target")
+        watch.lap(Stage.DENOISE_TARGET)
         refined = target.any_of(Provenance.REFINED)
         finished = denoise_target(finished, target.keeps_warped_colour, source.denoising, refined=refined)
 
@@ -228,7 +229,7 @@ def _render_source(
     cameras = [renderer.cameras[view] for view in (settings.source, settings.target)]
     accuracy = for_size(accuracy, cameras[1].width * cameras[1].height)
 
-    watch.lap("source")
+    watch.lap(Stage.SOURCE)
     rendered, cost = renderer.render_source(settings.source)
     passes, invalid = replace_non_finite(rendered)
     needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(*cameras)
@@ -236,7 +237,7 @@ def _render_source(
     if renderer.denoise is None:
         return source
 
-    watch.lap("denoise_source")
+    watch.lap(Stage.DENOISE_SOURCE)
     denoising = Denoising(renderer.denoise)
     passes = denoise_source(passes, denoising)
     cost = replace(cost, denoise_seconds=watch.seconds_so_far)
@@ -289,7 +290,7 @@ def _finished_frame(
     watch: Stopwatch,
 ) -> StereoFrame:
     """Return the frame with the target's finished passes, and account for what it cost; that is not in the total."""
-    watch.lap("account")
+    watch.lap(Stage.ACCOUNT)
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reprojection, refinement, target = done.reprojection, done.refinement, done.tracing.target
     reasons = _all_reasons(reprojection.reasons, target)

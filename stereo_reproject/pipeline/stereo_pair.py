@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass
 
 from ..images.exr import CRYPTOMATTE_KEY
 from ..images.passes import Passes
@@ -62,20 +59,6 @@ class StereoPair:
         """By view, over all layers."""
         frames = self.frames.values()
         return {view: sum(frame.invalid_pixels[view] for frame in frames) for view in self.main_frame.invalid_pixels}
-
-    def layer_rows(self) -> list[dict[str, Any]]:
-        """What became of each view layer, as reports have it."""
-        return [
-            {
-                "name": name,
-                "rerendered": float(np.mean(frame.traced)),
-                "fill": frame.fill.method,
-                "noise_ratio": None if frame.refinement.estimate is None else frame.refinement.estimate.noise_ratio,
-                "correction": None if frame.correction is None else asdict(frame.correction),
-                "seconds": frame.seconds["total"],
-            }
-            for name, frame in self.frames.items()
-        ]
 
 
 def _cryptomattes(frame: StereoFrame) -> dict[str, str]:

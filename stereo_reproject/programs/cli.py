@@ -23,7 +23,7 @@ from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import Event, Job, run_worker
 from ..jobs.work_folder import pair_files
 from ..report.inspection import format_inspection
-from ..report.report import format_report_table
+from ..report.table import format_report_table
 from ..sequence.report import format_animation
 from ..sequence.supervisor import run_animation
 from ..settings.frame import StereoSettings

@@ -19,6 +19,7 @@ from typing import Any
 from ..errors import as_told
 from ..files import strict
 from ..jobs.warn_once import WarnOnce
+from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
 
@@ -156,7 +157,7 @@ def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple
     from ..jobs.supervisor import Session
 
     start = time.perf_counter()
-    emit("stage", stage="load")
+    emit("stage", stage=Stage.LOAD)
     scene = open_session(Path(job["blend"]), Session(**job["session"]))
     loaded = time.perf_counter() - start
     overrides = _settings(job["settings"]).scene

@@ -1,75 +1,79 @@
-"""What is told of effects and of the estimate: plain values for report.json, and a map of the tiles."""
+"""The parts of a report about effects and about the estimate, and a map of the estimate by tiles."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import Estimate, tile_estimates, worst_tiles
 from ..estimate.tracing import Refinement
-from ..images.effects import Effect, EffectsPlan
+from ..images.effects import Effect, EffectsPlan, Finding
 from ..pipeline.effect_costs import EffectCost
 from ..settings.accuracy import Accuracy
+from .frame_report import EffectReport, EstimateReport, NoEstimateReport
 
 
-def effects_fields(plan: EffectsPlan, accounts: Mapping[Effect, EffectCost]) -> list[dict[str, Any]]:
-    """Per effect: called for or not, by what, how it is handled, and what of the frame is on its account."""
-    rows = []
-    for finding in plan.findings:
-        account = accounts.get(finding.effect)
-        rows.append(
-            {
-                **finding.fields(),
-                "fraction": 0.0 if account is None else account.fraction,
-                "seconds": 0.0 if account is None else account.seconds,
-                **dict(zip(("excess", "excess_low", "excess_high"), _excess(account), strict=True)),
-            }
-        )
-    return rows
+def effect_reports(plan: EffectsPlan, accounts: Mapping[Effect, EffectCost]) -> tuple[EffectReport, ...]:
+    """Return for each effect of the plan how it is handled, and what of the frame it has cost."""
+    return tuple(_effect_report(finding, accounts.get(finding.effect)) for finding in plan.findings)
 
 
-def _excess(account: EffectCost | None) -> tuple[float | None, float | None, float | None]:
-    return (None, None, None) if account is None or account.excess is None else account.excess
+def _effect_report(finding: Finding, cost: EffectCost | None) -> EffectReport:
+    excess, low, high = _excess(cost)
+    return EffectReport(
+        effect=finding.effect.label,
+        called_for=finding.called_for,
+        by=finding.by,
+        handling=finding.handling,
+        fraction=0.0 if cost is None else cost.fraction,
+        seconds=0.0 if cost is None else cost.seconds,
+        excess=excess,
+        excess_low=low,
+        excess_high=high,
+    )
 
 
-def estimate_fields(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
-    """What the probes say of the finished target, and whether that is what was promised; null where none were traced.
+def _excess(cost: EffectCost | None) -> tuple[float | None, float | None, float | None]:
+    return (None, None, None) if cost is None or cost.excess is None else cost.excess
 
-    probes counts those of the tiles that stayed warped, from which the figures are; tile_size is in pixels.
-    """
+
+NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wrong warp"
+
+
+def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateReport | NoEstimateReport:
+    """Return what the probes say of the finished target beside what was promised, or why they say nothing."""
     estimate, evidence = refinement.estimate, refinement.evidence
     if estimate is None:
-        return _no_estimate(refinement, accuracy)
+        return NoEstimateReport(promise=accuracy.promise, from_=refinement.no_estimate)
     probed = None if refinement.whole else evidence
     worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
     kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.selection is None)
-    return {
-        "noise_ratio": estimate.noise_ratio,
-        **_interval(estimate),
-        "excess": estimate.excess,
-        "promise": accuracy.promise,
-        "worst_tiles": worst,
-        "worst_tiles_promise": promised,
-        "kept": False if promised is not None and worst > promised else kept,
-        "probes": 0 if probed is None else int((~probed.refined).sum()),
-        "tile_size": None if evidence is None else evidence.probes.spacing,
-        "from": "rendered whole" if probed is None else "probes",
-    }
+    return EstimateReport(
+        noise_ratio=estimate.noise_ratio,
+        low=_finite(estimate.low),
+        high=_finite(estimate.high),
+        excess=estimate.excess,
+        promise=accuracy.promise,
+        worst_tiles=worst,
+        worst_tiles_promise=promised,
+        kept=False if promised is not None and worst > promised else kept,
+        probes=0 if probed is None else int((~probed.refined).sum()),
+        tile_size=None if evidence is None else evidence.probes.spacing,
+        from_="rendered whole" if probed is None else "probes",
+    )
 
 
-def _interval(estimate: Estimate) -> dict[str, float | None]:
-    """The ends of the 95 % interval: null for an eye that was rendered whole, of whose noise nothing is known."""
-    ends = {"low": estimate.low, "high": estimate.high}
-    return {name: end if math.isfinite(end) else None for name, end in ends.items()}
+def _finite(end: float) -> float | None:
+    """Return an end of the 95 % interval; None for an eye that was rendered whole, if nothing is known of its noise."""
+    return end if math.isfinite(end) else None
 
 
 def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | None:
-    """Whether the promise is kept; where the probes are not sure of the figure, only if its whole interval says so."""
+    """Return whether the promise is kept; None where the probes are not sure and their interval holds the promise."""
     if promise is None:
         return True
     if sure:
@@ -77,13 +81,8 @@ def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | No
     return True if estimate.high <= promise else False if estimate.low > promise else None
 
 
-def _no_estimate(refinement: Refinement, accuracy: Accuracy) -> dict[str, Any]:
-    unknown = ("noise_ratio", "low", "high", "excess", "worst_tiles", "worst_tiles_promise", "kept", "tile_size")
-    return {**dict.fromkeys(unknown), "promise": accuracy.promise, "probes": 0, "from": refinement.no_estimate}
-
-
 def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W, 3): the noise ratio of each pixel's tile, and the low and high end of its 95 % interval.
+    """Return (H, W, 3): the noise ratio of each pixel's tile, and the low and high end of its 95 % interval.
 
     1 where the pixel was traced (H, W), not a number where no probe tells.
     """

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..pipeline.stages import Stage
+
 STAGES = {
-    "source": ("source",),
-    "tracing": ("pilot", "fill", "refine"),
-    "denoising": ("denoise_source", "denoise_target"),
+    "source": (Stage.SOURCE,),
+    "tracing": (Stage.PILOT, Stage.FILL, Stage.REFINE),
+    "denoising": (Stage.DENOISE_SOURCE, Stage.DENOISE_TARGET),
 }
 """What a frame's seconds are made of, and the stages of a report that belong to it."""
 REST = "the rest"

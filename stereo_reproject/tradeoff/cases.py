@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..pipeline.stages import Stage, in_order
 from ..settings.accuracy import SETTINGS, Accuracy
 from ..settings.frame import ACCURACIES, StereoSettings
 
@@ -25,20 +26,6 @@ HEURISTIC = "heuristic"
 
 PEER = "multiview"
 """The name, and the kind, of Blender's own way among the runs."""
-
-STAGES = (
-    "plan",
-    "source",
-    "denoise_source",
-    "warp",
-    "pilot",
-    "fill",
-    "probes",
-    "refine",
-    "composite",
-    "denoise_target",
-)
-"""The order in which stages are listed; one of another name comes after them."""
 
 TELLING = 0.005
 """Difference in noise ratio that counts: what is less is the noise of the measure itself."""
@@ -123,15 +110,9 @@ def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[
     result = dict(seconds)
     if probes > 0:
         traced = PROBE_TRACES * probes
-        result["probes"] = result["fill"] * traced / (holes + traced)
-        result["fill"] -= result["probes"]
-    return {name: result[name] for name in stage_order(result)}
-
-
-def stage_order(names: Iterable[str]) -> list[str]:
-    """Each of these stages once, in the order in which they are listed."""
-    names = list(dict.fromkeys(names))
-    return [name for name in STAGES if name in names] + [name for name in names if name not in STAGES]
+        result[Stage.PROBES] = result[Stage.FILL] * traced / (holes + traced)
+        result[Stage.FILL] -= result[Stage.PROBES]
+    return {name: result[name] for name in in_order(result)}
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
@@ -189,7 +170,7 @@ def _known(value: float | None) -> float | None:
 
 def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
     """The rows, and the peer as the last of them, a line each; what a run does not have is left empty."""
-    stages = stage_order(name for row in prices["rows"] for name in row["seconds"] if name != "total")
+    stages = in_order(name for row in prices["rows"] for name in row["seconds"] if name != "total")
     peer = {"name": PEER, "kind": PEER, "traced": 1.0, **prices["peer"]}
     lines = [_flat(row, stages) for row in (*prices["rows"], {**peer, "seconds": {"total": peer["seconds"]}})]
     with path.open("w", encoding="utf-8", newline="") as file:

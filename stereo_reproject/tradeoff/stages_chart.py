@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .cases import stage_order
+from ..pipeline.stages import Stage, in_order
 from .chart_canvas import (
     BLACK,
     BLUE,
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STAGE_COLOURS = {
-    "plan": BLACK,
-    "source": PALE,
-    "warp": ORANGE,
-    "pilot": YELLOW,
-    "fill": BLUE,
-    "probes": SKY,
-    "refine": GREEN,
-    "composite": PURPLE,
+STAGE_COLOURS: Mapping[str, str] = {
+    Stage.PLAN: BLACK,
+    Stage.SOURCE: PALE,
+    Stage.WARP: ORANGE,
+    Stage.PILOT: YELLOW,
+    Stage.FILL: BLUE,
+    Stage.PROBES: SKY,
+    Stage.REFINE: GREEN,
+    Stage.COMPOSITE: PURPLE,
 }
 BOTH_EYES = "both eyes"
 """What the peer's bar is called: its time has no stages."""
@@ -54,7 +54,7 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
     figure = new_figure(1.95 + 0.36 * (len(rows) + (2 if reported else 1)))
     axes = add_axes_between(figure, notes, left=0.16, right=0.81)
     write_titles(figure, prices, "where the time goes", notes)
-    used = [name for name in stage_order(name for row in rows for name in row["seconds"]) if name != "total"]
+    used = [name for name in in_order(name for row in rows for name in row["seconds"]) if name != "total"]
     for name in used:
         colour = STAGE_COLOURS.get(name, GREY)
         seconds = [row["seconds"].get(name, 0.0) for row in rows]
@@ -90,7 +90,7 @@ def _draw_reported(axes: Axes, reported: Mapping[str, Any], peer: float, *, belo
 
 def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str, reported: Mapping[str, Any] | None) -> str:
     columns = "Speed-up: over Blender's multiview. Traced: the share of the target eye's pixels."
-    probed = any("probes" in row["seconds"] for row in rows)
+    probed = any(Stage.PROBES in row["seconds"] for row in rows)
     split = " Holes and probes are traced in one render, whose time is divided by their pixels." if probed else ""
     return wrapped([columns, source + split, *([reported_note(reported)] if reported else [])])
 

@@ -13,7 +13,7 @@ from stereo_reproject.estimate.refinement import choose_tiles, outlier_tiles
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.images.contrast import Contrast, box_sum, contrast_of
 from stereo_reproject.images.metrics import noise_ratio, squared_error
-from stereo_reproject.report.estimates import estimate_fields, estimate_map
+from stereo_reproject.report.estimates import estimate_map, estimate_report
 from stereo_reproject.settings.accuracy import SETTINGS
 
 SIZE = (320, 480)
@@ -225,8 +225,8 @@ def test_the_map_of_the_estimate_is_one_where_traced_and_unknown_where_no_probe_
 
 def test_what_was_rendered_whole_has_no_interval_where_nothing_is_known_of_its_noise():
     whole = Refinement(np.ones(SIZE, bool), estimate=as_rendered(None), whole=True)
-    fields = estimate_fields(whole, SETTINGS["balanced"])
-    assert (fields["noise_ratio"], fields["low"], fields["high"], fields["kept"]) == (1.0, None, None, True)
+    told = estimate_report(whole, SETTINGS["balanced"])
+    assert (told.noise_ratio, told.low, told.high, told.kept) == (1.0, None, None, True)
 
 
 def test_a_frame_that_is_mostly_without_noise_has_worst_tiles():

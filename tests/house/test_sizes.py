@@ -25,13 +25,7 @@ BEING_REWORKED = {
     ("stereo_reproject/blender/commands/animation.py", "render_animation_files", FUNCTION),
     ("stereo_reproject/blender/commands/animation.py", "render_animation_files", PARAMETERS),
     ("stereo_reproject/blender/commands/frame_maker.py", "BlenderFrameMaker.__init__", PARAMETERS),
-    ("stereo_reproject/estimate/denoised_probes.py", "look", PARAMETERS),
-    ("stereo_reproject/estimate/probes.py", "measure", PARAMETERS),
-    ("stereo_reproject/estimate/tracing.py", "TargetEye", CLASS),
-    ("stereo_reproject/estimate/tracing.py", "TargetEye.__init__", PARAMETERS),
     ("stereo_reproject/holes/reprojection.py", "reproject", PARAMETERS),
-    ("stereo_reproject/pipeline/frame.py", "render_stereo_frame", FUNCTION),
-    ("stereo_reproject/pipeline/price.py", "price_of", PARAMETERS),
     ("stereo_reproject/warp/composite.py", "passes_seen", PARAMETERS),
     ("stereo_reproject/warp/quads.py", "_triangle", PARAMETERS),
 }

@@ -45,19 +45,6 @@ def test_times_and_counts_are_of_all_layers(pair):
     assert pair.invalid_pixels == {"left": 2, "right": 4}
 
 
-def test_each_layer_is_told(pair):
-    back, front = pair.layer_rows()
-    assert back == {
-        "name": "Back",
-        "rerendered": pytest.approx(1 / 6),
-        "fill": "packed",
-        "noise_ratio": 1.1,
-        "correction": None,
-        "seconds": 8.0,
-    }
-    assert (front["name"], front["noise_ratio"]) == ("Front", None)
-
-
 TEXTS = {
     "cryptomatte/1/name": "Back v1.0.CryptoObject",
     "cryptomatte/1/manifest": "{objects}",

@@ -22,7 +22,7 @@ from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.report.report import OUTSIDE_TOTAL, STAGES, check_report
+from stereo_reproject.pipeline.stages import OUTSIDE_TOTAL
 from tests.blender.toolbox import add_camera, add_cube, add_plane, add_sun, diffuse, empty_scene, render_plain
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -173,12 +173,11 @@ def test_output_is_the_table_alone(demo):
 
 def test_report_holds_what_was_promised(demo):
     report = demo.report
-    check_report(report)
     assert (report["schema"], report["frame"], report["size"], report["samples"]) == (1, 1, [96, 54], 4)
     assert report["scene"] == "cornell-box"
     assert report["blender"] == bpy.app.version_string
     assert report["accuracy"] == "balanced"
-    assert set(report["seconds"]) >= {*STAGES, "total"}
+    assert set(report["seconds"]) >= {"load", "source", "warp", "fill", "composite", "write", "total"}
     inside = [value for name, value in report["seconds"].items() if name not in (*OUTSIDE_TOTAL, "total")]
     assert report["seconds"]["total"] == pytest.approx(sum(inside))
     assert 0.0 < report["seconds"]["plan"] < report["seconds"]["total"]

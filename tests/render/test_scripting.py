@@ -98,8 +98,8 @@ def test_a_plan_needs_no_render(folder):
 def test_a_pair_is_told_with_its_parallax(folder, tmp_path):
     (tmp_path / "tmp").mkdir()
     _, report = render_pair(bpy.context.scene, StereoSettings(accuracy="draft", fill="packed"), tmp_path)
-    near, far = report["parallax"]["nearest"], report["parallax"]["farthest"]
-    assert near["depth"] == pytest.approx(4.0, rel=1e-3)
-    assert far["depth"] == pytest.approx(8.0, rel=1e-3)
-    assert near["pixels"] < 0.0 < far["pixels"]
-    assert near["percent"] == pytest.approx(100.0 * near["pixels"] / 160)
+    near, far = report.parallax.nearest, report.parallax.farthest
+    assert near.depth == pytest.approx(4.0, rel=1e-3)
+    assert far.depth == pytest.approx(8.0, rel=1e-3)
+    assert near.pixels < 0.0 < far.pixels
+    assert near.percent == pytest.approx(100.0 * near.pixels / 160)

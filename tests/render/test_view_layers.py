@@ -10,7 +10,8 @@ from stereo_reproject.blender.output.delivery import deliver_composited
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.images.exr import _read_parts, read_eye, read_metadata
 from stereo_reproject.images.passes import COLOUR_PASS
-from stereo_reproject.report.report import format_report_table
+from stereo_reproject.report.as_json import ABSENT
+from stereo_reproject.report.table import format_report_table
 from stereo_reproject.settings.frame import StereoSettings
 from tests.blender.scene.test_compositor import add_file_output, over
 from tests.blender.snapshot import everything
@@ -209,7 +210,7 @@ def test_one_layer_is_told_as_ever(scene, tmp_path):
         layer.use = layer.name == "Lit"
     pair, report = render_pair(scene, StereoSettings(fill="packed", accuracy="draft"), tmp_path)
     assert list(pair.frames) == ["Lit"]
-    assert "layers" not in report
+    assert report.layers is ABSENT
 
 
 def test_a_movies_frames_wait_with_all_their_layers(scene, tmp_path):

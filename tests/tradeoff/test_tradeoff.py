@@ -26,7 +26,6 @@ from stereo_reproject.tradeoff.cases import (
     price_list,
     runs,
     split_probes,
-    stage_order,
     write_csv,
 )
 from stereo_reproject.tradeoff.label_places import nearest, place_labels
@@ -157,10 +156,6 @@ def test_a_pilot_is_a_stage_of_its_own():
     seconds = {"source": 5.0, "pilot": 1.0, "fill": 3.0}
     split = {"source": 5.0, "pilot": 1.0, "fill": 2.0, "probes": 1.0}
     assert split_probes(seconds, holes=1000, probes=250) == split
-
-
-def test_a_stage_of_another_name_comes_last():
-    assert stage_order(["novel", "fill", "source", "fill"]) == ["source", "fill", "novel"]
 
 
 # Files

@@ -22,6 +22,7 @@ from ...errors import BadInputError, OtherRunError, StereoReprojectError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.supervisor import Session
 from ...jobs.work_folder import work_folder
+from ...pipeline.stages import Stage
 from ...sequence.fingerprints import Fingerprints, FrameState, digest
 from ...sequence.frames import FramePlan, plan_frames, render_frames
 from ...sequence.journal import Journal
@@ -104,7 +105,7 @@ def render_animation_files(
                     _tell_of_early_end(error, journal, wanted, options, failed, said)
                     raise
                 last = maker.leave(work / "out")
-        told.on_stage("write", "")
+        told.on_stage(Stage.WRITE, "")
         check_frames_stayed(journal, _finished(output, plan, failed), wanted)
         report = write_animation_report(journal, wanted, options, failed, said)
         _check_all_rendered(failed, len(output.files))
@@ -141,7 +142,7 @@ def _run_in(journal: Journal, output: Output, wanted: Fingerprints, told: Listen
     try:
         with run_at_work(journal.runs, announcement(journal, output.files, wanted)) as token:
             waits = "waits to see whether another run is at work"
-            settle(journal, output.files, wanted, token, lambda _: told.on_stage("plan", waits))
+            settle(journal, output.files, wanted, token, lambda _: told.on_stage(Stage.PLAN, waits))
             yield token
     finally:
         journal.place.remove_empty()
@@ -164,7 +165,7 @@ def _make_journal(journal: Journal) -> None:
 
 
 def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Listener) -> None:
-    told.on_stage("plan", "")
+    told.on_stage(Stage.PLAN, "")
     frames = scene_frames(scene) if options.frames is None else options.frames
     if len(frames) >= MANY_FRAMES and not options.goes_on:
         told.note(f"plans {len(frames)} frames, which takes a moment")
@@ -189,7 +190,7 @@ def _plan(
         files,
         wanted,
         options.existing,
-        on_look=lambda _: told.on_stage("plan", f"{next(looked)} of {len(files)} frames looked at"),
+        on_look=lambda _: told.on_stage(Stage.PLAN, f"{next(looked)} of {len(files)} frames looked at"),
     )
     if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
@@ -326,7 +327,7 @@ def _movie(
     if options.movie is None:
         return []
     path = Path(options.movie)
-    told.on_stage("movie", "")
+    told.on_stage(Stage.MOVIE, "")
     for warning in movie_warnings(path, output.movie_layout):
         told.warn(warning)
     with work_folder(path.parent, ()) as beside:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -15,6 +14,8 @@ from numpy.typing import NDArray
 from ...images.metrics import noise_ratio, rmse, worst_tiles
 from ...pipeline.frame import colour
 from ...pipeline.stereo_pair import StereoPair
+from ...report.as_json import ABSENT, Absent
+from ...report.frame_report import CompareReport
 from ...settings.frame import StereoSettings
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
@@ -77,33 +78,37 @@ def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
 
 def compare_with_multiview(
     scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
-) -> tuple[dict[str, Any], NDArray[np.float32]]:
-    """The `compare` part of the report, and multiview's target eye (H, W, 4).
+) -> tuple[CompareReport, NDArray[np.float32]]:
+    """Return the `compare` part of the report, and multiview's target eye (H, W, 4).
 
     Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
     """
     peer = render_peer(scene, settings, folder, layers=list(pair.frames))
     ours = colour(pair.main_frame.eyes[settings.target])
     flip, noise_flip = _flips(scene, settings, ours, peer, folder)
-    fields = {
-        "multiview_seconds": peer.seconds,
-        "speedup": peer.seconds / pair.seconds["total"],
-        "noise_rmse": peer.noise_rmse,
-        **_told_of_noise(peer.judge(ours), peer.engine),
-        "flip": flip,
-        "noise_flip": noise_flip,
-    }
-    return fields, peer.reference
+    errors = peer.judge(ours)
+    no_noise = _why_no_noise(errors, peer.engine)
+    report = CompareReport(
+        multiview_seconds=peer.seconds,
+        speedup=peer.seconds / pair.seconds["total"],
+        noise_rmse=peer.noise_rmse,
+        rmse=errors["rmse"],
+        noise_ratio=errors["noise_ratio"] if no_noise is ABSENT else None,
+        worst_tiles=errors["worst_tiles"] if no_noise is ABSENT else None,
+        no_noise=no_noise,
+        flip=flip,
+        noise_flip=noise_flip,
+    )
+    return report, peer.reference
 
 
-def _told_of_noise(judged: Mapping[str, float], engine: str) -> dict[str, Any]:
-    """What `Peer.judge` has found, and why there is no ratio to the noise, if there is none."""
-    if judged["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(judged["noise_ratio"])):
-        return dict(judged)
-    why = "two plain renders are the same, without noise to compare with"
+def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
+    """Return why there is no ratio to the noise of multiview, or `ABSENT` where there is one."""
+    if errors["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(errors["noise_ratio"])):
+        return ABSENT
     if engine != CYCLES:
-        why = "EEVEE renders the same noise each time, and has none to compare with"
-    return {**judged, "noise_ratio": None, "worst_tiles": None, "no_noise": why}
+        return "EEVEE renders the same noise each time, and has none to compare with"
+    return "two plain renders are the same, without noise to compare with"
 
 
 def _flips(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,15 @@ from ...images.exr import VIEWS, write_eye, write_stereo
 from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
 from ...jobs.work_folder import DIFFERENCE, pair_files
-from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
+from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame
 from ...pipeline.shared_findings import SharedFindings
+from ...pipeline.stages import Stage
 from ...pipeline.stereo_pair import StereoPair
-from ...report.estimates import effects_fields, estimate_fields, estimate_map
-from ...report.report import REPORT_SCHEMA, check_report
-from ...settings.accuracy import accuracy_of
+from ...report.as_json import ABSENT, as_json
+from ...report.estimates import estimate_map
+from ...report.frame_report import FrameReport, MemoryReport, ParallaxReport
+from ...report.header import ReportHeader, StereoReport
+from ...report.making import LayerFacts, pair_report
 from ...settings.frame import StereoSettings
 from ...views.parallax import visible_parallax
 from ..engines.eevee import renderer_of
@@ -63,19 +66,21 @@ def render_files(
     if STEREO_PICTURE in files and is_composited(scene):
         check_file_outputs(scene)
     pair, report = render_pair(scene, settings, work, on_stage=on_stage)
-    on_stage("write")
+    on_stage(Stage.WRITE)
     start = time.perf_counter()
     _write_pictures(scene, settings, pair, out, report, files)
-    report["seconds"].update(load=load_seconds, write=time.perf_counter() - start)
+    own = {Stage.LOAD.value: load_seconds, Stage.WRITE.value: time.perf_counter() - start}
+    report = replace(report, seconds={**report.seconds, **own})
     if settings.compare:
-        on_stage("compare")
-        report["compare"], reference = compare_with_multiview(scene, settings, pair, work)
+        on_stage(Stage.COMPARE)
+        compare, reference = compare_with_multiview(scene, settings, pair, work)
+        report = replace(report, compare=compare)
         if DIFFERENCE in files:
             write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
-    report["warnings"] += scene_warnings(scene, settings.scene) + value_warnings(pair)
-    check_report(report)
-    write_json(out / "report.json", report)
-    return report, list(files)
+    late = [*scene_warnings(scene, settings.scene), *value_warnings(pair)]
+    written = as_json(replace(report, warnings=(*report.warnings, *late)))
+    write_json(out / "report.json", written)
+    return written, list(files)
 
 
 def render_pair(
@@ -86,7 +91,7 @@ def render_pair(
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
     precedents: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
-) -> tuple[StereoPair, dict[str, Any]]:
+) -> tuple[StereoPair, FrameReport]:
     """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
     `render_files`.
 
@@ -94,19 +99,16 @@ def render_pair(
     frames have found. What the report tells of one layer is of the main one, but seconds are of all.
     """
     frames: dict[str, StereoFrame] = {}
-    reports: list[dict[str, Any]] = []
+    facts: list[LayerFacts] = []
     with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
         for layer in check_layers(scene):
             watch = Stopwatch(on_stage)
-            watch.lap("plan")
+            watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], report = _render_layer(scene, working, settings, work, watch, precedents(layer))
-            reports.append(report)
+            frames[layer], found = _render_layer(scene, working, settings, work, watch, precedents(layer))
+            facts.append(found)
     pair = StereoPair(frames)
-    times = {"seconds": pair.seconds, "predicted_speedup": pair.predicted_speedup}
-    layers = {"layers": pair.layer_rows()} if len(frames) > 1 else {}
-    warnings = list(dict.fromkeys(line for report in reports for line in report["warnings"]))
-    return pair, {**reports[0], **times, "memory": _memory(), "warnings": warnings, **layers}
+    return pair, pair_report(pair, facts, settings, _memory())
 
 
 def _render_layer(
@@ -116,77 +118,53 @@ def _render_layer(
     work: Path,
     watch: Stopwatch,
     precedent: SharedFindings,
-) -> tuple[StereoFrame, dict[str, Any]]:
-    facts = frame_facts(scene, working, settings)
+) -> tuple[StereoFrame, LayerFacts]:
+    header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
         frame = render_stereo_frame(renderer, settings, watch=watch, findings=precedent)
-        warnings = list(renderer.warnings)
-        parallax = parallax_fields(renderer, frame.eyes[settings.source], frame_region(working.render).full_width)
-    return frame, {**facts, **_measurements(frame, renderer, settings), "parallax": parallax, "warnings": warnings}
+        limited = has_time_limit(renderer.scene)
+        facts = LayerFacts(
+            header=header,
+            plan=renderer.plan,
+            parallax=parallax_report(renderer, frame.eyes[settings.source], frame_region(working.render).full_width),
+            warnings=tuple(renderer.warnings),
+            time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
+            samples_rendered=renderer.samples_rendered if limited else ABSENT,
+        )
+    return frame, facts
 
 
-def frame_facts(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> dict[str, Any]:
-    """What is rendered, and with which settings, as reports tell it."""
+def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> ReportHeader:
+    """Return what is rendered, and with which settings; working is the copy of the scene that is rendered."""
     render = working.render
     region = frame_region(render)
     cycles = render.engine == CYCLES
     stereo = evaluated(working.camera, working).data.stereo
-    return {
-        "schema": REPORT_SCHEMA,
-        "scene": Path(bpy.data.filepath).stem or scene.name,
-        "scene_datablock": scene.name,
-        "frame": working.frame_current,
-        "size": [region.width, region.height],
-        "samples": working.cycles.samples if cycles else working.eevee.taa_render_samples,
-        "engine": render.engine,
-        "device": working.cycles.device if cycles else "GPU",
-        "blender": bpy.app.version_string,
-        "accuracy": settings.accuracy,
-        "stereo": {
-            "source": settings.source,
-            "interocular_distance": stereo.interocular_distance,
-            "convergence_distance": stereo.convergence_distance,
-            "convergence_mode": stereo.convergence_mode,
-            "pivot": stereo.pivot,
-        },
-    }
+    return ReportHeader(
+        scene=Path(bpy.data.filepath).stem or scene.name,
+        scene_datablock=scene.name,
+        frame=working.frame_current,
+        size=(region.width, region.height),
+        samples=working.cycles.samples if cycles else working.eevee.taa_render_samples,
+        engine=render.engine,
+        device=working.cycles.device if cycles else "GPU",
+        blender=bpy.app.version_string,
+        accuracy=settings.accuracy,
+        stereo=StereoReport(
+            source=settings.source,
+            interocular_distance=stereo.interocular_distance,
+            convergence_distance=stereo.convergence_distance,
+            convergence_mode=stereo.convergence_mode,
+            pivot=stereo.pivot,
+        ),
+    )
 
 
-def parallax_fields(renderer: BlenderRenderer, source: Passes, frame_width: int) -> dict[str, Any] | None:
-    """The parallax of the nearest and farthest of what the source eye sees, as JSON has it: the sky's depth is null."""
+def parallax_report(renderer: BlenderRenderer, source: Passes, frame_width: int) -> ParallaxReport | None:
+    """Return the parallax of the nearest and the farthest point that the source eye sees; None where it sees none."""
     cameras = renderer.cameras
     found = visible_parallax(cameras["left"], cameras["right"], source[DEPTH_PASS], frame_width)
-    return None if found is None else dict(zip(("nearest", "farthest"), map(asdict, found), strict=True))
-
-
-def _measurements(frame: StereoFrame, renderer: BlenderRenderer, settings: StereoSettings) -> dict[str, Any]:
-    return {
-        "fill": {
-            "method": frame.fill.method,
-            "reason": frame.fill.reason,
-            "predicted_seconds": frame.fill.predicted_seconds,
-        },
-        "refine": [{"method": fill.method, "reason": fill.reason} for fill in frame.refinement.fills] or None,
-        "grid": {
-            "cells": frame.grid.cells,
-            "subdivided": int(frame.grid.subdivided.sum()),
-            "triangles": frame.grid.triangles,
-        },
-        "warp": {"asked": settings.warp, "used": frame.warped_by, "gpu": frame.gpu},
-        "fractions": traced_fractions(frame),
-        "effects": effects_fields(renderer.plan, frame.effect_costs),
-        "estimate": estimate_fields(frame.refinement, accuracy_of(settings)),
-        "price": asdict(frame.next_accuracy),
-        "correction": None if frame.correction is None else asdict(frame.correction),
-        **_limited(renderer),
-    }
-
-
-def _limited(renderer: BlenderRenderer) -> dict[str, Any]:
-    """What a time limit has left of the samples, where the scene has one."""
-    if not has_time_limit(renderer.scene):
-        return {}
-    return {"time_limit": renderer.scene.cycles.time_limit, "samples_rendered": renderer.samples_rendered}
+    return None if found is None else ParallaxReport(nearest=found[0], farthest=found[1])
 
 
 def _write_pictures(
@@ -194,14 +172,14 @@ def _write_pictures(
     settings: StereoSettings,
     pair: StereoPair,
     out: Path,
-    report: Mapping[str, Any],
+    report: FrameReport,
     files: Sequence[str],
 ) -> None:
     frame, eyes = pair.main_frame, {view: pair.eyes[view] for view in VIEWS}
     pictures = {view: colour(layers[pair.main]) for view, layers in eyes.items()}
     target = pictures[settings.target]
-    estimates, number = estimate_map(frame.refinement, frame.traced), report["frame"]
-    why_none = report["estimate"]["from"] if frame.refinement.estimate is None else None
+    estimates, number = estimate_map(frame.refinement, frame.traced), report.frame
+    why_none = report.estimate.from_ if frame.refinement.estimate is None else None
     writers: dict[str, Callable[[Path], None]] = {
         "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=pair.metadata),
         "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=pair.metadata),
@@ -240,15 +218,14 @@ def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
     return list(dict.fromkeys(warnings))
 
 
-def _memory() -> dict[str, float | None]:
-    """What the process holds now, and the most that it has held so far; None where the system does not tell."""
+def _memory() -> MemoryReport:
     try:
         import resource
     except ImportError:
-        return {"peak_mb": None, "resident_mb": None}
+        return MemoryReport(peak_mb=None, resident_mb=None)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     resident = None
     with suppress(OSError):
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         resident = pages * resource.getpagesize() / (1 << 20)
-    return {"peak_mb": peak / (1 << 20 if sys.platform == "darwin" else 1 << 10), "resident_mb": resident}
+    return MemoryReport(peak_mb=peak / (1 << 20 if sys.platform == "darwin" else 1 << 10), resident_mb=resident)

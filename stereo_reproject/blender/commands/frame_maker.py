@@ -17,7 +17,9 @@ from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.frame import colour
 from ...pipeline.shared_findings import SharedFindings
+from ...pipeline.stages import RENDERING, Stage
 from ...pipeline.stereo_pair import StereoPair
+from ...report.as_json import as_json
 from ...sequence.fingerprints import Fingerprints, digest
 from ...sequence.frame_record import Record
 from ...sequence.journal import Journal
@@ -51,9 +53,6 @@ OF_A_FRAME = (
 
 ALIKE = 24
 """Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
-
-RENDERING = ("source", "denoise_source", "pilot", "fill", "refine", "denoise_target")
-"""The stages that render, or denoise what was rendered: the rest is what is done beside."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ class BlenderFrameMaker:
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()
         where = f"{FRAME}{frame}"
-        self._on_stage("prepare", where)
+        self._on_stage(Stage.PREPARE, where)
         of_this = replace(self._settings, compare=False, scene=replace(self._settings.scene, frame=frame))
         pair, report = render_pair(
             self._scene,
@@ -149,19 +148,20 @@ class BlenderFrameMaker:
             scenes=self._scenes,
             precedents=lambda layer: AgreedPrecedent(self._belonging, layer, self._block_of(frame)),
         )
-        figures = {key: report[key] for key in OF_A_FRAME if key in report}
-        figures["multiview_seconds"] = report["predicted_speedup"] * report["seconds"]["total"]
-        figures["warnings"] = [*report["warnings"], *value_warnings(pair, half=self._belonging.half_floats)]
+        told = as_json(report)
+        figures = {key: told[key] for key in OF_A_FRAME if key in told}
+        figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
+        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._belonging.half_floats)]
         folder = self._hand_out(frame, pair)
         figures["wall_seconds"] = wall = time.perf_counter() - start
-        figures["beside_seconds"] = wall - sum(report["seconds"].get(stage, 0.0) for stage in RENDERING)
+        figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
         if self._is_compared(frame):
-            self._on_stage("compare", where)
+            self._on_stage(Stage.COMPARE, where)
             self._scenes.close()
             compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
             # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:
             # it syncs each frame of an animation anew, unless Persistent Data is on.
-            figures["compare"] = {**compared, "synced_anew": True}
+            figures["compare"] = {**as_json(compared), "synced_anew": True}
         record = {
             "frame": frame,
             "settings": self._belonging.wanted.settings,

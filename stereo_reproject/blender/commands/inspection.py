@@ -31,6 +31,9 @@ from ...pipeline.prediction import (
     shown_differently,
     sketch_accuracy,
 )
+from ...pipeline.stages import Stage
+from ...report.as_json import as_json
+from ...report.header import ReportHeader
 from ...report.inspection import INSPECTION_SCHEMA, effects_rows
 from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ...settings.frame import StereoSettings
@@ -43,7 +46,7 @@ from ..engines.time_limit import without_time_limit
 from ..scene.rig import frame_region
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
-from .frame import frame_facts, parallax_fields
+from .frame import parallax_report, report_header
 
 SKETCH_WIDTH = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
@@ -67,9 +70,9 @@ def inspect_scene(
 
     work is a private folder. Raises BadInputError and StereoReprojectError.
     """
-    on_stage("plan")
+    on_stage(Stage.PLAN)
     with working_scene(scene, settings.scene) as working:
-        facts = frame_facts(scene, working, settings)
+        header = report_header(scene, working, settings)
         cycles = working.render.engine == CYCLES
         frame_width = frame_region(working.render).full_width
         scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
@@ -83,12 +86,12 @@ def inspect_scene(
             if sketch and isinstance(renderer, EeveeRenderer):
                 predicted = _predicted_of_eevee(renderer, settings)
             elif sketch:
-                on_stage("sketch")
-                sketched = _render_sketch(renderer, settings, facts["samples"])
-                predicted = _predicted(renderer, settings, facts, scale, rows, sketched)
+                on_stage(Stage.SKETCH)
+                sketched = _render_sketch(renderer, settings, header.samples)
+                predicted = _predicted(renderer, settings, header, scale, rows, sketched)
                 parallax = _parallax(renderer, sketched[0], frame_width)
     return {
-        **{key: value for key, value in facts.items() if key not in ("stereo", "scene_datablock")},
+        **{key: value for key, value in as_json(header).items() if key not in ("stereo", "scene_datablock")},
         "schema": INSPECTION_SCHEMA,
         "effects": rows,
         "passes": passes,
@@ -99,12 +102,15 @@ def inspect_scene(
 
 
 def _parallax(renderer: BlenderRenderer, sketch: Passes, frame_width: int) -> dict[str, Any] | None:
-    """Nearest and farthest parallax, in pixels of a frame of that width."""
+    """Return the nearest and farthest parallax as JSON has it, in pixels of a frame of that width."""
     sketch_width = frame_region(renderer.scene.render).full_width
-    found = parallax_fields(renderer, sketch, sketch_width)
-    for parallax in (found or {}).values():
-        parallax["pixels"] *= frame_width / sketch_width
-    return found
+    found = parallax_report(renderer, sketch, sketch_width)
+    if found is None:
+        return None
+    parallax = as_json(found)
+    for point in parallax.values():
+        point["pixels"] *= frame_width / sketch_width
+    return parallax
 
 
 def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
@@ -139,7 +145,7 @@ def _predicted_of_eevee(renderer: EeveeRenderer, settings: StereoSettings) -> di
 def _predicted(
     renderer: BlenderRenderer,
     settings: StereoSettings,
-    facts: dict[str, Any],
+    header: ReportHeader,
     scale: float,
     rows: list[dict[str, Any]],
     sketched: tuple[Passes, list[SourceCost], tuple[int, int]],
@@ -149,12 +155,12 @@ def _predicted(
     reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
     seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
     sketch = Sketch(reasons.size, samples, (seconds[0], seconds[1]), (syncs[0], syncs[1]))
-    pixels = facts["size"][0] * facts["size"][1]
+    pixels = header.size[0] * header.size[1]
     blockers = _blockers(renderer, settings, source)
     called_for, flags = _seen_differently(renderer), source.get(EFFECTS_PASS)
     accuracy = for_size(accuracy_of(settings), pixels)
     limit = renderer.scene.cycles.time_limit
-    rendered = predict_samples(sketch, pixels, facts["samples"], limit)
+    rendered = predict_samples(sketch, pixels, header.samples, limit)
     cost = predict_source(sketch, pixels, rendered)
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
@@ -172,7 +178,7 @@ def _predicted(
     size = list(reasons.shape[::-1])
     what = f"sketches of {size[0]}x{size[1]} pixels with {samples[0]} and {samples[1]} samples"
     rests_on = f"{what}, which took {sum(seconds):.1f} s"
-    if rendered < facts["samples"]:
+    if rendered < header.samples:
         rests_on += f"; the time limit of {limit:g} s ends the source after about {rendered} samples"
     return {
         **prediction_fields(prediction, rests_on),

@@ -27,7 +27,8 @@ from ...images.glossy_mask import LIGHT_PASSES, PARTS, heuristic_mask, light_pas
 from ...images.passes import MASKED_PASS, Passes
 from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
-from ...report.report import OUTSIDE_TOTAL
+from ...pipeline.stages import OUTSIDE_TOTAL, Stage
+from ...report.as_json import as_json
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
@@ -37,7 +38,7 @@ from ..engines.renderer import BlenderRenderer
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .compare import Peer, render_peer
-from .frame import frame_facts
+from .frame import report_header
 
 OnStage = Callable[[str, str], None]
 
@@ -75,7 +76,7 @@ def render_prices(
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
     left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
     prices["warnings"] = scene_warnings(scene, settings.scene) + first_layer_alone(scene, "all runs are") + left_out
-    on_stage("write", "")
+    on_stage(Stage.WRITE, "")
     write_csv(out / "tradeoff.csv", prices)
     write_json(out / "tradeoff.json", prices)
     draw_charts(prices, out)
@@ -138,10 +139,10 @@ def _render_runs(
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
         copied = time.perf_counter() - start
-        facts = frame_facts(scene, working, settings)
+        facts = as_json(report_header(scene, working, settings))
         del facts["accuracy"]
         seed = working.cycles.seed
-        on_stage("source", "")
+        on_stage(Stage.SOURCE, "")
         source = _render_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
         shared = {"plan": copied, "source": source.seconds}
@@ -218,7 +219,7 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
 def _watch(run: Run, on_stage: OnStage) -> Stopwatch:
     """The run's clock, started at its plan."""
     watch = Stopwatch(lambda stage: on_stage(run.name, stage))
-    watch.lap("plan")
+    watch.lap(Stage.PLAN)
     return watch
 
 

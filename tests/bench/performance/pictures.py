@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.report.report import OUTSIDE_TOTAL
+from stereo_reproject.pipeline.stages import OUTSIDE_TOTAL
 from stereo_reproject.sequence.chart import draw_animation_chart
 from stereo_reproject.tradeoff.charts import draw_stages_chart
 from tests.bench.performance.paper import REPORTED

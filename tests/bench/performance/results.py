@@ -9,8 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stereo_reproject.report.report import OUTSIDE_TOTAL
-from stereo_reproject.tradeoff.cases import stage_order
+from stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, in_order
 from tests.bench.performance.fits import fitted
 from tests.bench.performance.keeping import DONE, Record
 from tests.bench.performance.plan import (
@@ -156,7 +155,7 @@ def _median_row(method: str, runs: Sequence[Run], records: Mapping[Run, Record])
     if not done:
         return {"method": method, "message": _why_none(records[run] for run in runs)}
     reports = [records[run]["report"] for run in done]
-    names = stage_order(name for report in reports for name in report["seconds"])
+    names = in_order(name for report in reports for name in report["seconds"])
     fractions = [report["fractions"] for report in reports]
     compared = [(_total(records[run]), _total(records[run.peer])) for run in done]
     return {
@@ -274,7 +273,7 @@ def scaling_rows(cases: Sequence[Case], records: Mapping[Run, Record]) -> list[R
 
 def _stages_of(reports: Sequence[Mapping[str, float]]) -> tuple[list[str], list[str]]:
     """Those that are in every report, and those that are in some; the total is the last."""
-    names = stage_order(name for report in reports for name in report if name not in (*OUTSIDE_TOTAL, TOTAL))
+    names = in_order(name for report in reports for name in report if name not in (*OUTSIDE_TOTAL, TOTAL))
     in_all = [name for name in names if all(name in report for report in reports)]
     return [*in_all, TOTAL], [name for name in names if name not in in_all]
 
@@ -297,7 +296,7 @@ def _stage_row(stage: str, measured: Sequence[tuple[float, Mapping[str, Any]]]) 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
     """The runs, a line each; what a run does not have is left empty."""
-    stages = stage_order(name for row in rows for name in row["seconds"] or () if name not in OUTSIDE_TOTAL)
+    stages = in_order(name for row in rows for name in row["seconds"] or () if name not in OUTSIDE_TOTAL)
     lines = [_flat(row, stages) for row in rows]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(lines[0]), lineterminator="\n")

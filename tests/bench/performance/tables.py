@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stereo_reproject.report.report import OUTSIDE_TOTAL
-from stereo_reproject.tradeoff.cases import stage_order
+from stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, in_order
 from tests.bench.performance import paper
 from tests.bench.performance.cells import NONE, cell, megabytes, seconds, share, size_text, table, times, times_between
 from tests.bench.performance.plan import HOLES, MULTIVIEW, PIXELS, SAMPLES, TRIANGLES
@@ -139,7 +138,7 @@ def path_table(rows: Rows) -> str:
 
 def _stages(rows: Rows) -> list[str]:
     """Those that take part in the total, of all rows."""
-    names = stage_order(name for row in rows for name in row.get("seconds") or () if name != "total")
+    names = in_order(name for row in rows for name in row.get("seconds") or () if name != "total")
     return [name for name in names if name not in OUTSIDE_TOTAL and _any_seconds(rows, name)]
 
 

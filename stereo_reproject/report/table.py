@@ -1,34 +1,14 @@
-"""report.json: what it must hold, and the short table that a person reads."""
+"""The short table of a report for people, made from the dict that report.json has."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from numbers import Integral, Real
+from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
-from ..errors import StereoReprojectError
-from ..settings.frame import ACCURACIES, CUSTOM, FILL_METHODS, WARPS
+from ..pipeline.stages import OUTSIDE_TOTAL, in_order, label_of
 
-REPORT_SCHEMA = 1
-
-STAGES = ("load", "source", "warp", "fill", "composite", "write")
-IN_ORDER = (
-    "load",
-    "plan",
-    "source",
-    "denoise_source",
-    "warp",
-    "pilot",
-    "fill",
-    "refine",
-    "composite",
-    "denoise_target",
-    "account",
-    "write",
-)
-OUTSIDE_TOTAL = ("load", "account", "write", "compare")
-REASONS = ("disoccluded", "outside", "silhouette")
 COMPARISONS = (
     "multiview_seconds",
     "speedup",
@@ -43,158 +23,9 @@ COMPARISONS = (
 SHOWN_SECONDS = 0.05
 """Seconds that a figure with one decimal shows, at least."""
 
-# A sum of a few float32 fractions may pass 1 by rounding.
-FRACTION_SLACK = 1e-6
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)
-
-
-def _is_count(value: Any) -> bool:
-    return _is_whole(value) and value >= 0
-
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
-
-
-def _is_amount(value: Any) -> bool:
-    return _is_number(value) and math.isfinite(value) and value >= 0
-
-
-def _is_fraction(value: Any) -> bool:
-    return _is_amount(value) and value <= 1 + FRACTION_SLACK
-
-
-def _is_size(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and len(value) == 2 and all(_is_count(side) and side for side in value)
-
-
-_Rule = tuple[Callable[[Any], bool], str]
-_TEXT: _Rule = (_is_text, "a text")
-_COUNT: _Rule = (_is_count, "a whole number from 0")
-_COUNT_OR_NULL: _Rule = (lambda value: value is None or _is_count(value), "a whole number from 0, or null")
-_AMOUNT: _Rule = (_is_amount, "a finite number from 0")
-_FRACTION: _Rule = (_is_fraction, "a fraction from 0 to 1")
-# Without noise a ratio to it has no value: such a figure is kept as null, not left out.
-_MEASURE: _Rule = (lambda value: value is None or _is_number(value), "a number or null")
-
-_REQUIRED: dict[str, _Rule] = {
-    "schema": (lambda value: _is_whole(value) and value == REPORT_SCHEMA, str(REPORT_SCHEMA)),
-    "scene": _TEXT,
-    "frame": (_is_whole, "a whole number"),
-    "size": (_is_size, "[width, height] in pixels"),
-    "samples": _COUNT,
-    "blender": _TEXT,
-    "accuracy": (lambda value: value in (*ACCURACIES, CUSTOM), f"one of {', '.join((*ACCURACIES, CUSTOM))}"),
-    "fill.method": (lambda value: value in FILL_METHODS[1:], f"one of {', '.join(FILL_METHODS[1:])}"),
-    "fill.reason": _TEXT,
-    "grid.cells": _COUNT,
-    "grid.subdivided": _COUNT,
-    "grid.triangles": _COUNT,
-    **{f"fractions.{name}": _FRACTION for name in (*REASONS, "rerendered")},
-    **{f"seconds.{name}": _AMOUNT for name in (*STAGES, "total")},
-    "memory.peak_mb": _MEASURE,
-}
-_FLAG: _Rule = (lambda value: isinstance(value, bool), "true or false")
-_VERDICT: _Rule = (lambda value: value is None or isinstance(value, bool), "true, false or null")
-_PARALLAX: _Rule = (
-    lambda value: isinstance(value, Mapping) and set(value) == {"depth", "pixels", "percent"},
-    "depth, pixels and percent",
-)
-
-_PARTS: dict[str, dict[str, _Rule]] = {
-    "estimate": {
-        **dict.fromkeys(("noise_ratio", "low", "high", "excess"), _MEASURE),
-        **dict.fromkeys(("promise", "worst_tiles", "worst_tiles_promise"), _MEASURE),
-        "kept": _VERDICT,
-        "from": _TEXT,
-    },
-    "parallax": dict.fromkeys(("nearest", "farthest"), _PARALLAX),
-    "correction": {"mean": _AMOUNT, "p95": _AMOUNT},
-    "warp": {
-        "asked": (lambda value: value in WARPS, f"one of {', '.join(WARPS)}"),
-        "used": (lambda value: value in WARPS[1:], f"one of {', '.join(WARPS[1:])}"),
-        "gpu": (lambda value: value is None or _is_text(value), "a text or null"),
-    },
-    "price": {"accuracy": _TEXT, "seconds": _AMOUNT, "more_seconds": _MEASURE, "traced": _FRACTION, "complete": _FLAG},
-}
-_EFFECT: dict[str, _Rule] = {
-    "effect": _TEXT,
-    "called_for": _FLAG,
-    "handling": _TEXT,
-    "fraction": _FRACTION,
-    "seconds": _AMOUNT,
-    "excess": _MEASURE,
-}
-
-
-_LAYER: dict[str, _Rule] = {
-    "name": _TEXT,
-    "rerendered": _FRACTION,
-    "fill": _TEXT,
-    "noise_ratio": _MEASURE,
-    "seconds": _AMOUNT,
-}
-
-
-def _look_up(report: Mapping[str, Any], key: str) -> Any:
-    value: Any = report
-    for name in key.split("."):
-        if not isinstance(value, Mapping) or name not in value:
-            raise StereoReprojectError(f"the report has no {key}; this is a defect of stereo_reproject")
-        value = value[name]
-    return value
-
-
-def _check(key: str, value: Any, rule: _Rule) -> None:
-    accepts, wanted = rule
-    if not accepts(value):
-        raise StereoReprojectError(
-            f"{key} in the report must be {wanted}, not {value!r}; this is a defect of stereo_reproject"
-        )
-
-
-def check_report(report: Mapping[str, Any]) -> None:
-    """Raise StereoReprojectError naming the first key of `report` that is missing or has the wrong kind of value."""
-    for key, rule in _REQUIRED.items():
-        _check(key, _look_up(report, key), rule)
-    for name, value in report["fractions"].items():
-        _check(f"fractions.{name}", value, _FRACTION)
-    for name, value in report["seconds"].items():
-        _check(f"seconds.{name}", value, _AMOUNT)
-    if report.get("compare") is not None:
-        for name in COMPARISONS:
-            _check(f"compare.{name}", _look_up(report, f"compare.{name}"), _MEASURE)
-        _check("compare.no_noise", report["compare"].get("no_noise", ""), _TEXT)
-    _check_parts(report)
-    _check("predicted_speedup", report.get("predicted_speedup"), _MEASURE)
-    if "time_limit" in report:
-        _check("time_limit", report["time_limit"], _AMOUNT)
-        _check("samples_rendered", report.get("samples_rendered"), _COUNT_OR_NULL)
-    warnings = report.get("warnings", [])
-    _check("warnings", warnings, (lambda value: isinstance(value, (list, tuple)), "a list of texts"))
-    for warning in warnings:
-        _check("warnings", warning, _TEXT)
-
-
-def _check_parts(report: Mapping[str, Any]) -> None:
-    """The same for what not every report has."""
-    for part, keys in _PARTS.items():
-        if report.get(part) is not None:
-            for name, rule in keys.items():
-                _check(f"{part}.{name}", _look_up(report, f"{part}.{name}"), rule)
-    for row in report.get("effects", ()):
-        for name, rule in _EFFECT.items():
-            _check(f"effects.{name}", row.get(name), rule)
-    for row in report.get("layers", ()):
-        for name, rule in _LAYER.items():
-            _check(f"layers.{name}", row.get(name), rule)
 
 
 def _number(value: Any, pattern: str) -> str:
@@ -204,10 +35,9 @@ def _number(value: Any, pattern: str) -> str:
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
     seconds = report["seconds"]
     lines = ["took              seconds"]
-    stages = [name for name in (*IN_ORDER, *seconds) if name in seconds and name != "total"]
-    for name in dict.fromkeys(stages):
+    for name in in_order(name for name in seconds if name != "total"):
         note = "   not in the total" if name in OUTSIDE_TOTAL else ""
-        lines.append(f"  {name.replace('_', ' '):<16}{seconds[name]:8.2f}{note}")
+        lines.append(f"  {label_of(name):<16}{seconds[name]:8.2f}{note}")
     lines.append(f"  {'total':<16}{seconds['total']:8.2f}   from the look at the scene to the finished pair")
     return lines
 
@@ -320,7 +150,7 @@ def samples_text(report: Mapping[str, Any]) -> str:
 
 
 def format_report_table(report: Mapping[str, Any]) -> str:
-    """The short summary of a checked report, in lines of plain ASCII save for what the report itself quotes."""
+    """Return the short summary of a report, in lines of plain ASCII save for what the report itself quotes."""
     size = "x".join(map(str, report["size"]))
     peak = report["memory"]["peak_mb"]
     lines = [

@@ -1,0 +1,79 @@
+"""The report of a pair, made from its frames and from what is known of the scene's view layers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..images.effects import EffectsPlan
+from ..pipeline.frame import StereoFrame, traced_fractions
+from ..pipeline.stereo_pair import StereoPair
+from ..settings.accuracy import accuracy_of
+from ..settings.frame import StereoSettings
+from .as_json import ABSENT, Absent
+from .estimates import effect_reports, estimate_report
+from .frame_report import FrameReport, GridReport, LayerReport, MemoryReport, ParallaxReport, RefineReport, WarpReport
+from .header import ReportHeader
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerFacts:
+    """What a report takes of a view layer from its renderer, beside the frame.
+
+    time_limit and samples_rendered are as in `FrameReport`.
+    """
+
+    header: ReportHeader
+    plan: EffectsPlan
+    parallax: ParallaxReport | None
+    warnings: tuple[str, ...]
+    time_limit: float | Absent = ABSENT
+    samples_rendered: int | Absent | None = ABSENT
+
+
+def pair_report(
+    pair: StereoPair, facts: Sequence[LayerFacts], settings: StereoSettings, memory: MemoryReport
+) -> FrameReport:
+    """Return the report of a pair that has no files yet; facts are those of its view layers, in their order."""
+    frame, main = pair.main_frame, facts[0]
+    return FrameReport(
+        **vars(main.header),
+        fill=frame.fill,
+        refine=tuple(RefineReport(method=fill.method, reason=fill.reason) for fill in frame.refinement.fills) or None,
+        grid=GridReport(
+            cells=frame.grid.cells, subdivided=int(frame.grid.subdivided.sum()), triangles=frame.grid.triangles
+        ),
+        warp=WarpReport(asked=settings.warp, used=frame.warped_by, gpu=frame.gpu),
+        fractions=traced_fractions(frame),
+        effects=effect_reports(main.plan, frame.effect_costs),
+        estimate=estimate_report(frame.refinement, accuracy_of(settings)),
+        price=frame.next_accuracy,
+        correction=frame.correction,
+        time_limit=main.time_limit,
+        samples_rendered=main.samples_rendered,
+        parallax=main.parallax,
+        warnings=tuple(dict.fromkeys(line for layer in facts for line in layer.warnings)),
+        seconds=pair.seconds,
+        predicted_speedup=pair.predicted_speedup,
+        memory=memory,
+        layers=layer_reports(pair) if len(pair.frames) > 1 else ABSENT,
+    )
+
+
+def layer_reports(pair: StereoPair) -> tuple[LayerReport, ...]:
+    """Return a report of each view layer, in their order."""
+    return tuple(_layer_report(name, frame) for name, frame in pair.frames.items())
+
+
+def _layer_report(name: str, frame: StereoFrame) -> LayerReport:
+    estimate = frame.refinement.estimate
+    return LayerReport(
+        name=name,
+        rerendered=float(np.mean(frame.traced)),
+        fill=frame.fill.method,
+        noise_ratio=None if estimate is None else estimate.noise_ratio,
+        correction=frame.correction,
+        seconds=frame.seconds["total"],
+    )
