@@ -15,8 +15,9 @@ from ..images.denoising import Denoising
 from ..images.effects_pass import materials_of
 from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes, filtered, is_light
 from ..settings.accuracy import Accuracy
-from ..trace.fill import CARD_SPACING, FillChoice, SourceCost, choose_fill
+from ..trace.fill import FillChoice, SourceCost, choose_fill
 from ..trace.requests import TraceRequest
+from ..trace.tuning import TRACE_TUNING
 from ..warp.composite import composite
 from .bias import SourceNoise, bias_of, multiplied
 from .denoised_probes import look
@@ -62,7 +63,7 @@ class FillPlanner:
     @staticmethod
     def spacing(method: str, spacing: int) -> int:
         """The side of the tiles that have a probe each, in pixels, when the holes are traced by this method."""
-        return spacing * (CARD_SPACING if method == "card" else 1)
+        return spacing * (TRACE_TUNING.card_probe_spacing_factor if method == "card" else 1)
 
 
 @dataclass(frozen=True)
