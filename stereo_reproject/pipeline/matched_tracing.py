@@ -17,9 +17,10 @@ from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..matching.matching import Correction, Traced, correction_of, match, ring_of
 from ..settings.accuracy import Accuracy
-from ..trace.fill import CLEARLY_LOWER, FillChoice, SourceCost
+from ..trace.fill import FillChoice, SourceCost
 from ..trace.planner import FillPlanner
 from ..trace.requests import TraceRequest
+from ..trace.tuning import TRACE_TUNING
 from . import tuning
 
 SECOND_RENDER = "a second EEVEE render"
@@ -156,7 +157,7 @@ class MatchedTracing:
             rest, again = self._rest_of(ahead, wanted), self._planner.cost.seconds
             spent = self._matcher.trace_cost().seconds
             told = f"{int(ahead.sum())} pixels took {spent:.1f} s, the others are predicted to take {rest:.1f} s"
-            if rest > CLEARLY_LOWER * again:
+            if rest > TRACE_TUNING.max_share_of_full_cost * again:
                 return FillChoice("full", f"{SECOND_RENDER}, predicted {again:.1f} s: {told} in Cycles", again)
             predicted, told = spent + rest, f"{told} against {again:.1f} s for {SECOND_RENDER}"
         others = wanted & ~ahead

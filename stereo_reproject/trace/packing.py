@@ -1,62 +1,63 @@
-"""How target pixels are laid out in the dense little picture that is rendered for them.
+"""The layout of pixels in the dense little picture that is rendered for them.
 
 Cycles gives neighbours noise that is unlike (blue noise), and a denoiser counts on it: where pixels that lie side by
-side in the target are packed row by row, what is left of their noise is streaks. Here they follow a Z-curve (Morton,
-1966) through the target, and lie along one in the packed picture; whole blocks of the target come first, the largest
-before the others, and so each of them is a block of the packed picture too. Pixels that are traced again come last:
-their noise must have nothing to do with that of the first time.
+side in a view are packed row by row, what is left of their noise is streaks. Here they follow a Z-curve (Morton, 1966)
+through the view, and lie along one in the packed picture; whole blocks of the view come first, the largest before the
+others, and so each of them is a block of the packed picture too. Pixels that are traced again come last: their noise
+must have nothing to do with that of the first time. Each view has blocks of its own, one view after the other.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK = 16
-"""Pixels along the side of the largest block, a power of two. With 8, what a volume showed was still a little streaked
-when it was denoised; 32 was no better."""
+from .tuning import TRACE_TUNING as TUNED
 
-SQUARE = 1.5
-"""How much wider than high, or higher than wide, the packed picture may be where fewer pixels are wasted so."""
-
-BITS = 17
-"""Of a row or a column."""
+COORDINATE_BITS = 17
+"""Bits of a row or a column: Blender's pictures have at most 65536."""
 
 
 @dataclass(frozen=True)
 class Packing:
-    """The packed picture's size in pixels, and (N,) where in it, row by row, each pixel is."""
+    """A packed picture's size in pixels, and for each view (N,) where in it, counted row by row, its pixels are."""
 
     width: int
     height: int
-    at: NDArray[np.intp]
+    at: tuple[NDArray[np.intp], ...]
 
 
-def pack(places: NDArray[np.intp]) -> Packing:
-    """Of target pixels (N, 2), row and column, of which some may be the same."""
-    blocks = max(math.ceil(len(places) / BLOCK**2), 1)
+def pack(views: Sequence[NDArray[np.intp]]) -> Packing:
+    """Lay out pixels of any number of views: for each (N, 2), row and column, of which some may be the same."""
+    side = TUNED.block_side_pixels
+    counts = [math.ceil(len(places) / side**2) for places in views]
+    blocks = max(sum(counts), 1)
     across = _across(blocks)
-    number = np.empty(len(places), np.intp)
-    number[_order(places)] = np.arange(len(places))
-    block, within = np.divmod(number, BLOCK**2)
-    row = block // across * BLOCK + _every_second_bit(within >> 1)
-    column = block % across * BLOCK + _every_second_bit(within)
-    width, height = across * BLOCK, math.ceil(blocks / across) * BLOCK
-    return Packing(width, height, row * width + column)
+    width, height = across * side, math.ceil(blocks / across) * side
+    at: list[NDArray[np.intp]] = []
+    for places, first in zip(views, np.cumsum([0, *counts]), strict=False):
+        number = np.empty(len(places), np.intp)
+        number[_order(places)] = np.arange(len(places))
+        block, within = np.divmod(number + first * side**2, side**2)
+        row = block // across * side + _every_second_bit(within >> 1)
+        column = block % across * side + _every_second_bit(within)
+        at.append(row * width + column)
+    return Packing(width, height, tuple(at))
 
 
 def _across(blocks: int) -> int:
-    """Blocks side by side: of nearly square pictures the one that leaves the fewest empty."""
+    """Number of blocks side by side in the nearly square picture that leaves the fewest empty."""
     side = math.sqrt(blocks)
-    least, most = math.floor(side / math.sqrt(SQUARE)), math.ceil(side * math.sqrt(SQUARE))
+    least, most = math.floor(side / math.sqrt(TUNED.max_aspect)), math.ceil(side * math.sqrt(TUNED.max_aspect))
     return min(range(max(least, 1), most + 1), key=lambda across: (-blocks % across, abs(across - side)))
 
 
 def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(N,): which comes first."""
+    """Return (N,): the pixels' numbers, sorted by which comes first."""
     rows, columns = places.T
     along = _spread_bits(columns) | _spread_bits(rows) << 1
     by_curve = np.argsort(along, kind="stable")
@@ -64,7 +65,7 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
     again = np.concatenate([[False], along[1:] == along[:-1]])[: along.size]
     largest = np.ones(along.size, np.intp)
     size = 2
-    while size <= BLOCK and along.size:
+    while size <= TUNED.block_side_pixels and along.size:
         starts = np.concatenate([[0], 1 + np.nonzero(np.diff(along // size**2))[0]])
         pixels = np.add.reduceat(~again, starts, dtype=np.intp)
         largest[np.repeat(pixels == size**2, np.diff(starts, append=along.size))] = size
@@ -73,16 +74,16 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _spread_bits(number: NDArray[np.intp]) -> NDArray[np.int64]:
-    """The bits of a number, each followed by a zero."""
+    """Return the numbers with a zero before each of their bits."""
     result = np.zeros(number.shape, np.int64)
-    for bit in range(BITS):
+    for bit in range(COORDINATE_BITS):
         result |= (number.astype(np.int64) >> bit & 1) << 2 * bit
     return result
 
 
 def _every_second_bit(number: NDArray[np.intp]) -> NDArray[np.int64]:
-    """The other way round."""
+    """Return every second bit of the numbers, from the lowest on: the inverse of `_spread_bits`."""
     result = np.zeros(number.shape, np.int64)
-    for bit in range(BITS):
+    for bit in range(COORDINATE_BITS):
         result |= (number.astype(np.int64) >> 2 * bit & 1) << bit
     return result

@@ -9,33 +9,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-TABLE_SIZE = 1024
+TABLE_ENTRIES = 1024
+"""Entries of Cycles' own table (FILTER_TABLE_SIZE)."""
 
 
 def filter_support(kind: str, width: float) -> float:
-    """The whole width, in pixels, over which a filter gathers samples."""
+    """Return the whole width, in pixels, over which a filter gathers samples."""
     return {"BOX": 1.0, "GAUSSIAN": 3.0 * width, "BLACKMAN_HARRIS": 2.0 * width}[kind]
 
 
 def sample_offsets(kind: str, width: float) -> NDArray[np.float32]:
-    """(1024,): offset from a pixel's lower edge, in pixels, for uniform random numbers from 0 to 1.
+    """Return (1024,): offsets from a pixel's lower edge, in pixels, for evenly spaced random numbers from 0 to 1.
 
     kind is 'BOX', 'GAUSSIAN' or 'BLACKMAN_HARRIS', width Blender's `filter_width`.
     """
     support = filter_support(kind, width)
-    steps = TABLE_SIZE - 1
+    steps = TABLE_ENTRIES - 1
     x = 0.5 * support * np.arange(steps) / (steps - 1)
     density = np.abs(_profile(kind, x, support))
     cumulative = np.concatenate([[0.0], np.cumsum(density)])
     cumulative /= cumulative[-1]
-    half = (TABLE_SIZE - 1) // 2
+    half = (TABLE_ENTRIES - 1) // 2
     u = np.arange(half + 1) / half
     index = np.searchsorted(cumulative, u, side="right")
     last = cumulative.size - 1
     inner = np.minimum(index, last - 1)
     t = np.where(index < last, (u - cumulative[inner]) / (cumulative[inner + 1] - cumulative[inner]), 0.0)
     distance = (np.minimum(index, last) + t) / steps * support
-    table = np.zeros(TABLE_SIZE)
+    table = np.zeros(TABLE_ENTRIES)
     table[half : 2 * half + 1] = 0.5 * (1.0 + distance)
     table[half::-1] = 0.5 * (1.0 - distance)
     # Cycles leaves the last entry out, which costs it one sample in a thousand; here it ends where it should.

@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from stereo_reproject.blender.engines.hole_camera import trace_packed  # noqa: E402
+from stereo_reproject.blender.engines.packed_views import PackedPixels  # noqa: E402
 from stereo_reproject.blender.engines.render import render_views  # noqa: E402
 from stereo_reproject.blender.engines.renderer import BlenderRenderer  # noqa: E402
 from stereo_reproject.blender.output.delivery import deliver_side_by_side  # noqa: E402
@@ -72,7 +73,8 @@ def _measure(kind: str, count: int) -> dict[str, float]:
         timed("first", lambda: render_views(working, ("left",), work))
         timed("later", lambda: render_views(working, ("right",), work))
         places = np.argwhere(np.arange(WIDTH * HEIGHT).reshape(HEIGHT, WIDTH) % 10 == 0)
-        timed("packed", lambda: trace_packed(working, renderer.cameras["right"], "right", places, work, seed=1))
+        pixels = PackedPixels(renderer.cameras["right"], places)
+        timed("packed", lambda: trace_packed(working, "right", pixels.camera, [pixels], work, seed=1))
         open_scene.__exit__(None, None, None)
         picture = np.full((HEIGHT, WIDTH, 4), 0.5, np.float32)
         eyes = {"left": picture, "right": picture}

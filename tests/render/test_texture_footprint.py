@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.metrics import tone
@@ -155,7 +156,8 @@ def packed_in_any_order(working, folder):
     renderer = BlenderRenderer(working, folder)
     places = np.argwhere(np.ones((HEIGHT, WIDTH), bool))
     order = np.random.default_rng(7).permutation(len(places))
-    _, passes = trace_packed(working, renderer.cameras[TARGET], TARGET, places[order], folder, seed=1)
+    pixels = PackedPixels(renderer.cameras[TARGET], places[order])
+    _, (passes,) = trace_packed(working, TARGET, pixels.camera, [pixels], folder, seed=1)
     result = np.empty((HEIGHT * WIDTH, 3), np.float32)
     result[order] = passes[COLOUR_PASS][:, :3]
     return result.reshape(HEIGHT, WIDTH, 3)

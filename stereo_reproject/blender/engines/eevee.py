@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,15 +15,15 @@ from ...matching.matching import Traced
 from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
-from ...views.camera import ray_length_per_depth
+from ...views.camera import PerspectiveCamera, ray_length_per_depth
 from ..scene.denoiser import has_denoiser
 from ..scene.engine_support import engine_warnings, unmatched_materials
 from ..scene.working import CYCLES, rendered_layer
 from .denoise import ALBEDO, NORMAL, denoise_pictures
-from .hole_camera import trace_packed
 from .mask_card import trace_card
+from .packed_views import without_added_positions
 from .render import Rendered
-from .renderer import BlenderRenderer, cost_of, trace_full
+from .renderer import BlenderRenderer, check_blenders, cost_of, trace_full
 
 MOST_SAMPLES = 32
 """Of a traced pixel: what is learned from the ring rests on features that have little noise, and it is a preview."""
@@ -64,8 +64,15 @@ class EeveeRenderer(BlenderRenderer):
     def warnings(self) -> list[str]:
         return engine_warnings(self.scene)
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
-        super().__init__(scene, folder, user_scene=user_scene)
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        folder: Path,
+        *,
+        user_scene: bpy.types.Scene | None = None,
+        views: Mapping[str, PerspectiveCamera] | None = None,
+    ) -> None:
+        super().__init__(scene, folder, user_scene=user_scene, views=views)
         self._tracing: str | None = None
         self._last: Rendered | None = None
 
@@ -92,21 +99,32 @@ class EeveeRenderer(BlenderRenderer):
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
         assert all(request.twice is None for request in requests), "EEVEE's pixels are not probed"
-        return [self._traced(method, request) for request in requests]
-
-    def _traced(self, method: str, request: TraceRequest) -> Passes:
-        view, pixels = request.view, request.pixels
         if method == "full":
-            return self._sky_marked(trace_full(self.scene, view, pixels, self.folder, seed=self.seed)[1])
-        scene, seed = self._tracing_scene(), self._next_seed()
-        if method == "card":
-            self._last, passes = trace_card(scene, view, pixels, self.folder, seed=seed)
+            return [self._rendered(request) for request in requests]
+        scene = self._tracing_scene()
+        if method == "packed":
+            renders, traced = self._traced_together(scene, requests)
         else:
-            places = np.argwhere(pixels)
-            self._last, passes = trace_packed(scene, self.cameras[view], view, places, self.folder, seed=seed)
-        # Cycles gives the mean of the rays' lengths from where they are clipped, in place of depths.
-        rows, columns = np.nonzero(pixels)
-        slant = ray_length_per_depth(self.cameras[view], columns + 0.5, rows + 0.5)
+            apart = [self._behind_card(scene, request) for request in requests]
+            renders, traced = [rendered for rendered, _ in apart], [passes for _, passes in apart]
+        self._last = renders[-1]
+        return [self._with_mean_depth(*pair) for pair in zip(requests, traced, strict=True)]
+
+    def _rendered(self, request: TraceRequest) -> Passes:
+        check_blenders(self.scene, request.view)
+        passes = trace_full(self.scene, request.view, request.pixels, self.folder, seed=self.seed)[1]
+        return self._sky_marked(passes)
+
+    def _behind_card(self, scene: bpy.types.Scene, request: TraceRequest) -> tuple[Rendered, Passes]:
+        check_blenders(scene, request.view)
+        rendered, passes = trace_card(scene, request.view, request.pixels, self.folder, seed=self._next_seed())
+        return rendered, without_added_positions(scene, passes)
+
+    def _with_mean_depth(self, request: TraceRequest, passes: Passes) -> Passes:
+        """The passes with mean depths in place of the mean of the rays' lengths from where they are clipped, which is
+        what Cycles gives."""
+        rows, columns = np.nonzero(request.pixels)
+        slant = ray_length_per_depth(self.cameras[request.view], columns + 0.5, rows + 0.5)
         mean_depth = passes[MEAN_DEPTH] / np.reshape(slant, (-1, 1)) + self.lens.near
         return {**passes, MEAN_DEPTH: mean_depth.astype(np.float32)}
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
@@ -26,6 +26,7 @@ from ..scene.readers import what_reads
 from ..scene.rig import FrameRegion, frame_region
 from ..scene.visible import aperture_radius
 from ..scene.working import changed, evaluated
+from .packed_views import PackedPixels, numbers_of_others, seen_from_view, switch_on_positions, without_added_positions
 from .render import Rendered, render_views
 
 UPWARDS_FROM = (5, 0, 0)
@@ -33,6 +34,12 @@ UPWARDS_FROM = (5, 0, 0)
 
 BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
 """What stands in the shader for the pixel filter's offsets."""
+
+NO_OTHERS = "others[1] = {0.0}"
+"""What stands in the shader for the views other than the rendered one."""
+
+COMPILED_SHADERS = 8
+"""Shaders that are kept: in an animation, one with several views may be another in each frame."""
 
 PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
 """How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
@@ -125,20 +132,47 @@ def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
 
 
 def trace_packed(
-    scene: bpy.types.Scene, target: Camera, view: str, places: NDArray[np.intp], folder: Path, *, seed: int
-) -> tuple[Rendered, Passes]:
-    """Trace the target pixels at `places` (N, 2), row and column, of which some may be the same; passes as (N, C)."""
-    packing = pack(places)
+    scene: bpy.types.Scene,
+    view: str,
+    rendered: Camera,
+    views: Sequence[PackedPixels],
+    folder: Path,
+    *,
+    seed: int,
+) -> tuple[Rendered, list[Passes]]:
+    """Trace pixels of any number of views in one render; returns the passes (N, C) of each view's pixels.
+
+    view is the one of the scene's that Blender renders, with the camera `rendered`; each view has either that very
+    camera or any other. Of several, their cameras must keep their places to each other while the shutter is open, and
+    nothing that is rendered may depend on where Cycles' camera is: see `why_apart`.
+    """
+    assert isinstance(rendered, PerspectiveCamera)
+    others = [pixels.camera for pixels in views if pixels.camera is not rendered]
+    if others:
+        switch_on_positions(scene)
+    packing = pack([pixels.places for pixels in views])
     size = packing.width, packing.height
-    with tempfile.TemporaryDirectory(dir=folder) as tables, _packed(scene, target, *size, Path(tables)) as path:
-        write_table(path, _table(places, packing))
-        rendered = render_views(scene, (view,), folder, seed=seed)
-    flat = {name: image.reshape(-1, image.shape[2])[packing.at] for name, image in rendered.views[view].items()}
-    return rendered, _as_plain_camera_has_them(flat, target, places, frame_region(scene.render))
+    with (
+        tempfile.TemporaryDirectory(dir=folder) as tables,
+        _packed(scene, rendered, others, size, Path(tables)) as path,
+    ):
+        write_table(path, _table(views, rendered, packing))
+        result = render_views(scene, (view,), folder, seed=seed)
+    flat = {name: image.reshape(-1, image.shape[2]) for name, image in result.views[view].items()}
+    region = frame_region(scene.render)
+    traced: list[Passes] = []
+    for pixels, at in zip(views, packing.at, strict=True):
+        passes = {name: image[at] for name, image in flat.items()}
+        if pixels.camera is rendered:
+            passes = _as_plain_camera_has_them(passes, rendered, pixels.places, region)
+        else:
+            passes = seen_from_view(passes, rendered, pixels)
+        traced.append(without_added_positions(scene, passes))
+    return result, traced
 
 
 def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.intp], region: FrameRegion) -> Passes:
-    """The passes (N, C) of a custom camera; those in which Cycles treats it differently are converted."""
+    """Return the passes (N, C) of a custom camera with those converted in which Cycles treats it differently."""
     assert isinstance(target, PerspectiveCamera)
     x, y = places[:, 1] + 0.5, places[:, 0] + 0.5
     converted = dict(flat)
@@ -154,30 +188,41 @@ def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.i
     return converted
 
 
-def _table(places: NDArray[np.intp], packing: Packing) -> NDArray[np.float32]:
-    """(height, width, 4): target column and row of each packed pixel, -1 where there is none; then the table's own
-    row."""
+def _table(views: Sequence[PackedPixels], rendered: Camera, packing: Packing) -> NDArray[np.float32]:
+    """Return (height, width, 4): column and row in its view of each packed pixel, -1 where there is none; the table's
+    own row; the number of the view among the others, -1 for the rendered one."""
     table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
-    table[packing.at, :2] = places[:, ::-1]
+    number = 0
+    for pixels, at in zip(views, packing.at, strict=True):
+        table[at, :2] = pixels.places[:, ::-1]
+        if pixels.camera is not rendered:
+            table[at, 3] = number
+            number += 1
     table = table.reshape(packing.height, packing.width, 4)
     table[..., 2] = np.arange(packing.height)[:, None]
     return table
 
 
 @contextmanager
-def _packed(scene: bpy.types.Scene, target: Camera, width: int, height: int, folder: Path) -> Iterator[Path]:
-    """The scene as the packed render needs it; yields the path on which it expects its table."""
-    assert isinstance(target, PerspectiveCamera)
+def _packed(
+    scene: bpy.types.Scene,
+    rendered: PerspectiveCamera,
+    others: Sequence[PerspectiveCamera],
+    size: tuple[int, int],
+    folder: Path,
+) -> Iterator[Path]:
+    """Set the scene up for a packed render of this size; yields the path on which it expects its table."""
     # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
     table = folder / "table.exr"
-    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
-    size = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
+    numbers = numbers_of_others(scene, rendered, others)
+    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width, numbers)
+    resolution = {"resolution_x": size[0], "resolution_y": size[1], "resolution_percentage": 100}
     whole = {"use_border": False, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
     with ExitStack() as restored:
         packed = restored.enter_context(_lens_to_set(scene))
-        restored.enter_context(changed(scene.render, **size, **whole))
+        restored.enter_context(changed(scene.render, **resolution, **whole))
         restored.enter_context(changed(scene.cycles, **PACKED_SAMPLING))
-        restored.enter_context(_set_camera(packed, target, (width, height), table, bytecode))
+        restored.enter_context(_set_camera(packed, rendered, size, table, bytecode))
         yield table
 
 
@@ -248,21 +293,29 @@ def _set_camera(
         yield
 
 
-@cache
-def _bytecode(pixel_filter: str, width: float) -> str:
-    """The camera's shader with this pixel filter, compiled by the Blender that runs it.
+@lru_cache(maxsize=COMPILED_SHADERS)
+def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str:
+    """Return the camera's shader with this pixel filter and these views, compiled by the Blender that runs it.
 
-    Raises StereoReprojectError.
+    others is as `numbers_of_others` has it. Raises StereoReprojectError.
     """
     import _cycles  # pyright: ignore[reportMissingImports]
 
-    offsets = sample_offsets(pixel_filter, width)
-    numbers = ", ".join(f"{offset:.9g}" for offset in offsets)
     source = SHADER.read_text(encoding="utf-8")
-    assert BOX_OFFSETS in source
+    source = _with_numbers(source, BOX_OFFSETS, sample_offsets(pixel_filter, width))
+    if others:
+        source = _with_numbers(source, NO_OTHERS, np.array(others, np.float32))
     with tempfile.TemporaryDirectory() as folder:
         shader, compiled = Path(folder) / SHADER.name, Path(folder) / "hole_camera.oso"
-        shader.write_text(source.replace(BOX_OFFSETS, f"offsets[{offsets.size}] = {{{numbers}}}"), encoding="utf-8")
+        shader.write_text(source, encoding="utf-8")
         if not _cycles.osl_compile(str(shader), str(compiled)):
             raise StereoReprojectError(f"Blender's OSL compiler does not take {SHADER.name}: use --fill card")
         return compiled.read_text()
+
+
+def _with_numbers(source: str, stands_there: str, numbers: NDArray[np.float32]) -> str:
+    """Return a shader's source with these numbers as an array's default, in place of what stands there."""
+    assert source.count(stands_there) == 1
+    name = stands_there.partition("[")[0]
+    listed = ", ".join(f"{number:.9g}" for number in numbers)
+    return source.replace(stands_there, f"{name}[{numbers.size}] = {{{listed}}}")

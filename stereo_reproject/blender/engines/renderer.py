@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import BadInputError
 from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
@@ -18,6 +18,7 @@ from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
+from ...views.camera import Camera, PerspectiveCamera
 from ..gpu.warp import gpu_stage
 from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
@@ -27,10 +28,12 @@ from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, volume_boxes
 from ..scene.working import CYCLES, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by, left_noisy
-from .hole_camera import packed_blocker, trace_packed
+from .hole_camera import packed_blocker
 from .mask_card import card_blocker, trace_card
+from .packed_views import switch_on_positions, without_added_positions
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
+from .shared_render import trace_together
 from .time_limit import (
     count_samples,
     has_time_limit,
@@ -47,7 +50,8 @@ FILL_SEED = 1_000_003
 class BlenderRenderer:
     """Renders a scene that `working.working_scene` made; `folder` is private and takes the files between the stages.
 
-    user_scene is what the working scene is a copy of; `plan` says what the scene calls for.
+    user_scene is what the working scene is a copy of; `plan` says what the scene calls for. views are cameras by name
+    that pixels may be traced of besides those of Blender's two eyes, packed alone.
     """
 
     gpu = staticmethod(gpu_stage)
@@ -62,16 +66,26 @@ class BlenderRenderer:
         """What is to be said of the scene for being rendered this way."""
         return []
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None) -> None:
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        folder: Path,
+        *,
+        user_scene: bpy.types.Scene | None = None,
+        views: Mapping[str, PerspectiveCamera] | None = None,
+    ) -> None:
         self.scene = scene
         self.folder = folder
-        self.cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
+        eyes = stereo_cameras(evaluated(scene.camera, scene), scene.render)
+        self.cameras: dict[str, Camera] = {**(views or {}), **eyes}
         self.lens = lens_of(scene)
         self.plan = plan_effects(scene, user_scene=user_scene)
         self.volumes = volume_boxes(scene) if self.plan.called_for & Effect.VOLUME else ()
         self.seed = scene.cycles.seed
-        self.motion = eyes_in_motion(scene, self.cameras) if vector_pass_asked_for(scene) else None
+        self.motion = eyes_in_motion(scene, eyes) if vector_pass_asked_for(scene) else None
         self.metadata: dict[str, str] = {}
+        if views and scene.render.engine == CYCLES:
+            switch_on_positions(scene)
         self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
         self.denoise: Denoise | None = None
         self._rays: RayPasses | None = None
@@ -93,6 +107,7 @@ class BlenderRenderer:
         return nullcontext() if self.denoise is None else left_noisy(self.scene)
 
     def _guided(self, passes: Passes) -> Passes:
+        passes = without_added_positions(self.scene, passes)
         if self._rays is None:
             return passes
         return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
@@ -146,17 +161,21 @@ class BlenderRenderer:
         """Trace all requests by one method, as `Tracer` says."""
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
-        trace = self._trace_packed if method == "packed" else partial(self._trace_whole, method)
         with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
-            return [self._guided(trace(request)) for request in requests]
+            if method == "packed":
+                traced = self._traced_together(self.scene, requests)[1]
+            else:
+                traced = [self._trace_whole(method, request) for request in requests]
+        return [self._guided(passes) for passes in traced]
 
-    def _trace_packed(self, request: TraceRequest) -> Passes:
-        places = np.concatenate([np.argwhere(mask) for mask in request.masks])
-        camera = self.cameras[request.view]
-        return trace_packed(self.scene, camera, request.view, places, self.folder, seed=self._next_seed())[1]
+    def _traced_together(
+        self, scene: bpy.types.Scene, requests: Sequence[TraceRequest]
+    ) -> tuple[list[Rendered], list[Passes]]:
+        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
         """The passes (N, C) of a request, by a render as large as the view for each of its masks."""
+        check_blenders(self.scene, request.view)
         trace = {"card": trace_card, "full": trace_full}[method]
         apart = [
             trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks
@@ -171,6 +190,12 @@ class BlenderRenderer:
 
 def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
+
+
+def check_blenders(scene: bpy.types.Scene, view: str) -> None:
+    """Raise BadInputError where the view is not one that Blender renders itself."""
+    if view not in scene.render.views:
+        raise BadInputError(f"view {view!r} is none of Blender's: it can be traced packed alone")
 
 
 def trace_full(

@@ -217,10 +217,11 @@ def has_grease_pencil(scene: bpy.types.Scene) -> bool:
 
 def uses_output(node_type: str, output: str) -> bool:
     """Whether any shader of the file makes use of this output of a node of this type."""
-    return any(node.outputs[output].is_linked for node in _nodes() if node.bl_idname == node_type)
+    return any(node.outputs[output].is_linked for node in shader_nodes() if node.bl_idname == node_type)
 
 
-def _nodes() -> Iterator[bpy.types.Node]:
+def shader_nodes() -> Iterator[bpy.types.Node]:
+    """Yield the nodes of all materials, worlds, lights and node groups of the file."""
     owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
     for tree in trees:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.render import render_views
 from stereo_reproject.blender.output.delivery import deliver_side_by_side
 from stereo_reproject.blender.scene.effects import plan_effects
@@ -58,7 +59,8 @@ def updated_by_a_packed_fill(count, folder):
         cameras = stereo_cameras(evaluated(working.camera, working), working.render)
         render_views(working, ("left",), folder)
         with listening(bpy.app.handlers.depsgraph_update_post, count_updates):
-            trace_packed(working, cameras["right"], "right", places, folder, seed=1)
+            pixels = PackedPixels(cameras["right"], places)
+            trace_packed(working, "right", pixels.camera, [pixels], folder, seed=1)
     return sum(updates)
 
 

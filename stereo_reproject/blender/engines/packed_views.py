@@ -1,0 +1,103 @@
+"""Views of a packed render that are not the one that Blender renders: their rays, and their passes.
+
+Cycles has one camera. A ray of another view is given in that camera's space, so whatever Cycles tells in world space
+is right as it is; what it tells in the camera's own is converted here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...images.passes import DEPTH_PASS, Passes
+from ...views.camera import Camera, PerspectiveCamera, target_from_source
+from ..scene.working import evaluated, rendered_layer
+from .denoise import NORMAL
+
+POSITION = "Position"
+"""Blender's pass of places in the world, from which depths of other views are derived."""
+
+ADDED_POSITIONS = "stereo_reproject_added_positions"
+"""Property of a working scene's layer that tells that its Position pass was not asked for."""
+
+FORWARD = np.diag([1.0, 1.0, -1.0, 1.0])
+"""Blender's camera space from Cycles', which looks along +z."""
+
+
+@dataclass(frozen=True)
+class PackedPixels:
+    """Pixels of one view: its camera, and (N, 2) their rows and columns, of which some may be the same."""
+
+    camera: PerspectiveCamera
+    places: NDArray[np.intp]
+
+
+def numbers_of_others(
+    scene: bpy.types.Scene, rendered: Camera, others: Sequence[PerspectiveCamera]
+) -> tuple[float, ...]:
+    """Return the shader's numbers for views other than the rendered one, 17 for each.
+
+    Left and top of the view plane and a pixel's width and height on it, at unit depth; the depth in focus, in scene
+    units; the transform, three rows of four, from the view's camera space to the rendered view's.
+    """
+    numbers: list[float] = []
+    for camera in others:
+        plane = camera.plane
+        step = (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
+        pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
+        numbers += [plane.left, plane.top, *step, _focus_distance(scene, camera), *pose[:3].ravel()]
+    return tuple(float(number) for number in numbers)
+
+
+def _focus_distance(scene: bpy.types.Scene, camera: Camera) -> float:
+    """Return the depth at which a view of the scene is in focus, as Cycles takes it from the focus object."""
+    dof = evaluated(scene.camera, scene).data.dof
+    if dof.focus_object is None:
+        return max(dof.focus_distance, 1e-5)
+    focus = evaluated(dof.focus_object, scene)
+    place = focus.matrix_world
+    if dof.focus_subtarget and focus.pose is not None and dof.focus_subtarget in focus.pose.bones:
+        place = place @ focus.pose.bones[dof.focus_subtarget].matrix
+    ahead, position = camera.world_from_camera[:3, 2], camera.world_from_camera[:3, 3]
+    return max(abs(float(ahead @ (position - np.array(place.translation)))), 1e-5)
+
+
+def switch_on_positions(scene: bpy.types.Scene) -> None:
+    """Have a working scene rendered with the Position pass.
+
+    It stays on: with other passes, Cycles would begin anew. `without_added_positions` takes it out of renders.
+    """
+    layer = rendered_layer(scene)
+    if not layer.use_pass_position:
+        layer[ADDED_POSITIONS] = True
+        layer.use_pass_position = True
+
+
+def without_added_positions(scene: bpy.types.Scene, passes: Passes) -> Passes:
+    """Return a render's passes without the Position pass, unless the user has asked for it."""
+    if ADDED_POSITIONS not in rendered_layer(scene):
+        return passes
+    return {name: image for name, image in passes.items() if name != POSITION}
+
+
+def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Passes:
+    """Return the passes (N, C) of a packed render as a plain render of another view would have them.
+
+    Depth is the mean of no rays but that of the first one, whose place in the world the Position pass has; the
+    denoiser's normals are in camera space.
+    """
+    converted = dict(flat)
+    camera = pixels.camera
+    if DEPTH_PASS in flat:
+        place = flat[POSITION].astype(np.float64) - camera.world_from_camera[:3, 3]
+        ahead = -place @ np.linalg.inv(camera.world_from_camera[:3, :3])[2]
+        known = np.isfinite(flat[DEPTH_PASS])
+        converted[DEPTH_PASS] = np.where(known, ahead[:, None], flat[DEPTH_PASS]).astype(np.float32)
+    if NORMAL in flat:
+        turn = (FORWARD @ target_from_source(rendered, camera) @ FORWARD)[:3, :3]
+        converted[NORMAL] = (flat[NORMAL] @ turn.T).astype(np.float32)
+    return converted

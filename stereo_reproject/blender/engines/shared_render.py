@@ -1,0 +1,165 @@
+"""Requests for pixels of several views, answered by one packed render where that is exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInputError
+from ...images.passes import Passes
+from ...trace.requests import TraceRequest
+from ...views.camera import Camera, PerspectiveCamera
+from ..scene.effects import is_animated, shader_nodes, uses_output
+from ..scene.motion import vector_pass_asked_for
+from ..scene.visible import aperture_radius
+from ..scene.working import evaluated, rendered_layer
+from .hole_camera import trace_packed
+from .packed_views import PackedPixels
+from .render import Rendered
+
+CAMERA_OUTPUTS = (
+    ("ShaderNodeCameraData", "View Vector"),
+    ("ShaderNodeCameraData", "View Z Depth"),
+    ("ShaderNodeCameraData", "View Distance"),
+    ("ShaderNodeTexCoord", "Camera"),
+)
+"""Nodes that tell a shader where Cycles' camera is, and by which outputs."""
+
+MAX_TURN_RADIANS = 2e-3
+"""Turn of the camera while the shutter is open up to which views keep their places to each other: Cycles moves each
+camera along straight lines, which are off the arcs by less than 1e-6 of the distance between views."""
+
+
+def trace_together(
+    scene: bpy.types.Scene,
+    cameras: Mapping[str, Camera],
+    volumes: Sequence[NDArray[np.float64]],
+    requests: Sequence[TraceRequest],
+    folder: Path,
+    next_seed: Callable[[], int],
+) -> tuple[list[Rendered], list[Passes]]:
+    """Trace all requests packed, in as few renders as is exact; returns the renders, and each request's passes (N, C).
+
+    cameras has those of the requests' views by name, Blender's own views included; volumes are the corners (8, 3) of
+    boxes around the scene's. Raises BadInputError for a view that is not Blender's where it could not be right.
+    """
+    renders: list[Rendered] = []
+    answers: dict[int, Passes] = {}
+    for view, numbers in _renders(scene, cameras, volumes, [request.view for request in requests]):
+        packed = [_pixels_of(requests[number], cameras) for number in numbers]
+        rendered, traced = trace_packed(scene, view, cameras[view], packed, folder, seed=next_seed())
+        renders.append(rendered)
+        answers.update(zip(numbers, traced, strict=True))
+    return renders, [answers[number] for number in range(len(requests))]
+
+
+def _pixels_of(request: TraceRequest, cameras: Mapping[str, Camera]) -> PackedPixels:
+    camera = cameras[request.view]
+    assert isinstance(camera, PerspectiveCamera)
+    return PackedPixels(camera, np.concatenate([np.argwhere(mask) for mask in request.masks]))
+
+
+def _renders(
+    scene: bpy.types.Scene,
+    cameras: Mapping[str, Camera],
+    volumes: Sequence[NDArray[np.float64]],
+    asked: Sequence[str],
+) -> list[tuple[str, list[int]]]:
+    """Return the renders that it takes: the view that Blender renders, and the numbers of the requests traced in it."""
+    blenders = [view.name for view in scene.render.views]
+    rendered = next((view for view in asked if view in blenders), blenders[0])
+    if not asked or set(asked) == {rendered}:
+        return [(rendered, list(range(len(asked))))] if asked else []
+    reason = why_apart(scene, cameras[rendered], [cameras[view] for view in asked], volumes)
+    elsewhere = [view for view in asked if view not in blenders]
+    if reason and elsewhere:
+        raise BadInputError(f"view {elsewhere[0]!r} cannot be traced: {reason}")
+    if not reason and not turns_in_shutter(scene):
+        return [(rendered, list(range(len(asked))))]
+    by_view: dict[str, list[int]] = {}
+    for number, view in enumerate(asked):
+        # Views that Blender does not have move with the one that it renders, as parts of a rigid rig.
+        by_view.setdefault(view if view in blenders else rendered, []).append(number)
+    return list(by_view.items())
+
+
+def why_apart(
+    scene: bpy.types.Scene, rendered: Camera, views: Sequence[Camera], volumes: Sequence[NDArray[np.float64]]
+) -> str | None:
+    """Say why pixels of these views cannot be traced by Cycles' camera of the rendered one, or return None.
+
+    Rays do not depend on that camera, but some of what is made of them does. volumes are boxes' corners (8, 3).
+    """
+    checks = {
+        "the Vector pass is that of Cycles' own camera": vector_pass_asked_for(scene),
+        "the Mist pass is that of Cycles' own camera": rendered_layer(scene).use_pass_mist,
+        "a shader reads where the camera is": any(uses_output(*output) for output in CAMERA_OUTPUTS)
+        or any(map(_may_read_camera, shader_nodes())),
+        # Of its own camera alone Cycles asks whether its rays begin in a volume.
+        "a view may begin in a volume": not _surely_inside(rendered, volumes)
+        and any(_maybe_inside(view, volumes, _reach(scene)) for view in views),
+    }
+    return next((reason for reason, holds in checks.items() if holds), None)
+
+
+def _may_read_camera(node: bpy.types.Node) -> bool:
+    if node.bl_idname == "ShaderNodeVectorTransform":
+        return "CAMERA" in (node.convert_from, node.convert_to)  # pyright: ignore[reportAttributeAccessIssue]
+    return node.bl_idname == "ShaderNodeScript"
+
+
+def _reach(scene: bpy.types.Scene) -> float:
+    """Return how far from a view's place its rays may begin, in scene units."""
+    camera = evaluated(scene.camera, scene).data
+    return camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
+
+
+def _surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
+    place = camera.world_from_camera[:3, 3]
+    finite = (box for box in boxes if np.isfinite(box).all())
+    return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)
+
+
+def _maybe_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]], reach: float) -> bool:
+    """True where a box, or one around it along the world's axes, is nearer than `reach`; an infinite one always is."""
+    place = camera.world_from_camera[:3, 3]
+    return any(
+        not np.isfinite(box).all()
+        or bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach)))
+        for box in boxes
+    )
+
+
+def turns_in_shutter(scene: bpy.types.Scene) -> bool:
+    """Return whether the camera turns while the shutter is open.
+
+    Cycles moves each view's camera along a straight line and turns it besides: views that do not turn keep their places
+    to each other, others do not. The scene visits the times in question and comes back.
+    """
+    render = scene.render
+    if not render.use_motion_blur or not _may_turn(scene.camera):
+        return False
+    opens = {"START": 0.0, "CENTER": -0.5, "END": -1.0}[render.motion_blur_position] * render.motion_blur_shutter
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    turns = []
+    try:
+        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+            time = frame + subframe + opens + share * render.motion_blur_shutter
+            scene.frame_set(int(np.floor(time)), subframe=float(time - np.floor(time)))
+            turns.append(evaluated(scene.camera, scene).matrix_world.to_quaternion())
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+    return any(turns[0].rotation_difference(turn).angle > MAX_TURN_RADIANS for turn in turns)
+
+
+def _may_turn(item: bpy.types.Object | None) -> bool:
+    """Return whether anything could turn the object, or one that it hangs on, with time."""
+    while item is not None:
+        if is_animated(item) or item.constraints or item.rigid_body or item.parent_type not in ("OBJECT", ""):
+            return True
+        item = item.parent
+    return False
