@@ -127,7 +127,7 @@ class Stopwatch:
         now = time.perf_counter()
         if self._stage:
             self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._start
-        self._stage, self._start = stage, now
+        self._stage, self._start = str(stage), now
         if stage:
             self._on_stage(stage)
 
