@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.tracing import FillPlanner, Refinement, TargetEye
+from ..holes.classifier import Optics
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from ..images.effects import Effect, EffectsPlan
@@ -24,11 +25,14 @@ from ..settings.frame import StereoSettings
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
+from ..views.motion import Moving
+from ..views.view import Rig
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
 from ..warp.grid import Grid
-from ..warp.motion import Moving
-from ..warp.stage import NUMPY, WarpStage, choose_stage, takes
-from ..warp.warper import Warper
+from ..warp.options import WarpOptions
+from ..warp.rendered_view import RenderedView
+from ..warp.stage import choose_stage, takes
+from ..warp.warper import NUMPY, Warper
 from .effect_costs import EffectCost, accounts
 from .matched_eye import LightMatcher, MatchedEye
 from .price import WHOLE, Price, next_better, price_of
@@ -43,7 +47,7 @@ class Renderer(Protocol):
     """What the scene calls for; where nothing in it may look different from each eye, no probe is traced."""
     lens: Lens
     """Both eyes'."""
-    gpu: Callable[[], WarpStage | None]
+    gpu: Callable[[], Warper | None]
     """What finds a GPU that can warp."""
     volumes: Sequence[NDArray]
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
@@ -170,26 +174,18 @@ def render_stereo_frame(
         accuracy = for_denoised(accuracy)
 
     watch.lap("warp")
-    motion = renderer.motion
+    views = Rig.of_cameras(renderer.cameras, renderer.motion)
     interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=denoising is not None)
     warp = partial(
         reproject,
-        source,
-        source_camera,
-        target_camera,
-        accuracy=accuracy,
-        invalid=invalid,
-        grid_threshold=settings.grid_threshold,
-        interpolation=interpolation,
-        colour_interpolation=colour_interpolation,
-        lens=renderer.lens,
-        volumes=renderer.volumes,
-        motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
+        [RenderedView(views[settings.source], source, invalid, cost)],
+        views[settings.target],
+        accuracy,
+        optics=Optics(renderer.lens, renderer.volumes),
+        options=WarpOptions(settings.grid_threshold, interpolation, colour_interpolation),
     )
-    stage = _warp_stage(
-        settings, renderer, precedent, target_camera, lambda warp_view: warp(warp_view=warp_view).reasons
-    )
-    reprojection = warp(warp_view=stage.warp_view)
+    warper = _warper(settings, renderer, precedent, target_camera, lambda warper: warp(warper=warper).reasons)
+    reprojection = warp(warper=warper)
 
     blockers = renderer.fill_blockers(_deepest(source))
     check_fill(settings.fill, blockers)
@@ -237,7 +233,7 @@ def render_stereo_frame(
         metadata=dict(renderer.metadata),
         correction=target.correction if isinstance(target, MatchedEye) else None,
         warped_by=reprojection.warped_by,
-        gpu=stage.device if reprojection.warped_by == "gpu" else None,
+        gpu=warper.device if reprojection.warped_by == "gpu" else None,
     )
 
 
@@ -264,7 +260,7 @@ def _without_lost(
     many pixels that is."""
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
-    for name, pixels in spoilt(lost, reprojection.warp, interpolation=interpolation).items():
+    for name, pixels in spoilt([lost], reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
@@ -272,14 +268,14 @@ def _without_lost(
     return finished, count_pixels(dark)
 
 
-def _warp_stage(
+def _warper(
     settings: StereoSettings,
     renderer: Renderer,
     precedent: SharedFindings,
     camera: Camera,
     run: Callable[[Warper], object],
-) -> WarpStage:
-    def is_faster(gpu: WarpStage) -> bool:
+) -> Warper:
+    def is_faster(gpu: Warper) -> bool:
         return precedent.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
 
     return choose_stage(settings.warp, camera.width * camera.height, renderer.gpu, is_faster)

@@ -32,13 +32,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.estimate import probes, refinement, shown_materials, tracing
 from stereo_reproject.estimate.tracing import FillPlanner, TargetEye
+from stereo_reproject.holes.classifier import Optics
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
+from stereo_reproject.views.view import Rig
 from stereo_reproject.warp.composite import replace_non_finite
+from stereo_reproject.warp.options import WarpOptions
+from stereo_reproject.warp.rendered_view import RenderedView
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
 SHIPPED = SETTINGS["balanced"]
@@ -165,15 +169,13 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
         renderer = BlenderRenderer(working, Path(folder))
         rendered, targets = make_pictures(name, renderer, settings, options)
         source, invalid = replace_non_finite(rendered)
+        views = Rig.of_cameras(renderer.cameras)
         warped = reproject(
-            source,
-            renderer.cameras[settings.source],
-            renderer.cameras[settings.target],
-            accuracy=SHIPPED,
-            invalid=invalid,
-            grid_threshold=settings.grid_threshold,
-            lens=renderer.lens,
-            volumes=renderer.volumes,
+            [RenderedView(views[settings.source], source, invalid)],
+            views[settings.target],
+            SHIPPED,
+            optics=Optics(renderer.lens, renderer.volumes),
+            options=WarpOptions(settings.grid_threshold),
         )
     return Scene(name, warped, targets)
 

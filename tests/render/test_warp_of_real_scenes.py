@@ -7,7 +7,6 @@ import pytest
 from stereo_reproject.blender.api import StereoSettings, render_frame
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.blender.scene.working import open_blend
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.pipeline import frame as pipeline
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import SceneOverrides
@@ -15,6 +14,7 @@ from stereo_reproject.warp import warper
 from tests.bench.performance.plan import EYES
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import pose
+from tests.warp.pairs import reproject_pair
 
 pytestmark = pytest.mark.slow
 
@@ -70,7 +70,7 @@ def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
     for other in (target, others):
         for accuracy in ("balanced", "exact"):
             ours, numpys = (
-                reproject(passes, source, other, **options | {"warp_view": warp_view, "accuracy": SETTINGS[accuracy]})
+                reproject_pair(passes, source, other, **options | {"how": warp_view, "accuracy": SETTINGS[accuracy]})
                 for warp_view in (gpu_warp.warp_view, warper.warp_view)
             )
             assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")

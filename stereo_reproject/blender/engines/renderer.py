@@ -14,7 +14,7 @@ from ...images.effects import Effect
 from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...trace.fill import SourceCost
-from ..gpu.warp import gpu_stage
+from ..gpu.warp import gpu_warper
 from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
 from ..scene.effects import plan_effects
@@ -47,7 +47,7 @@ class BlenderRenderer:
     """
 
     foreign = False
-    gpu = staticmethod(gpu_stage)
+    gpu = staticmethod(gpu_warper)
 
     @property
     def warnings(self) -> list[str]:
