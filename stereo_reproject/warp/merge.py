@@ -1,7 +1,8 @@
 """Warped views of several sources made into one: for each target pixel, the source that answers for it best.
 
-1. The nearest surface wins: a source that sees something clearly nearer knows of an occluder that the others miss.
-2. Of sources that show the same surface, one without a flag goes before one with a flag.
+1. The nearest surface wins: a source that sees something clearly nearer knows of an occluder that the others miss. A
+   source shows the same point as that surface if it has it where the point must be in its own picture.
+2. Of sources that show the same point, one without a flag goes before one with a flag.
 3. Of those, the one with the smallest expected error of the lookup wins: the angle between the two rays that see the
    point, by which whatever depends on the view may differ, times the stretch, which blurs.
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.passes import Passes
 from ..images.reasons import Reason
-from ..views.camera import Camera, disparity_per_nearness
+from ..views.camera import Camera, target_px_from_source_px
 from ..views.parallax import ARC_MINUTE
 from ..views.view import View
 from .forward import Warp
@@ -31,9 +32,9 @@ from .rendered_view import RenderedView
 from .scanline import MAX_STRETCH
 from .warped_view import WarpedView
 
-SAME_SURFACE_PIXELS = 1.0
-"""Largest difference of disparity, in pixels, between what two sources show, up to which it is the same surface: as
-much as a surface may stretch from a pixel to the next before it is torn."""
+SAME_POINT_PIXELS = 1.0
+"""Pixels in a source between the place that it was looked up at and the place of the nearest point, up to which it
+shows that point: as much as a surface may stretch from a pixel to the next before it is torn."""
 
 LEAST_GAIN = 0.02
 """Share by which a later source's expected error must be smaller than an earlier one's: rounding changes no source."""
@@ -82,12 +83,7 @@ def best_source(
 ) -> NDArray[np.uint8]:
     """Return (H, W) the number of the source that answers best for each target pixel; 0 where none lands."""
     nearest = np.maximum.reduce([warp.nearness for warp in warps])
-    per_nearness = max(disparity_per_nearness(target, camera) for camera in cameras)
-    shown = []
-    for warp in warps:
-        # -inf less -inf, where nothing landed, is NaN: that shows nothing.
-        with np.errstate(invalid="ignore", over="ignore"):
-            shown.append((nearest - warp.nearness) * np.float32(per_nearness) <= SAME_SURFACE_PIXELS)
+    shown = [_shows(warp, nearest, camera, target) for warp, camera in zip(warps, cameras, strict=True)]
     clean = [mask & (flag == 0) for mask, flag in zip(shown, flags, strict=True)]
     any_clean = np.logical_or.reduce(clean)
     best = np.full(nearest.shape, np.inf, np.float32)
@@ -99,6 +95,21 @@ def best_source(
         np.copyto(best, error, where=better)
         index[better] = number
     return index
+
+
+def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Camera) -> NDArray[np.bool_]:
+    """Return (H, W) where a source shows the point of this nearness (H, W), or is itself the one that is so near."""
+    result = warp.covered & (warp.nearness == nearest)
+    for rows in bands(result.shape):
+        place_rows, columns = np.mgrid[rows.start + 0.5 : rows.stop, 0.5 : result.shape[1]]
+        covered = warp.covered[rows]
+        depth = target.depth_from_nearness(np.where(covered, nearest[rows], 1.0).astype(np.float64))
+        x, y, _ = target_px_from_source_px(target, source, columns, place_rows, depth)
+        with np.errstate(invalid="ignore"):
+            apart = np.hypot(x - warp.x[rows], y - warp.y[rows])
+        # NaN, of a point behind the source, is no such place.
+        result[rows] |= covered & (apart <= SAME_POINT_PIXELS)
+    return result
 
 
 def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
@@ -140,7 +151,7 @@ def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float
     down_x, down_y = (part.T for part in _step_across(x.T, y.T))
     area = np.abs(across_x * down_y - across_y * down_x)
     # A pixel without a neighbour tells nothing of its stretch.
-    return np.float32(1.0) / np.clip(np.nan_to_num(area, nan=1.0), np.float32(1.0 / MAX_STRETCH), np.float32(1.0))
+    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / MAX_STRETCH, 1.0)).astype(np.float32)
 
 
 def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from stereo_reproject.holes.classifier import Optics
+from stereo_reproject.holes.classifier import NO_OPTICS
 from stereo_reproject.holes.reprojection import reproject
-from stereo_reproject.views.frustum import Lens
 from stereo_reproject.views.view import View
 from stereo_reproject.warp.composite import warp_passes
 from stereo_reproject.warp.options import WarpOptions
@@ -28,10 +27,7 @@ def warp_passes_of_pair(passes, warp, source, target, *, motion=None, **options)
     return warp_passes(*views_of(passes, source, target, motion=motion), warp, WarpOptions(**options))
 
 
-def reproject_pair(
-    passes, source, target, *, accuracy, invalid, lens=None, volumes=(), motion=None, how=warp_view, **options
-):
+def reproject_pair(passes, source, target, *, accuracy, invalid, optics=NO_OPTICS, how=warp_view, **options):
     """The whole stage; how is NumPy's `warp_view` or the GPU's."""
-    rendered, view = views_of(passes, source, target, invalid=invalid, motion=motion)
-    optics = Optics(lens or Lens(), volumes)
+    rendered, view = views_of(passes, source, target, invalid=invalid)
     return reproject([rendered], view, accuracy, optics=optics, options=WarpOptions(**options), warper=Warper(how))

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.holes.classifier import Optics
+from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.passes import (
     COLOUR_PASS,
@@ -17,7 +19,9 @@ from stereo_reproject.images.passes import (
 )
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.frustum import Lens
+from stereo_reproject.views.view import View
 from stereo_reproject.warp.mirrors import LEAST, images_in_mirrors
+from stereo_reproject.warp.rendered_view import RenderedView
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
 from tests.warp.pairs import reproject_pair
 
@@ -259,8 +263,26 @@ def test_where_the_paper_s_method_is_asked_for_all_is_carried_by_surfaces():
     assert result.views[0].mirrors is None
 
 
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_each_of_several_sources_has_its_own_mirrors(order):
+    eyes = rig()
+    cameras = [(eyes["left"], rig(ipd=0.05)["left"])[number] for number in order]
+    sources = [RenderedView(View(f"source {number}", eye), seen(eye)) for number, eye in enumerate(cameras)]
+    both = reproject(sources, View("right", eyes["right"]), SETTINGS["balanced"])
+    index = both.warp.source
+    assert set(np.unique(index)) == {0, 1}
+    in_mirrors = 0
+    for number, view in enumerate(both.views):
+        own = (index == number) & both.warp.covered
+        in_mirrors += (view.mirrors.shown & own).sum()
+        for name in both.passes:
+            np.testing.assert_array_equal(both.passes[name][own], view.warped.passes[name][own])
+        assert (view.reasons[own] & ~both.reasons[own] == 0).all()
+    assert in_mirrors > 1000
+
+
 def test_out_of_focus_and_among_volumes_no_length_is_one():
     eyes = rig()
-    assert carried(seen(eyes["left"]), eyes, lens=Lens(aperture=0.1)).views[0].mirrors is None
+    assert carried(seen(eyes["left"]), eyes, optics=Optics(Lens(aperture=0.1))).views[0].mirrors is None
     everywhere = [np.full((8, 3), np.inf)]
-    assert carried(seen(eyes["left"]), eyes, volumes=everywhere).views[0].mirrors is None
+    assert carried(seen(eyes["left"]), eyes, optics=Optics(volumes=everywhere)).views[0].mirrors is None
