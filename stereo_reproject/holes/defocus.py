@@ -47,7 +47,7 @@ def blurred_edges(
     colour from a pixel to the next. What the eye sees there is off by up to half of the step, and so the colour by that
     much of its gradient. tolerance is in standard deviations of the noise.
     """
-    edges = steps.beside(threshold) & (radius >= SMALLEST)
+    edges = steps.mask(threshold) & (radius >= SMALLEST)
     if not edges.any():
         return edges
     step = np.where(edges, np.minimum(_largest_step(steps), 2.0 * radius), 0.0)

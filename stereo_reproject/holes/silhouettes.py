@@ -31,7 +31,7 @@ def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> 
     """(H, W): pixels within `radius` of a step in disparity above `threshold` pixels."""
     if radius <= 0:
         return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)
-    return dilate(steps.beside(threshold), radius - 1)
+    return dilate(steps.mask(threshold), radius - 1)
 
 
 def differing(

@@ -42,7 +42,7 @@ FARTHEST = 8
 """Pixels, at most, by which it is looked for aside."""
 
 
-def sparse(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Those of (H, W) around which there are few: where there are many, depth is noise (of what moves while the shutter
     is open) or a thicket, of which probes tell."""
     if not pixels.any():

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..estimate.estimator import estimator_of
 from ..estimate.target import Provenance, Target
 from ..estimate.tracing import ProbedTracing, Refinement, TargetTracing
+from ..holes.classifier import Optics
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from ..images.effects import Effect, EffectsPlan
@@ -28,11 +29,14 @@ from ..trace.planner import FillPlanner
 from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
+from ..views.motion import Moving
+from ..views.view import Rig
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
 from ..warp.grid import Grid
-from ..warp.motion import Moving
-from ..warp.stage import NUMPY, WarpStage, choose_stage, takes
-from ..warp.warper import Warper
+from ..warp.options import WarpOptions
+from ..warp.rendered_view import RenderedView
+from ..warp.stage import choose_stage, takes
+from ..warp.warper import NUMPY, Warper
 from .effect_costs import EffectCost, effect_costs
 from .matched_tracing import LightMatcher, MatchedTracing
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
@@ -49,7 +53,7 @@ class Renderer(Protocol):
     """Effects that the scene calls for; where none of them may look different from each eye, no probe is traced."""
     lens: Lens
     """Lens of both eyes."""
-    gpu: Callable[[], WarpStage | None]
+    gpu: Callable[[], Warper | None]
     """Finds a GPU that can warp."""
     volumes: Sequence[NDArray]
     """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
@@ -136,15 +140,14 @@ class Stopwatch:
 class _Source:
     """The rendered source eye, ready to be warped.
 
-    passes hold no value that is no number (but infinite depths), and the denoised colour where the scene denoises;
-    invalid (H, W) marks pixels whose colour was none, lost (H, W) those of every pass that had some. accuracy is that
-    of the frame; needs_probes: whether something may look different from each eye.
+    rendered has its passes, with the denoised colour where the scene denoises. lost (H, W) are the pixels that were no
+    number, by pass: rendered has 0 there. accuracy is that of the frame; needs_probes: whether something may look
+    different from each eye.
     """
 
-    passes: Passes
-    invalid: NDArray[np.bool_]
-    lost: Mapping[str, NDArray[np.bool_]]
+    rendered: RenderedView
     cost: SourceCost
+    lost: Mapping[str, NDArray[np.bool_]]
     denoising: Denoising | None
     accuracy: Accuracy
     needs_probes: bool
@@ -189,7 +192,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    blockers = renderer.fill_blockers(_deepest(source.passes))
+    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers)
     tracing = _tracing_of(renderer, settings.target, planner, reprojection, source)
@@ -226,14 +229,16 @@ def _render_source(
     renderer: Renderer, settings: StereoSettings, accuracy: Accuracy, findings: SharedFindings, watch: Stopwatch
 ) -> _Source:
     """Render the source eye, and denoise it where the scene does."""
-    cameras = [renderer.cameras[view] for view in (settings.source, settings.target)]
-    accuracy = for_size(accuracy, cameras[1].width * cameras[1].height)
+    views = Rig.of_cameras(renderer.cameras, renderer.motion)
+    view, target = views[settings.source], views[settings.target].camera
+    accuracy = for_size(accuracy, target.width * target.height)
 
     watch.lap(Stage.SOURCE)
-    rendered, cost = renderer.render_source(settings.source)
-    passes, invalid = replace_non_finite(rendered)
-    needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(*cameras)
-    source = _Source(passes, invalid, not_numbers(rendered), cost, None, accuracy, needs_probes)
+    passes, cost = renderer.render_source(settings.source)
+    lost = not_numbers(passes)
+    passes, invalid = replace_non_finite(passes)
+    needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(view.camera, target)
+    source = _Source(RenderedView(view, passes, invalid, cost), cost, lost, None, accuracy, needs_probes)
     if renderer.denoise is None:
         return source
 
@@ -244,40 +249,33 @@ def _render_source(
     if needs_probes and accuracy.promise is not None:
         left = findings.noise_left(partial(noise_left, passes, denoising.denoise))
         denoising = replace(denoising, noise_left=left)
-    return replace(source, passes=passes, cost=cost, denoising=denoising, accuracy=for_denoised(accuracy))
+    rendered = RenderedView(view, passes, invalid, cost)
+    return replace(source, rendered=rendered, cost=cost, denoising=denoising, accuracy=for_denoised(accuracy))
 
 
 def _warp_source(
     renderer: Renderer, settings: StereoSettings, source: _Source, findings: SharedFindings
 ) -> tuple[Reprojection, str | None]:
     """Warp the source into the target; also returns the name of the GPU that was chosen to, if one was."""
-    interpolation, colour_interpolation = interpolations_of(
-        settings.interpolation, denoised=source.denoising is not None
-    )
-    motion, target = renderer.motion, renderer.cameras[settings.target]
+    target = Rig.of_cameras(renderer.cameras, renderer.motion)[settings.target]
+    interpolations = interpolations_of(settings.interpolation, denoised=source.denoising is not None)
     warp = partial(
         reproject,
-        source.passes,
-        renderer.cameras[settings.source],
+        [source.rendered],
         target,
-        accuracy=source.accuracy,
-        invalid=source.invalid,
-        grid_threshold=settings.grid_threshold,
-        interpolation=interpolation,
-        colour_interpolation=colour_interpolation,
-        lens=renderer.lens,
-        volumes=renderer.volumes,
-        motion=motion if motion is None else (motion[settings.source], motion[settings.target]),
+        source.accuracy,
+        optics=Optics(renderer.lens, renderer.volumes),
+        options=WarpOptions(settings.grid_threshold, *interpolations),
     )
 
-    def run(warp_view: Warper) -> object:
-        return warp(warp_view=warp_view).reasons
-
-    def is_faster(gpu: WarpStage) -> bool:
+    def is_faster(gpu: Warper) -> bool:
         return findings.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
 
-    stage = choose_stage(settings.warp, target.width * target.height, renderer.gpu, is_faster)
-    return warp(warp_view=stage.warp_view), stage.device
+    def run(warper: Warper) -> object:
+        return warp(warper=warper).reasons
+
+    warper = choose_stage(settings.warp, target.camera.width * target.camera.height, renderer.gpu, is_faster)
+    return warp(warper=warper), warper.device
 
 
 def _finished_frame(
@@ -303,7 +301,7 @@ def _finished_frame(
     next_accuracy = cost_of(better, completed, seconds)
     watch.lap()
     return StereoFrame(
-        eyes={settings.source: without_ours(source.passes), settings.target: without_ours(finished)},
+        eyes={settings.source: without_ours(source.rendered.passes), settings.target: without_ours(finished)},
         reasons=reasons,
         traced=target.traced,
         grid=reprojection.grid,
@@ -348,7 +346,7 @@ def _without_lost(
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(settings.interpolation, denoised=False)
-    for name, pixels in spoilt(lost, reprojection.warp, interpolation=interpolation).items():
+    for name, pixels in spoilt([lost], reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,68 +21,50 @@ from ..images.passes import (
     known_depth,
 )
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
+from ..views.view import View
 from .forward import Warp
-from .motion import Moving, standing_still, warp_motion
+from .motion import warp_motion
+from .options import WarpOptions
+from .rendered_view import RenderedView
 from .scanline import row_disparity_of
 
 LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
-"""A pass (H, W, C) as the target sees it, (h, w, C), found by `lookup.lookup`."""
+"""Return a pass (H, W, C) of the source as the target sees it, (h, w, C), by the interpolation of this name."""
 
 
-def warp_passes(
-    source: Passes,
-    warp: Warp,
-    source_camera: Camera,
-    target_camera: Camera,
-    *,
-    interpolation: str,
-    colour_interpolation: str | None = None,
-    motion: tuple[Moving, Moving] | None = None,
-) -> Passes:
-    """The source's passes as seen by the target, 0 (depth: +inf) where nothing landed.
+def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOptions) -> Passes:
+    """Return the source's passes as seen by the target, 0 (depth: +inf) where nothing landed."""
+    seen = _target_depth(source.passes[DEPTH_PASS], warp, source.camera, target.camera)
 
-    interpolation is how `lookup` finds what may be mixed, colour_interpolation how it finds COLOUR_PASS, if otherwise.
-    motion is that of the two eyes, of whom none moves without it; the Vector pass alone asks for it.
-    """
-    return passes_seen(
-        source,
-        warp,
-        _target_depth(source[DEPTH_PASS], warp, source_camera, target_camera),
-        (source_camera, target_camera),
-        lambda image, how: lookup(image, warp.x, warp.y, interpolation=how),
-        interpolation=interpolation,
-        colour_interpolation=colour_interpolation,
-        motion=motion,
-    )
+    def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
+        return lookup(image, warp.x, warp.y, interpolation=how)
+
+    return passes_seen(source, target, warp, seen, look_up, options)
 
 
 def passes_seen(
-    source: Passes,
+    source: RenderedView,
+    target: View,
     warp: Warp,
     seen: NDArray[np.float32],
-    cameras: tuple[Camera, Camera],
     look_up: LookUp,
-    *,
-    interpolation: str,
-    colour_interpolation: str | None,
-    motion: tuple[Moving, Moving] | None,
+    options: WarpOptions,
 ) -> Passes:
-    """`warp_passes` by any means: seen (H, W) is the depth that the target, the second of the cameras, sees.
+    """Return what `warp_passes` does, with any means of lookup: seen (H, W) is the depth that the target sees.
 
-    Passes that say nothing of the target (`passes.OF_SOURCE`) are left out.
+    Passes that tell something of the source alone (`passes.OF_SOURCE`) are left out.
     """
     warped: Passes = {}
-    for name, image in source.items():
+    for name, image in source.passes.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
         elif name == POSITION_PASS:
-            warped[name] = _target_position(image, seen, warp, cameras[1])
+            warped[name] = _target_position(image, seen, warp, target.camera)
         elif name == VECTOR_PASS:
-            eyes = motion or (standing_still(cameras[0]), standing_still(cameras[1]))
-            warped[name] = warp_motion(image, source[DEPTH_PASS], warp, *eyes, seen)
+            depth = source.passes[DEPTH_PASS]
+            warped[name] = warp_motion(image, depth, warp, source.view.moving, target.moving, seen)
         elif name not in OF_SOURCE:
-            how = colour_interpolation if name == COLOUR_PASS and colour_interpolation else interpolation
-            warped[name] = look_up(image, how if filtered(name) else "nearest")
+            warped[name] = look_up(image, options.interpolation_of(name))
     return warped
 
 
@@ -169,15 +151,21 @@ def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
     return clean, invalid
 
 
-def spoilt(lost: Mapping[str, NDArray[np.bool_]], warp: Warp, *, interpolation: str) -> dict[str, NDArray[np.bool_]]:
-    """Return (h, w) target pixels whose lookup takes any share of what is no number in the source, by pass.
+def spoilt(
+    lost: Sequence[Mapping[str, NDArray[np.bool_]]], warp: Warp, *, interpolation: str
+) -> dict[str, NDArray[np.bool_]]:
+    """Return (h, w) target pixels whose lookup takes any share of what is no number in their source, by pass.
 
-    lost (H, W) are as `not_numbers` has them. Passes that decide are left out, because such pixels are traced, and so
-    is the position, which is computed from the depth.
+    lost has, for each source, the masks (H, W) that `not_numbers` returns. Passes that decide are left out, because
+    such pixels are traced, and so is the position, which is computed from the depth.
     """
     found: dict[str, NDArray[np.bool_]] = {}
-    for name, pixels in lost.items():
-        if name != POSITION_PASS and not decides(name):
+    for number, masks in enumerate(lost):
+        for name, pixels in masks.items():
+            if name == POSITION_PASS or decides(name):
+                continue
             how = interpolation if filtered(name) else "nearest"
-            found[name] = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0] != 0.0
+            share = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0]
+            in_target = (share != 0.0) & (warp.source == number)
+            found[name] = found[name] | in_target if name in found else in_target
     return found

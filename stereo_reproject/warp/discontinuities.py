@@ -28,7 +28,7 @@ class DepthDiscontinuities:
     right: NDArray[np.float32]
     down: NDArray[np.float32]
 
-    def beside(self, threshold: float) -> NDArray[np.bool_]:
+    def mask(self, threshold: float) -> NDArray[np.bool_]:
         """(H, W): the pixels of every 2 x 2 block that a step above `threshold` runs through.
 
         The edge itself lies up to a pixel beyond the last centre on the near side, so a diagonal neighbour is as close

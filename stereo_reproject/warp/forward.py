@@ -20,19 +20,31 @@ from .scanline import RowDisparity, row_disparity_of, warp_rows
 
 @dataclass(frozen=True)
 class Warp:
-    """Where each target pixel comes from.
+    """The map of a warp: for each target pixel, the source and the place in it that show the same point.
 
-    x, y (H, W): source position in pixels, NaN where nothing landed. nearness (H, W): the target camera's nearness of
-    the surface that won the depth test, -inf where nothing landed.
+    x, y (H, W): position in the source in pixels, NaN where nothing landed. nearness (H, W): the target camera's
+    nearness of the surface that is seen, -inf where nothing landed. source_index (H, W): the number of the source;
+    None where there is one alone.
     """
 
     x: NDArray[np.float32]
     y: NDArray[np.float32]
     nearness: NDArray[np.float32]
+    source_index: NDArray[np.uint8] | None = None
 
     @property
     def covered(self) -> NDArray[np.bool_]:
+        """(H, W) target pixels on which anything landed."""
         return self.nearness > -np.inf
+
+    @property
+    def source(self) -> NDArray[np.uint8]:
+        """(H, W) number of the source that each pixel comes from, in the order of the sources; 0 where nothing landed.
+
+        Of one source it takes no memory, and cannot be written.
+        """
+        index = np.uint8(0) if self.source_index is None else self.source_index
+        return np.broadcast_to(index, self.nearness.shape)
 
 
 def forward_warp(
@@ -69,7 +81,9 @@ def _along_rows(
     return Warp(x, y, nearness)
 
 
-def narrow(depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def sub_pixel_features(
+    depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """(H, W): source pixels whose quads are torn, or stand alone between two that are: they are hardly drawn.
 
     What is drawn of two pixels side by side may fall between two of the target's pixel centres.

@@ -6,43 +6,13 @@ frame, (z, w) from where it will be in the next frame to where it is. Source: Cy
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..images.lookup import lookup
-from ..views.camera import Camera, PerspectiveCamera, ViewPlane, target_px_from_source_px
+from ..views.camera import PerspectiveCamera, target_px_from_source_px
+from ..views.motion import Moving
 from .forward import Warp
-
-
-@dataclass(frozen=True)
-class Moving:
-    """An eye in the frame that is rendered, in the one before and in the one after."""
-
-    now: Camera
-    before: Camera
-    after: Camera
-
-
-def standing_still(camera: Camera) -> Moving:
-    """An eye that does not move."""
-    return Moving(camera, camera, camera)
-
-
-def moving(now: Camera, before: Camera, after: Camera) -> Moving:
-    """An eye from its cameras in three frames, as Cycles takes them: of a lens that changes only the focal length
-    counts, and that of perspective cameras alone."""
-    return Moving(now, _as_cycles_has_it(before, now), _as_cycles_has_it(after, now))
-
-
-def _as_cycles_has_it(then: Camera, now: Camera) -> Camera:
-    plane = now.plane
-    zoom = (then.plane.right - then.plane.left) / (plane.right - plane.left)
-    if not isinstance(now, PerspectiveCamera):
-        zoom = 1.0
-    scaled = ViewPlane(*(zoom * side for side in (plane.left, plane.right, plane.bottom, plane.top)))
-    return replace(then, plane=scaled)  # pyright: ignore[reportArgumentType] - both models are dataclasses
 
 
 def warp_motion(

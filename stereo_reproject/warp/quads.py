@@ -298,13 +298,22 @@ class _Triangle:
 def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
     """The upper left and the lower right half of quads with these corners (2, 2, K), from the centre x, y (K,) on."""
     return (
-        _triangle(*corners, (0, 0), (0, 1), (1, 0), x, y, area),
-        _triangle(*corners, (1, 1), (1, 0), (0, 1), x, y, area),
+        _triangle(corners, ((0, 0), (0, 1), (1, 0)), (x, y), area),
+        _triangle(corners, ((1, 1), (1, 0), (0, 1)), (x, y), area),
     )
 
 
-def _triangle(corner_x, corner_y, corner_n, origin, along_u, along_v, x, y, area) -> _Triangle:
-    """Coefficients of one triangle with its right angle at `origin`; empty where it has no area."""
+def _triangle(
+    corners: _Corners, chosen: tuple[tuple[int, int], ...], centre: tuple[NDArray, NDArray], area: NDArray
+) -> _Triangle:
+    """Return the coefficients of one triangle of each quad, NaN where it has no area.
+
+    chosen are the indices of its corners: that of its right angle, and those at the ends of the sides u and v. centre
+    (K,), twice: x and y of the first pixel centre. area (K,): that of the quad in the source, in pixels.
+    """
+    corner_x, corner_y, corner_n = corners
+    origin, along_u, along_v = chosen
+    x, y = centre
     ux, uy = corner_x[along_u] - corner_x[origin], corner_y[along_u] - corner_y[origin]
     vx, vy = corner_x[along_v] - corner_x[origin], corner_y[along_v] - corner_y[origin]
     determinant = ux * vy - uy * vx

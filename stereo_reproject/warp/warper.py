@@ -1,80 +1,65 @@
-"""From the source's passes to the target's: grid, forward warp, colours, and where nothing landed.
+"""From rendered sources to the target: grid, forward warp, lookup of the passes, and where nothing landed.
 
-That is the part of the warp stage which a GPU may do as well, see `warp.stage`; this is how numpy does it.
+`warp_view` warps one source with NumPy; `blender.gpu.warp` has another that does it on a GPU. A `Warper` is either of
+them, and takes any number of sources.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..images.passes import DEPTH_PASS, Passes
-from ..views.camera import Camera
+from ..images.lookup import touches
+from ..images.masks import dilate
+from ..images.reasons import Reason
+from ..views.view import View
 from .composite import warp_passes
-from .discontinuities import TEAR, DepthDiscontinuities, disparity_of, disparity_steps
+from .discontinuities import TEAR, disparity_of, disparity_steps
 from .empty import empty_reasons
-from .forward import Warp, forward_warp
-from .grid import Grid, build_grid
-from .motion import Moving
+from .forward import forward_warp
+from .grid import build_grid
+from .merge import merge_views
+from .options import WarpOptions
+from .rendered_view import RenderedView
+from .warped_view import WarpedView
+
+DEFAULTS = WarpOptions()
 
 
 @dataclass(frozen=True)
-class WarpedView:
-    """The source's passes as the target sees them; empty (H, W) the `Reason` flags of the pixels on which nothing
-    landed. steps are the source's, where they were found on the way; by is who has carried: numpy or gpu."""
+class Warper:
+    """A way to warp: NumPy on a processor's core, or a GPU, whose name `device` is.
 
-    passes: Passes
-    grid: Grid
-    warp: Warp
-    empty: NDArray[np.uint16]
-    steps: DepthDiscontinuities | None = None
-    by: str = "numpy"
+    warp_view warps one source into the target.
+    """
 
+    warp_view: Callable[[RenderedView, View, WarpOptions], WarpedView]
+    device: str | None = None
 
-class Warper(Protocol):
-    """Who carries. source holds the colour (H, W, 4) and depth (H, W, 1) passes, and any other; grid_threshold is in
-    arc minutes; both interpolations and motion are as for `composite.warp_passes`."""
-
-    def __call__(
-        self,
-        source: Passes,
-        source_camera: Camera,
-        target_camera: Camera,
-        *,
-        grid_threshold: float = 1.0,
-        interpolation: str = "linear",
-        colour_interpolation: str | None = None,
-        motion: tuple[Moving, Moving] | None = None,
-    ) -> WarpedView: ...
+    def warp(self, sources: Sequence[RenderedView], target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
+        """Return the target as the sources, one or more, show it; `merge` says which of several answers for a pixel."""
+        views = [_with_untraced(self.warp_view(source, target, options), source, options) for source in sources]
+        return merge_views(views, [view.empty for view in views], sources, target)
 
 
-def warp_view(
-    source: Passes,
-    source_camera: Camera,
-    target_camera: Camera,
-    *,
-    grid_threshold: float = 1.0,
-    interpolation: str = "linear",
-    colour_interpolation: str | None = None,
-    motion: tuple[Moving, Moving] | None = None,
-) -> WarpedView:
-    """As `Warper` has it, in numpy."""
-    depth = source[DEPTH_PASS][..., 0]
-    grid = build_grid(depth, source_camera, target_camera, threshold=grid_threshold, most=TEAR)
-    steps = disparity_steps(disparity_of(depth, source_camera, target_camera))
-    warp = forward_warp(
-        depth, source_camera, target_camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR
-    )
-    passes = warp_passes(
-        source,
-        warp,
-        source_camera,
-        target_camera,
-        interpolation=interpolation,
-        colour_interpolation=colour_interpolation,
-        motion=motion,
-    )
-    return WarpedView(passes, grid, warp, empty_reasons(warp, source_camera, target_camera), steps)
+def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions) -> WarpedView:
+    """Return the view with a flag where a lookup would take any share of a pixel that was not traced in the source."""
+    if source.traced is None or source.traced.all():
+        return view
+    untraced = ~source.traced
+    reached = dilate(untraced, 1) if options.cubic else untraced
+    touched = touches(reached, view.warp.x, view.warp.y, share=0.0) & (view.empty == 0)
+    return replace(view, empty=view.empty | touched * Reason.DISOCCLUDED.bit)
+
+
+def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
+    """Return the target as one source shows it, warped with NumPy."""
+    depth, camera = source.depth, source.camera
+    grid = build_grid(depth, camera, target.camera, threshold=options.grid_threshold, most=TEAR)
+    steps = disparity_steps(disparity_of(depth, camera, target.camera))
+    warp = forward_warp(depth, camera, target.camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR)
+    passes = warp_passes(source, target, warp, options)
+    return WarpedView(passes, grid, warp, empty_reasons(warp, camera, target.camera), steps)
+
+
+NUMPY = Warper(warp_view)

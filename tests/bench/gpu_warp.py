@@ -21,9 +21,9 @@ import bpy
 
 from stereo_reproject.blender.gpu import textures as gpu_textures
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.warp import warper
 from tests.bench.warp.scenes import eyes, room
 from tests.bench.warp.settings import MODES
+from tests.warp.pairs import warp_pair
 
 SIZE = (1920, 1080)
 
@@ -37,7 +37,7 @@ def seconds(call) -> float:
 def steps(call, runs: int) -> dict[str, float]:
     """Medians of the seconds that a call spends in each kind of step."""
     spent: dict[str, float] = defaultdict(float)
-    waited_for = gpu_textures.Bench({}).create("result", (1, 1))
+    waited_for = gpu_textures.ShaderRun({}).create("result", (1, 1))
 
     def timed(function, label):
         def step(*arguments, **options):
@@ -52,8 +52,8 @@ def steps(call, runs: int) -> dict[str, float]:
     places = (
         (gpu_warp, "build_grid", "grid (numpy)"),
         (gpu_warp, "uploaded", "upload"),
-        (gpu_textures.Bench, "create", "textures"),
-        (gpu_textures.Bench, "run", None),
+        (gpu_textures.ShaderRun, "create", "textures"),
+        (gpu_textures.ShaderRun, "run", None),
         (gpu_warp, "downloaded", "readback"),
     )
     kept = [(owner, name, getattr(owner, name)) for owner, name, _ in places]
@@ -72,9 +72,9 @@ def steps(call, runs: int) -> dict[str, float]:
 def measure(source: dict, pair: tuple, interpolation: str, runs: int) -> str:
     ours, numpys = [], []
     for _ in range(runs):
-        ours.append(seconds(lambda: gpu_warp.warp_view(source, *pair, interpolation=interpolation)))
-        numpys.append(seconds(lambda: warper.warp_view(source, *pair, interpolation=interpolation)))
-    of_steps = steps(lambda: gpu_warp.warp_view(source, *pair, interpolation=interpolation), runs)
+        ours.append(seconds(lambda: warp_pair(source, *pair, how=gpu_warp.warp_view, interpolation=interpolation)))
+        numpys.append(seconds(lambda: warp_pair(source, *pair, interpolation=interpolation)))
+    of_steps = steps(lambda: warp_pair(source, *pair, how=gpu_warp.warp_view, interpolation=interpolation), runs)
     ratio = statistics.median(a / b for a, b in zip(ours, numpys, strict=True))
     times = ", ".join(f"{name} {1e3 * spent:.0f}" for name, spent in of_steps.items())
     whole = f"GPU {1e3 * statistics.median(ours):.0f} ms, numpy {1e3 * statistics.median(numpys):.0f} ms"

@@ -34,6 +34,7 @@ from stereo_reproject.estimate.estimator import estimator_of
 from stereo_reproject.estimate.target import Target
 from stereo_reproject.estimate.tracing import ProbedTracing
 from stereo_reproject.estimate.tuning import EstimateTuning, varied
+from stereo_reproject.holes.classifier import Optics
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
@@ -42,7 +43,10 @@ from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 from stereo_reproject.trace.requests import TraceRequest
+from stereo_reproject.views.view import Rig
 from stereo_reproject.warp.composite import replace_non_finite
+from stereo_reproject.warp.options import WarpOptions
+from stereo_reproject.warp.rendered_view import RenderedView
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
 
 SHIPPED = SETTINGS["balanced"]
@@ -141,7 +145,8 @@ class Scene:
         """As `frame.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
-        warped = replace(self.warped, passes=passes, accuracy=accuracy)
+        views = tuple(replace(view, accuracy=accuracy) for view in self.warped.views)
+        warped = replace(self.warped, warped=replace(self.warped.warped, passes=passes), views=views)
         tracer, planner, view = StoredTracer(once, again), FillPlanner("auto", COST, {}), StereoSettings().target
         estimator = estimator_of(warped, accuracy, None, probed=True)
         tracing = ProbedTracing(tracer, view, planner, warped, accuracy, estimator=estimator, seed=seed)
@@ -167,15 +172,13 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
         renderer = BlenderRenderer(working, Path(folder))
         rendered, targets = make_pictures(name, renderer, settings, options)
         source, invalid = replace_non_finite(rendered)
+        views = Rig.of_cameras(renderer.cameras)
         warped = reproject(
-            source,
-            renderer.cameras[settings.source],
-            renderer.cameras[settings.target],
-            accuracy=SHIPPED,
-            invalid=invalid,
-            grid_threshold=settings.grid_threshold,
-            lens=renderer.lens,
-            volumes=renderer.volumes,
+            [RenderedView(views[settings.source], source, invalid)],
+            views[settings.target],
+            SHIPPED,
+            optics=Optics(renderer.lens, renderer.volumes),
+            options=WarpOptions(settings.grid_threshold),
         )
     return Scene(name, warped, targets)
 

@@ -14,8 +14,7 @@ import pytest
 
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.warp import composite
-from stereo_reproject.warp.stage import NUMPY, WarpStage
-from stereo_reproject.warp.warper import warp_view
+from stereo_reproject.warp.warper import NUMPY, Warper, warp_view
 from tests.bench.warp import __main__ as program
 from tests.bench.warp import measure, profile, scenes, settings
 from tests.bench.warp.settings import BenchSettings, format_bench
@@ -48,7 +47,7 @@ FACTS = {
     "profile",
 }
 
-GPU = WarpStage(warp_view, "Grand 9000")
+GPU = Warper(warp_view, "Grand 9000")
 
 LEFT_UNTOLD = 0.25
 """Share of the stage's time that may be in none of its steps: a tenth at most sizes."""
@@ -148,7 +147,7 @@ def test_time_that_a_step_takes_longer_is_told_of_that_step_alone(monkeypatch):
 
 
 def test_a_gpu_has_no_profile():
-    grand = WarpStage(lambda *passes, **options: replace(warp_view(*passes, **options), by="gpu"), "Grand 9000")
+    grand = Warper(lambda *passes, **options: replace(warp_view(*passes, **options), by="gpu"), "Grand 9000")
     asked = BenchSettings(size=(96, 64), warp="gpu")
     report = measure.measure(asked, 1.0, core=None, find_gpu=lambda: (grand, ""))
     assert report["profile"] is None
@@ -194,7 +193,7 @@ def test_a_gpu_that_is_not_there_is_an_error_where_it_is_asked_for():
 
 def test_numpy_is_never_measured_as_a_gpu():
     """A GPU leaves what it cannot hold to numpy."""
-    small = WarpStage(warp_view, "A small GPU")
+    small = Warper(warp_view, "A small GPU")
     left = "A small GPU has left a picture of this size to numpy"
     for warp in settings.CARRIERS:
         asked = BenchSettings(size=(96, 64), warp=warp)
@@ -216,7 +215,7 @@ def test_it_holds_no_more_than_is_promised(mode):
 @pytest.mark.parametrize(("found", "why"), [(GPU, ""), (None, "no usable GPU (Blender finds none)")])
 def test_a_gpu_is_found_or_there_is_a_reason(monkeypatch, found, why):
     module = type(sys)("gpu_warp")
-    module.gpu_stage = lambda: found
+    module.gpu_warper = lambda: found
     monkeypatch.setattr(program.importlib, "import_module", lambda *_: module)
     assert program.find_gpu() == (found, why)
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.warp.warper import warp_view
 from tests.bench.warp.scenes import eyes, room
 from tests.bench.warp.settings import MODES
+from tests.warp.pairs import reproject_pair
 
 SIZE = (480, 270)
 
@@ -22,7 +22,7 @@ def agreement():
     for mode in MODES:
         options = {"accuracy": SETTINGS["balanced"], "invalid": invalid}
         ours, numpys = (
-            reproject(passes, *eyes(*SIZE, mode), warp_view=carrier, **options)
+            reproject_pair(passes, *eyes(*SIZE, mode), how=carrier, **options)
             for carrier in (gpu_warp.warp_view, warp_view)
         )
         told = (ours.reasons == 0) & (numpys.reasons == 0)

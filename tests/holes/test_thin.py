@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.holes.thin import FARTHEST, LEAST_COVERED, THRESHOLD, target_pixels, thin_things
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import disparity_per_nearness, see_the_same
 from stereo_reproject.warp.discontinuities import TEAR, disparity_steps
-from stereo_reproject.warp.forward import forward_warp, narrow
+from stereo_reproject.warp.forward import forward_warp, sub_pixel_features
 from stereo_reproject.warp.grid import build_grid
 from tests.warp.analytic import pixel_centres, px_from_world, stereo_rig
+from tests.warp.pairs import reproject_pair
 
 SIZE = (60, 40)
 CLIP = 0.1
@@ -155,7 +155,7 @@ def test_an_edge_that_is_too_small_to_trace_is_no_cord():
         ".Ray Length": length[..., None],
     }
     nothing = np.zeros(depth.shape, bool)
-    carried = reproject(source, eyes["left"], eyes["right"], accuracy=accuracy, invalid=nothing)
+    carried = reproject_pair(source, eyes["left"], eyes["right"], accuracy=accuracy, invalid=nothing)
     assert not (carried.reasons & Reason.SILHOUETTE.bit).any()
 
 
@@ -171,7 +171,7 @@ def drawn(depth, source, target):
     steps = disparity_steps(disparity)
     cuts = {"cut_right": steps.right > TEAR, "cut_down": steps.down > TEAR}
     grid = build_grid(depth, source, target, threshold=0.0)
-    return forward_warp(depth, source, target, grid, **cuts), narrow(depth, **cuts)
+    return forward_warp(depth, source, target, grid, **cuts), sub_pixel_features(depth, **cuts)
 
 
 def test_what_is_a_pixel_or_two_wide_has_next_to_no_area():
@@ -201,7 +201,7 @@ def test_where_it_lands_is_traced(source, target):
     np.testing.assert_array_equal(np.argmax(landed, axis=1), at.astype(int))
     assert landed.sum() == SIZE[1]
     picture = np.random.default_rng(1).random((*depth.shape, 4), np.float32)
-    carried = reproject(
+    carried = reproject_pair(
         {COLOUR_PASS: picture, DEPTH_PASS: depth[..., None]},
         eyes[source],
         eyes[target],
@@ -210,7 +210,7 @@ def test_where_it_lands_is_traced(source, target):
     )
     middle = int(at[0])
     assert (carried.reasons[:, middle - 1 : middle + 2] & Reason.SILHOUETTE.bit).all()
-    alone_now = reproject(
+    alone_now = reproject_pair(
         {COLOUR_PASS: picture, DEPTH_PASS: depth[..., None]},
         eyes[source],
         eyes[target],

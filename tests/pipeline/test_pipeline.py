@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.holes.reprojection import PINHOLE, reproject
+from stereo_reproject.holes.classifier import PINHOLE
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
@@ -36,6 +36,7 @@ from tests.warp.analytic import (
     stereo_rig,
     world_rays,
 )
+from tests.warp.pairs import reproject_pair
 
 SIZE = (150, 100)
 IPD = 0.15
@@ -261,7 +262,7 @@ def test_a_step_of_more_than_a_pixel_tears_the_surface(step):
     source, invalid = replace_non_finite(renderer.picture("left", seed=1))
     no_band = Accuracy(silhouette_step=1e9, silhouette_radius=0, colour_tolerance=0.0)
     left, right = renderer.cameras["left"], renderer.cameras["right"]
-    reprojection = reproject(source, left, right, accuracy=no_band, invalid=invalid, grid_threshold=1.0)
+    reprojection = reproject_pair(source, left, right, accuracy=no_band, invalid=invalid, grid_threshold=1.0)
     index = reprojection.passes["IndexOB"][..., 0]
     rows = (index == 2).sum(axis=1) > 10
     strip = ((reprojection.reasons & Reason.DISOCCLUDED.bit) > 0)[rows].sum(axis=1)

@@ -11,7 +11,6 @@ from stereo_reproject.blender.engines import render
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import open_blend, rendered_layer, working_scene
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS
 from stereo_reproject.pipeline.frame import render_stereo_frame
@@ -30,6 +29,7 @@ from tests.blender.toolbox import (
     render_plain,
     save_image,
 )
+from tests.warp.pairs import reproject_pair
 
 DEMO = Path(__file__).resolve().parents[2] / "demo" / "cornell-box" / "cornell-box.blend"
 
@@ -88,7 +88,7 @@ def test_flags_are_warped_with_their_pixels(scene, tmp_path):
     source = render_source(scene, tmp_path)
     cameras = stereo_cameras(evaluated_camera(scene), scene.render)
     nothing = np.zeros(source[COLOUR_PASS].shape[:2], bool)
-    warped = reproject(source, cameras["left"], cameras["right"], accuracy=SETTINGS["balanced"], invalid=nothing)
+    warped = reproject_pair(source, cameras["left"], cameras["right"], accuracy=SETTINGS["balanced"], invalid=nothing)
     answered = warped.reasons == 0
     mirrored = flagged(warped.passes[EFFECTS_PASS], Effect.GLOSSY)
     assert set(np.unique(warped.passes[EFFECTS_PASS])) == {0.0, float(Effect.GLOSSY)}

@@ -11,7 +11,8 @@ from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.pipeline import frame as pipeline
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import SceneOverrides
-from stereo_reproject.warp import warper
+from stereo_reproject.views.view import View
+from stereo_reproject.warp.warper import NUMPY, Warper
 from tests.bench.performance.plan import EYES
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import pose
@@ -39,7 +40,7 @@ class WarpedError(Exception):
 
 
 def rendered(blend, folder, interocular, convergence):
-    """What is handed to the warp: the source's passes, both cameras, and the options."""
+    """What is handed to the warp: the sources, the target, the accuracy and the options."""
     handed = []
 
     def taken(*arguments, **options):
@@ -63,15 +64,17 @@ def rendered(blend, folder, interocular, convergence):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_gpu_and_numpy_agree(shared_scenes, tmp_path, name):
-    passes, source, target, options = rendered(shared_scenes / name / f"{name}.blend", tmp_path / "pair", *EYES[name])
-    assert np.isfinite(passes["Depth"]).mean() > 0.2, "there is something in it"
-    turned = target.world_from_camera @ pose((0.0, 0.0, 0.0), yaw=0.02, pitch=0.01, roll=0.01)
-    others = type(target)(target.width, target.height, turned, target.plane)
+    blend = shared_scenes / name / f"{name}.blend"
+    sources, target, _, options = rendered(blend, tmp_path / "pair", *EYES[name])
+    assert np.isfinite(sources[0].depth).mean() > 0.2, "there is something in it"
+    eye = target.camera
+    turned = eye.world_from_camera @ pose((0.0, 0.0, 0.0), yaw=0.02, pitch=0.01, roll=0.01)
+    others = View("turned", type(eye)(eye.width, eye.height, turned, eye.plane))
     for other in (target, others):
         for accuracy in ("balanced", "exact"):
             ours, numpys = (
-                reproject(passes, source, other, **options | {"warp_view": warp_view, "accuracy": SETTINGS[accuracy]})
-                for warp_view in (gpu_warp.warp_view, warper.warp_view)
+                reproject(sources, other, SETTINGS[accuracy], **options | {"warper": warper})
+                for warper in (Warper(gpu_warp.warp_view), NUMPY)
             )
             assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
             assert assert_keeps_its_promise(ours, numpys) > TOLD

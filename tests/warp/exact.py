@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from hypothesis import settings
 
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
 from stereo_reproject.warp.composite import replace_non_finite
 from tests.warp.analytic import pixel_centres, pose, px_from_world, world_rays
+from tests.warp.pairs import reproject_pair
 
 SENSOR = 36.0
 """Millimetres, as Blender's cameras have by default."""
@@ -130,7 +130,7 @@ def reprojected(passes, source, target, *, accuracy=STRICT, cleaned=True, **opti
         invalid = np.zeros(passes["Combined"].shape[:2], bool)
         if cleaned:
             passes, invalid = replace_non_finite(passes)
-        result = reproject(passes, source, target, accuracy=accuracy, invalid=invalid, **options)
+        result = reproject_pair(passes, source, target, accuracy=accuracy, invalid=invalid, **options)
         assert result.reasons.shape == (target.height, target.width)
     return result
 

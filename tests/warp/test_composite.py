@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from stereo_reproject.views.camera import target_px_from_source_px
-from stereo_reproject.warp.composite import composite, not_numbers, replace_non_finite, warp_passes
+from stereo_reproject.warp.composite import composite, not_numbers, replace_non_finite
 from stereo_reproject.warp.forward import Warp
 from tests.warp.analytic import pixel_centres, px_from_world, stereo_rig
+from tests.warp.pairs import warp_passes_of_pair
 
 SHAPE = (7, 9)
 
@@ -101,7 +102,7 @@ def test_colours_are_interpolated_and_what_must_not_be_mixed_is_not():
             source[name][0, 1] = 8.0
     rig = stereo_rig((3, 1))
     warp = warp_by_hand([[0.5, 0.75, 1.25]], np.full(shape, 0.5), np.full(shape, 0.5))
-    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
+    warped = warp_passes_of_pair(source, warp, rig["left"], rig["right"], interpolation="linear")
     for name in mixed:
         np.testing.assert_allclose(warped[name][0, :, 0], [0.0, 2.0, 6.0])
     for name in unmixed:
@@ -127,10 +128,10 @@ def test_interpolation_does_not_make_negative_light_or_an_alpha_above_one():
     x, y = pixel_centres(rig["left"])
     source = {"Combined": spike(0.0), "Depth": np.full((9, 9, 1), 2.0, np.float32), "Mist": spike(0.0)[..., :1]}
     warp = warp_by_hand(x + 0.4, y, np.ones(x.shape))
-    cubic = warp_passes(source, warp, rig["left"], rig["right"], interpolation="cubic")
+    cubic = warp_passes_of_pair(source, warp, rig["left"], rig["right"], interpolation="cubic")
     for name in ("Combined", "Mist"):
         assert cubic[name].min() == 0.0
-        assert cubic[name].max() > warp_passes(source, warp, *rig.values(), interpolation="linear")[name].max()
+        assert cubic[name].max() > warp_passes_of_pair(source, warp, *rig.values(), interpolation="linear")[name].max()
     assert cubic["Combined"][..., 3].max() == 1.0
 
 
@@ -142,7 +143,7 @@ def test_beside_a_bright_light_cubic_makes_nothing_darker_and_no_alpha_out_of_ra
     source = {"Combined": image, "Depth": np.full((9, 9, 1), 2.0, np.float32)}
     warp = warp_by_hand(x + 0.4, y + 0.3, np.ones(x.shape))
     red, green, _, alpha = np.moveaxis(
-        warp_passes(source, warp, *rig.values(), interpolation="cubic")["Combined"], 2, 0
+        warp_passes_of_pair(source, warp, *rig.values(), interpolation="cubic")["Combined"], 2, 0
     )
     assert green.min() == 0.5
     assert (alpha.min(), alpha.max()) == (0.0, 1.0)
@@ -156,7 +157,7 @@ def test_the_colour_may_be_looked_up_otherwise_than_what_is_beside_it():
     warp = warp_by_hand(x + 0.4, y, np.ones(x.shape))
 
     def warped(**how):
-        return warp_passes(source, warp, rig["left"], rig["right"], **how)
+        return warp_passes_of_pair(source, warp, rig["left"], rig["right"], **how)
 
     both, cubic = warped(interpolation="linear", colour_interpolation="cubic"), warped(interpolation="cubic")
     linear = warped(interpolation="linear")
@@ -172,7 +173,7 @@ def test_what_is_negative_in_the_source_stays_so():
     image[2, 1, :3] = -3.0
     source = {"Combined": image, "Depth": np.full((9, 9, 1), 2.0, np.float32)}
     warp = warp_by_hand(x + 0.1, y, np.ones(x.shape))
-    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="cubic")["Combined"][..., :3]
+    warped = warp_passes_of_pair(source, warp, rig["left"], rig["right"], interpolation="cubic")["Combined"][..., :3]
     assert warped[2, 1].max() < -2.0
     assert warped[5:].min() == 0.0, "away from it nothing is"
 
@@ -188,7 +189,7 @@ def test_position_is_the_point_that_the_target_s_own_pixel_shows(mode, orthograp
     depth[2, 3] = np.inf
     source = passes(1, x.shape) | {"Depth": depth, "Position": np.zeros((*x.shape, 3), np.float32)}
     warp = identity_warp(rig["left"])
-    warped = warp_passes(source, warp, rig["left"], target, interpolation="linear")
+    warped = warp_passes_of_pair(source, warp, rig["left"], target, interpolation="linear")
     known = np.isfinite(warped["Depth"][..., 0])
     assert known.sum() >= x.size - 4
     assert not known.all()
@@ -211,7 +212,7 @@ def test_depth_becomes_the_target_s_own(orthographic):
     lost[3, 4] = True
     warp = warp_by_hand(np.where(lost, np.nan, x), np.where(lost, np.nan, y), np.where(lost, -np.inf, nearness))
     source = passes(1, x.shape) | {"Depth": depth[..., None].astype(np.float32)}
-    warped = warp_passes(source, warp, rig["left"], rig["right"], interpolation="linear")
+    warped = warp_passes_of_pair(source, warp, rig["left"], rig["right"], interpolation="linear")
     np.testing.assert_allclose(warped["Depth"][~lost, 0], expected[~lost], rtol=1e-6)
     assert np.ptp(expected) > 0.1
     assert np.isposinf(warped["Depth"][3, 4, 0])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from stereo_reproject.holes import silhouettes
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images import bands
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import ViewPlane
@@ -18,6 +17,7 @@ from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.bounds import ROUNDINGS, spread
 from tests.warp.exact import Rig, passes_of, reprojected
 from tests.warp.judging import judged
+from tests.warp.pairs import reproject_pair
 
 MODES = ["off-axis", "parallel", "toe-in"]
 
@@ -202,7 +202,7 @@ def test_neither_does_what_else_runs(mode):
 
     def warped(pair):
         invalid = np.zeros(passes["Combined"].shape[:2], bool)
-        return reproject(passes, *pair, accuracy=SETTINGS["high"], invalid=invalid)
+        return reproject_pair(passes, *pair, accuracy=SETTINGS["high"], invalid=invalid)
 
     alone = [warped(pair) for pair in eyes]
     with ThreadPoolExecutor(4) as pool:

@@ -48,7 +48,7 @@ def test_a_floor_to_the_horizon_has_no_step():
     assert steps.down[away].max() < NO_STEP
     # At the horizon itself the surface has a crease: a row may lie anywhere on it, half a slope is the most it shows.
     assert steps.down.max() <= 0.5 * slope + NO_STEP
-    assert not steps.beside(TORN).any()
+    assert not steps.mask(TORN).any()
 
 
 @pytest.mark.parametrize("normal", [(0.9, 0.0, 0.3), (-0.5, 0.7, 0.4), (0.0, 0.99, 0.1)])
@@ -117,12 +117,12 @@ def test_no_step_is_seen_beside_what_is_unknown_and_none_is_lost_near_it():
 def test_beside_marks_every_2x2_block_that_a_step_runs_through():
     disparity = np.zeros((9, 12), np.float32)
     disparity[3:6, 4:8] = 5.0
-    marked = disparity_steps(disparity).beside(TORN)
+    marked = disparity_steps(disparity).mask(TORN)
     expected = np.zeros_like(marked)
     expected[2:7, 3:9] = True
     expected[4, 5:7] = False
     np.testing.assert_array_equal(marked, expected)
-    assert not disparity_steps(disparity).beside(5.0).any(), "above the threshold, not at it"
+    assert not disparity_steps(disparity).mask(5.0).any(), "above the threshold, not at it"
 
 
 # Masks

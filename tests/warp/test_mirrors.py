@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from stereo_reproject.holes.classifier import Optics
 from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.passes import (
@@ -18,8 +19,11 @@ from stereo_reproject.images.passes import (
 )
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.frustum import Lens
+from stereo_reproject.views.view import View
 from stereo_reproject.warp.mirrors import LEAST, images_in_mirrors
+from stereo_reproject.warp.rendered_view import RenderedView
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
+from tests.warp.pairs import reproject_pair
 
 SIZE = (160, 90)
 CLIP = 0.1
@@ -81,7 +85,7 @@ def without(source, name):
 def carried(source, eyes, view="left", **how):
     other = {"left": "right", "right": "left"}[view]
     nothing = np.zeros(SIZE[::-1], bool)
-    return reproject(source, eyes[view], eyes[other], accuracy=SETTINGS["balanced"], invalid=nothing, **how)
+    return reproject_pair(source, eyes[view], eyes[other], accuracy=SETTINGS["balanced"], invalid=nothing, **how)
 
 
 @pytest.mark.parametrize("reflectance", [1.0, 0.4])
@@ -187,7 +191,7 @@ def test_two_mirrors_that_meet_do_not_show_each_other_s_image():
     colour = np.where(other[..., None], 0.1, 0.9) + 0.0 * source[COLOUR_PASS]
     source = {**source, SURFACE_NORMAL_PASS: normal, COLOUR_PASS: colour.astype(np.float32)}
     result = carried(source, eyes)
-    kept = result.mirrors.shown & (result.reasons == 0)
+    kept = result.views[0].mirrors.shown & (result.reasons == 0)
     # Which of the two it is, its own normal tells, carried with the surface.
     index = carried({**source, "Index": other[..., None].astype(np.float32)}, eyes).passes["Index"][..., 0]
     shown = result.passes[COLOUR_PASS][..., 0]
@@ -201,7 +205,7 @@ def test_beside_a_mirror_s_rim_all_is_traced():
     source = seen(eyes["left"])
     alike = {**source, COLOUR_PASS: np.full_like(source[COLOUR_PASS], 0.5)}
     result = carried(alike, eyes)
-    shown = result.mirrors.shown
+    shown = result.views[0].mirrors.shown
     rim = shown & ~np.pad(shown, 1)[1:-1, :-2] | shown & ~np.pad(shown, 1)[1:-1, 2:]
     assert (result.reasons[rim] > 0).all()
 
@@ -215,7 +219,7 @@ def test_what_a_mirror_shows_is_carried_by_its_image(view, convergence):
     by_image = carried(source, eyes, view)
     by_surface = carried({k: v for k, v in source.items() if k != LENGTH_PASS}, eyes, view)
     truth = seen(eyes[other])
-    kept = by_image.mirrors.shown & (by_image.reasons == 0)
+    kept = by_image.views[0].mirrors.shown & (by_image.reasons == 0)
     assert kept.sum() > 0.6 * glass(eyes[other]).sum()
     errors = [np.abs(one.passes[COLOUR_PASS] - truth[COLOUR_PASS])[kept].mean() for one in (by_image, by_surface)]
     assert errors[0] < 0.1 * errors[1]
@@ -224,7 +228,7 @@ def test_what_a_mirror_shows_is_carried_by_its_image(view, convergence):
 def test_a_mirror_keeps_its_own_depth_and_index():
     eyes = rig()
     result = carried(seen(eyes["left"]), eyes)
-    kept = result.mirrors.shown & (result.reasons == 0)
+    kept = result.views[0].mirrors.shown & (result.reasons == 0)
     np.testing.assert_allclose(result.passes[DEPTH_PASS][kept], WALL, rtol=1e-5)
     np.testing.assert_array_equal(result.passes["Index"][kept], 5.0)
     assert not set(OF_SOURCE) & set(result.passes)
@@ -248,18 +252,37 @@ def test_another_accuracy_has_its_holes_in_mirrors_too():
     eyes = rig()
     result = carried(seen(eyes["left"]), eyes)
     wide, narrow = (result.reasons_at(SETTINGS[setting]) > 0 for setting in ("exact", "draft"))
-    assert wide[result.mirrors.shown].sum() > narrow[result.mirrors.shown].sum()
+    assert wide[result.views[0].mirrors.shown].sum() > narrow[result.views[0].mirrors.shown].sum()
 
 
 def test_where_the_paper_s_method_is_asked_for_all_is_carried_by_surfaces():
     eyes = rig()
     alone = SETTINGS["draft"].__class__(silhouette_step=1.0, silhouette_radius=0, colour_tolerance=0.0)
     nothing = np.zeros(SIZE[::-1], bool)
-    assert reproject(seen(eyes["left"]), eyes["left"], eyes["right"], accuracy=alone, invalid=nothing).mirrors is None
+    result = reproject_pair(seen(eyes["left"]), eyes["left"], eyes["right"], accuracy=alone, invalid=nothing)
+    assert result.views[0].mirrors is None
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_each_of_several_sources_has_its_own_mirrors(order):
+    eyes = rig()
+    cameras = [(eyes["left"], rig(ipd=0.05)["left"])[number] for number in order]
+    sources = [RenderedView(View(f"source {number}", eye), seen(eye)) for number, eye in enumerate(cameras)]
+    both = reproject(sources, View("right", eyes["right"]), SETTINGS["balanced"])
+    index = both.warp.source
+    assert set(np.unique(index)) == {0, 1}
+    in_mirrors = 0
+    for number, view in enumerate(both.views):
+        own = (index == number) & both.warp.covered
+        in_mirrors += (view.mirrors.shown & own).sum()
+        for name in both.passes:
+            np.testing.assert_array_equal(both.passes[name][own], view.warped.passes[name][own])
+        assert (view.reasons[own] & ~both.reasons[own] == 0).all()
+    assert in_mirrors > 1000
 
 
 def test_out_of_focus_and_among_volumes_no_length_is_one():
     eyes = rig()
-    assert carried(seen(eyes["left"]), eyes, lens=Lens(aperture=0.1)).mirrors is None
+    assert carried(seen(eyes["left"]), eyes, optics=Optics(Lens(aperture=0.1))).views[0].mirrors is None
     everywhere = [np.full((8, 3), np.inf)]
-    assert carried(seen(eyes["left"]), eyes, volumes=everywhere).mirrors is None
+    assert carried(seen(eyes["left"]), eyes, optics=Optics(volumes=everywhere)).views[0].mirrors is None

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.views.camera import ViewPlane
+from stereo_reproject.views.motion import Moving, moving, standing_still
 from stereo_reproject.warp.forward import Warp
-from stereo_reproject.warp.motion import Moving, motion_from_directions, moving, standing_still, warp_motion
+from stereo_reproject.warp.motion import motion_from_directions, warp_motion
 from tests.warp.analytic import camera, pixel_centres, pose, px_from_world, stereo_rig, world_rays
 
 SIZE = (13, 9)

@@ -4,10 +4,10 @@ import pytest
 
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.warp import stage as warp_stage
-from stereo_reproject.warp.stage import LEAST_PIXELS, NUMPY, WarpStage, choose_stage, takes
-from stereo_reproject.warp.warper import warp_view
+from stereo_reproject.warp.stage import LEAST_PIXELS, choose_stage, takes
+from stereo_reproject.warp.warper import NUMPY, Warper, warp_view
 
-GPU = WarpStage(warp_view, "A graphics card")
+GPU = Warper(warp_view, "A graphics card")
 
 
 def never(*_):
@@ -47,8 +47,8 @@ def test_the_seconds_are_those_of_the_run(monkeypatch):
     now = [5.0]
     monkeypatch.setattr(warp_stage.time, "perf_counter", lambda: now[0])
 
-    def work(stage_carry):
-        assert stage_carry is warp_view
+    def work(warper):
+        assert warper is GPU
         now[0] += 2.5
 
     assert takes(work, GPU) == 2.5

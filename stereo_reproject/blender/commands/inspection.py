@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...holes.classifier import Optics
 from ...holes.reprojection import reproject
 from ...images.denoising import Denoise, Denoising
 from ...images.effects import SEEN_DIFFERENTLY, Effect
@@ -39,7 +40,10 @@ from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost, check_fill, choose_fill
 from ...views.camera import see_the_same
+from ...views.view import Rig
 from ...warp.composite import replace_non_finite
+from ...warp.options import WarpOptions
+from ...warp.rendered_view import RenderedView
 from ..engines.eevee import EeveeRenderer, renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import without_time_limit
@@ -245,23 +249,14 @@ def _warp_sketch(
 ) -> tuple[NDArray[np.uint16], float]:
     """The `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
     source, invalid = replace_non_finite(passes)
-    source_camera, target_camera = renderer.cameras[settings.source], renderer.cameras[settings.target]
-
-    interpolation, colour_interpolation = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))
+    views = Rig.of_cameras(renderer.cameras)
+    interpolations = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))
+    options = WarpOptions(settings.grid_threshold, *interpolations)
+    optics = Optics(renderer.lens, renderer.volumes)
+    rendered, target = RenderedView(views[settings.source], source, invalid), views[settings.target]
 
     def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
-        return reproject(
-            source,
-            source_camera,
-            target_camera,
-            accuracy=accuracy,
-            invalid=invalid,
-            grid_threshold=settings.grid_threshold,
-            interpolation=interpolation,
-            colour_interpolation=colour_interpolation,
-            lens=renderer.lens,
-            volumes=renderer.volumes,
-        ).reasons
+        return reproject([rendered], target, accuracy, optics=optics, options=options).reasons
 
     accuracy = accuracy_of(settings)
     start = time.perf_counter()

@@ -19,7 +19,7 @@ from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
-from ..gpu.warp import gpu_stage
+from ..gpu.warp import gpu_warper
 from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
 from ..scene.effects import plan_effects
@@ -54,7 +54,7 @@ class BlenderRenderer:
     that pixels may be traced of besides those of Blender's two eyes, packed alone.
     """
 
-    gpu = staticmethod(gpu_stage)
+    gpu = staticmethod(gpu_warper)
 
     @property
     def matcher(self) -> LightMatcher | None:

@@ -57,9 +57,11 @@ def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
 
 
 @dataclass
-class Bench:
-    """The constants of the shaders, and the textures that they hand each other: "x" is for shaders "x_map" to read and
-    "x_image" to write."""
+class ShaderRun:
+    """The constants of one warp's shaders, and the textures that they hand each other.
+
+    A texture "x" is read by shaders as "x_map" and written as "x_image".
+    """
 
     constants: dict[str, Constant]
     textures: dict[str, gpu.types.GPUTexture] = field(default_factory=dict)

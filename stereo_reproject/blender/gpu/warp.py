@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import threading
 from functools import cache
-from typing import Any
 
 import gpu
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.passes import COLOUR_PASS, DEPTH_PASS, Passes
+from ...images.passes import COLOUR_PASS, DEPTH_PASS
 from ...views.camera import (
     Camera,
     OrthographicCamera,
@@ -27,17 +26,19 @@ from ...views.camera import (
     disparity_per_nearness,
     target_from_source,
 )
+from ...views.view import View
 from ...warp import warper
 from ...warp.composite import passes_seen
 from ...warp.discontinuities import TEAR
 from ...warp.forward import Warp
 from ...warp.grid import CELL, Grid, build_grid
-from ...warp.motion import Moving
+from ...warp.options import WarpOptions
+from ...warp.rendered_view import RenderedView
 from ...warp.scanline import RowDisparity, row_disparity_of
-from ...warp.stage import WarpStage
-from ...warp.warper import WarpedView
+from ...warp.warped_view import WarpedView
+from ...warp.warper import DEFAULTS, Warper
 from .context import in_silence, started
-from .textures import Bench, Constant, NoRoomError, downloaded, fold, uploaded
+from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, uploaded
 
 NOTHING, LOWEST = -1, -(2**31)
 """Keys that are less than any that an owner has, of intervals and of nearness."""
@@ -54,10 +55,10 @@ def usable() -> str | None:
     return None if _given_up or threading.current_thread() is not threading.main_thread() else _tried()
 
 
-def gpu_stage() -> WarpStage | None:
-    """The GPU as one that warps pixels; None where it cannot. To find that out takes a while, once."""
+def gpu_warper() -> Warper | None:
+    """Return the GPU as a warper; None where none can be used. To find that out takes a while, once per process."""
     device = usable()
-    return None if device is None else WarpStage(warp_view, device)
+    return None if device is None else Warper(warp_view, device)
 
 
 _given_up: list[str] = []
@@ -76,75 +77,48 @@ def _tried() -> str | None:
     return None
 
 
-def warp_view(
-    source: Passes,
-    source_camera: Camera,
-    target_camera: Camera,
-    *,
-    grid_threshold: float = 1.0,
-    interpolation: str = "linear",
-    colour_interpolation: str | None = None,
-    motion: tuple[Moving, Moving] | None = None,
-) -> WarpedView:
-    """What `warper.warp_view` does, on the GPU; by numpy where there is none, and for what does not fit into it."""
-    options: dict[str, Any] = {
-        "grid_threshold": grid_threshold,
-        "interpolation": interpolation,
-        "colour_interpolation": colour_interpolation,
-        "motion": motion,
-    }
-    if usable() is not None and _fits(source, source_camera, target_camera):
+def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
+    """Return what `warper.warp_view` does, from the GPU; from NumPy where there is none, or the pictures do not fit."""
+    if usable() is not None and _fits(source, target):
         try:
-            return _carried(source, source_camera, target_camera, **options)
+            return _warp_on_gpu(source, target, options)
         # What does not fit is known when the memory is asked for.
         except NoRoomError:
             pass
         # As in the trial. The frame is numpy's then, and so are all others.
         except Exception as error:  # noqa: BLE001 - whatever a driver does, numpy still can
             _given_up.append(str(error))
-    return warper.warp_view(source, source_camera, target_camera, **options)
+    return warper.warp_view(source, target, options)
 
 
-def _fits(source: Passes, source_camera: Camera, target_camera: Camera) -> bool:
-    """Whether the shaders know these cameras, and textures are large enough."""
-    kind = type(source_camera)
-    if kind is not type(target_camera) or kind not in (PerspectiveCamera, OrthographicCamera):
+def _fits(source: RenderedView, target: View) -> bool:
+    """Return whether the shaders know these cameras, and textures are large enough."""
+    cameras = (source.camera, target.camera)
+    kind = type(source.camera)
+    if kind is not type(target.camera) or kind not in (PerspectiveCamera, OrthographicCamera):
         return False
-    cameras = (source_camera, target_camera)
     longest = max(max(camera.width, camera.height) for camera in cameras) + 2
-    texels = {image.shape[-1] // _lanes(image) for image in source.values()}
+    texels = {image.shape[-1] // _lanes(image) for image in source.passes.values()}
     folds = [fold(camera.width, camera.height, each) for camera in cameras for each in texels]
     return longest <= gpu.capabilities.max_texture_size_get() and None not in folds
 
 
-def _carried(
-    source: Passes,
-    source_camera: Camera,
-    target_camera: Camera,
-    *,
-    grid_threshold: float,
-    interpolation: str,
-    colour_interpolation: str | None,
-    motion: tuple[Moving, Moving] | None,
-) -> WarpedView:
-    depth = source[DEPTH_PASS]
-    grid = build_grid(depth[..., 0], source_camera, target_camera, threshold=grid_threshold, most=TEAR)
-    bench = _bench(depth, source_camera, target_camera, grid)
+def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> WarpedView:
+    """Return the warped view. Raises NoRoomError where something does not fit, and what a driver raises."""
+    camera, other = source.camera, target.camera
+    grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=TEAR)
+    shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
     try:
-        bench.create("cut", _size(source_camera))
-        bench.run("cuts", _size(source_camera))
-        warp = _warped(bench, source_camera, target_camera)
-        empty = _empty(bench, source_camera, target_camera)
-        passes = passes_seen(
-            source,
-            warp,
-            _target_depth(bench, source_camera, target_camera),
-            (source_camera, target_camera),
-            lambda image, how: _looked_up(bench, image, how, target_camera),
-            interpolation=interpolation,
-            colour_interpolation=colour_interpolation,
-            motion=motion,
-        )
+        shaders.create("cut", _size(camera))
+        shaders.run("cuts", _size(camera))
+        warp = _warped(shaders, camera, other)
+        empty = _empty(shaders, camera, other)
+        depth = _target_depth(shaders, camera, other)
+
+        def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
+            return _looked_up(shaders, image, how, other)
+
+        passes = passes_seen(source, target, warp, depth, look_up, options)
     finally:
         gpu.shader.unbind()
     return WarpedView(passes, grid, warp, empty, by="gpu")
@@ -154,8 +128,8 @@ def _size(camera: Camera) -> tuple[int, int]:
     return camera.width, camera.height
 
 
-def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> Bench:
-    """What all shaders are given, the depth (H, W, 1) and the grid among it."""
+def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
+    """Return what all shaders are given; the depth (H, W, 1) and the grid are among it."""
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
         "source_size": _size(source),
@@ -165,68 +139,68 @@ def _bench(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Gri
         "disparity_scale": disparity_per_nearness(source, target),
     }
     split = uploaded(grid.subdivided.astype(np.float32), (columns, rows))
-    return Bench(constants, {"depth": uploaded(depth, _size(source)), "split": split})
+    return ShaderRun(constants, {"depth": uploaded(depth, _size(source)), "split": split})
 
 
-def _warped(bench: Bench, source: Camera, target: Camera) -> Warp:
-    """The warp (H, W), which stays on the bench as well: "x", "y" and "near"."""
+def _warped(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
+    """The warp (H, W), whose textures stay as well: "x", "y" and "near"."""
     shift = row_disparity_of(source, target)
     for name in ("x", "y", "near"):
-        bench.create(name, _size(target))
+        shaders.create(name, _size(target))
     if shift is None:
-        _draw(bench, source, target)
+        _draw(shaders, source, target)
     else:
-        _along_rows(bench, source, target, shift)
-    bench.drop("cut", "split", "owner")
-    return Warp(*(downloaded(bench.textures[name]) for name in ("x", "y", "near")))
+        _along_rows(shaders, source, target, shift)
+    shaders.drop("cut", "split", "owner")
+    return Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
 
 
-def _along_rows(bench: Bench, source: Camera, target: Camera, shift: RowDisparity) -> None:
+def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, shift: RowDisparity) -> None:
     """As `scanline.warp_rows` does."""
     width, height = _size(source)
-    bench.create("corner", (width + 2, height))
-    bench.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
-    bench.create("owner", _size(target), fill=NOTHING)
+    shaders.create("corner", (width + 2, height))
+    shaders.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
+    shaders.create("owner", _size(target), fill=NOTHING)
     key_way = (width, -1) if shift.per_nearness > 0.0 else (0, 1)
-    bench.run("intervals", (width + 1, height), key_way=key_way)
-    bench.run("places", _size(target), key_way=key_way)
-    bench.drop("corner")
+    shaders.run("intervals", (width + 1, height), key_way=key_way)
+    shaders.run("places", _size(target), key_way=key_way)
+    shaders.drop("corner")
 
 
-def _draw(bench: Bench, source: Camera, target: Camera) -> None:
+def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
     """As `quads.draw_quads` does; with no depth test of the GPU's, whose corners it would round to 1/256 px."""
     width, height = _size(source)
     moves = _moves(source, target)
-    bench.create("vertex", (width + 2, height + 2))
-    bench.run("vertices", (width + 2, height + 2), **moves)
+    shaders.create("vertex", (width + 2, height + 2))
+    shaders.run("vertices", (width + 2, height + 2), **moves)
     for name in ("owner", "drawn"):
-        bench.create(name, _size(target), fill=LOWEST)
-    broad = bench.create("broad", (1, 1), fill=0)
+        shaders.create(name, _size(target), fill=LOWEST)
+    broad = shaders.create("broad", (1, 1), fill=0)
     for to_settle in (0, 1):
-        bench.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
-        bench.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
-    bench.run("settled", _size(target))
+        shaders.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
+        shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
+    shaders.run("settled", _size(target))
     if downloaded(broad).any():
         raise NoRoomError("a quad covers more pixels than one invocation of a shader should fill")
-    bench.drop("vertex", "drawn", "broad")
+    shaders.drop("vertex", "drawn", "broad")
 
 
-def _empty(bench: Bench, source: Camera, target: Camera) -> NDArray[np.uint16]:
+def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uint16]:
     """(H, W) as `empty.empty_reasons` has it."""
     for name in ("before", "after"):
-        bench.create(name, _size(target))
-    bench.run("neighbours", (target.height, 1))
-    flags = bench.create("flag", _size(target))
-    bench.run("flags", _size(target), **_moves(target, source))
-    bench.drop("before", "after", "flag", "near")
+        shaders.create(name, _size(target))
+    shaders.run("neighbours", (target.height, 1))
+    flags = shaders.create("flag", _size(target))
+    shaders.run("flags", _size(target), **_moves(target, source))
+    shaders.drop("before", "after", "flag", "near")
     return downloaded(flags).astype(np.uint16)
 
 
-def _target_depth(bench: Bench, source: Camera, target: Camera) -> NDArray[np.float32]:
+def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.float32]:
     """(H, W) as `composite` has it."""
-    result = bench.create("result", _size(target))
-    bench.run("depth", _size(target), **_moves(source, target))
-    bench.drop("depth", "result")
+    result = shaders.create("result", _size(target))
+    shaders.run("depth", _size(target), **_moves(source, target))
+    shaders.drop("depth", "result")
     return downloaded(result)
 
 
@@ -235,7 +209,7 @@ def _lanes(image: NDArray) -> int:
     return 4 if image.shape[-1] == 4 else 1
 
 
-def _looked_up(bench: Bench, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
+def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
     """(h, w, C): `lookup.lookup` of a pass (H, W, C)."""
     height, width, channels = image.shape
     lanes = _lanes(image)
@@ -243,12 +217,12 @@ def _looked_up(bench: Bench, image: NDArray[np.float32], how: str, target: Camer
     source_fold, target_fold = fold(width, height, texels), fold(target.width, target.height, texels)
     if source_fold is None or target_fold is None:
         raise NoRoomError(f"{width} x {height} pixels of {channels} channels are more than a texture holds")
-    bench.textures["picture"] = uploaded(image, (source_fold[0], source_fold[1] * height), lanes=lanes)
+    shaders.textures["picture"] = uploaded(image, (source_fold[0], source_fold[1] * height), lanes=lanes)
     name = "result" if lanes == 1 else f"result{lanes}"
-    result = bench.create(name, (target_fold[0], target_fold[1] * target.height))
+    result = shaders.create(name, (target_fold[0], target_fold[1] * target.height))
     folds: dict[str, Constant] = {"source_fold": source_fold, "target_fold": target_fold}
-    bench.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
-    bench.drop("picture", name)
+    shaders.run(f"{how} {lanes}", _size(target), layers=texels, texel_count=texels, **folds)
+    shaders.drop("picture", name)
     return downloaded(result).reshape(target.height, target.width, channels)
 
 
@@ -280,7 +254,17 @@ def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
 
 
 def _agrees(yaw: float, interpolation: str) -> bool:
-    """Whether a small picture comes out as it does with numpy; yaw turns the target's camera, in radians."""
+    """Return whether a small picture comes out as it does with NumPy; yaw turns the target's camera, in radians."""
+    source, target = _trial(yaw)
+    options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
+    ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
+    both = ours.warp.covered & numpys.warp.covered
+    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
+    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE
+
+
+def _trial(yaw: float) -> tuple[RenderedView, View]:
+    """Return a small picture with passes of every kind, and the view to warp it to."""
     width, height = 45, 34
     plane = ViewPlane(-0.5, 0.5, -0.4, 0.4)
     x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)
@@ -299,10 +283,8 @@ def _agrees(yaw: float, interpolation: str) -> bool:
     }
     turned = np.eye(4)
     turned[0, (0, 2)], turned[2, (0, 2)], turned[0, 3] = (np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw)), 0.2
-    cameras = (PerspectiveCamera(width, height, pose, plane) for pose in (np.eye(4), turned))
-    options: dict[str, Any] = {"grid_threshold": 1.0, "interpolation": interpolation, "colour_interpolation": "cubic"}
-    pair = tuple(cameras)
-    ours, numpys = (warp(passes, *pair, motion=None, **options) for warp in (_carried, warper.warp_view))
-    both = ours.warp.covered & numpys.warp.covered
-    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
-    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE
+    source, target = (
+        View(name, PerspectiveCamera(width, height, pose, plane))
+        for name, pose in (("source", np.eye(4)), ("target", turned))
+    )
+    return RenderedView(source, passes), target

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import bpy
 
 from ...views.camera import Camera
-from ...warp.motion import Moving, moving
+from ...views.motion import Moving, moving
 from .rig import stereo_cameras
 from .working import evaluated, rendered_layer
 

@@ -24,7 +24,7 @@ from stereo_reproject.settings.frame import StereoSettings
 from tests.bench.warp.settings import CARRIERS, FEWEST_RUNS, MODES, SCENES, BenchSettings, format_bench, use_one_core
 
 if TYPE_CHECKING:
-    from stereo_reproject.warp.stage import WarpStage
+    from stereo_reproject.warp.warper import Warper
 
 PROGRAM = "tests.bench.warp"
 
@@ -85,7 +85,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def find_gpu() -> tuple[WarpStage | None, str]:
+def find_gpu() -> tuple[Warper | None, str]:
     """Return the GPU that can warp, or None and why there is none."""
     try:
         # Without bpy, which brings `gpu`, there is still numpy to be measured.
@@ -93,7 +93,7 @@ def find_gpu() -> tuple[WarpStage | None, str]:
         gpu_warp = importlib.import_module("stereo_reproject.blender.gpu.warp")
     except ImportError as error:
         return None, f"no usable GPU ({error})"
-    stage = gpu_warp.gpu_stage()
+    stage = gpu_warp.gpu_warper()
     return stage, "" if stage is not None else "no usable GPU (Blender finds none)"
 
 

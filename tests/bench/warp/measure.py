@@ -20,10 +20,13 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.views.view import View
 from stereo_reproject.warp.discontinuities import TEAR, disparity_of, disparity_steps
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
-from stereo_reproject.warp.stage import NUMPY, WarpStage
+from stereo_reproject.warp.options import WarpOptions
+from stereo_reproject.warp.rendered_view import RenderedView
+from stereo_reproject.warp.warper import NUMPY, Warper
 from tests.bench.warp.profile import profiled
 from tests.bench.warp.scenes import CONVERGENCE, INTEROCULAR, SCENES, eyes
 from tests.bench.warp.settings import BENCH_SCHEMA, BenchSettings, cpu_name, machine_facts, versions
@@ -34,7 +37,7 @@ NEEDS_SCIPY = "the warp stage is compared with SciPy's lookup, and SciPy is miss
 
 LEFT_TO_NUMPY = "has left a picture of this size to numpy"
 
-FindGpu = Callable[[], tuple[WarpStage | None, str]]
+FindGpu = Callable[[], tuple[Warper | None, str]]
 """The GPU that can warp, or None and why there is none."""
 
 
@@ -71,21 +74,21 @@ class Stage:
         grid = build_grid(depth, *self._eyes, threshold=self._threshold, most=TEAR)
         forward_warp(depth, *self._eyes, grid, cut_right=self._cuts.right > TEAR, cut_down=self._cuts.down > TEAR)
 
-    def warp_view(self, warp: WarpStage) -> Reprojection:
+    def warp_view(self, warp: Warper) -> Reprojection:
         """Raises BadInputError where a GPU has left it to numpy, in the first run or in a later one."""
+        source, target = self._eyes
         carried = reproject(
-            self.source,
-            *self._eyes,
-            accuracy=SETTINGS[ACCURACY],
-            invalid=self._invalid,
-            grid_threshold=self._threshold,
-            warp_view=warp.warp_view,
+            [RenderedView(View("source", source), self.source, self._invalid)],
+            View("target", target),
+            SETTINGS[ACCURACY],
+            options=WarpOptions(self._threshold),
+            warper=warp,
         )
         if warp.device is not None and carried.warped_by != "gpu":
             raise BadInputError(f"--warp gpu: {warp.device} {LEFT_TO_NUMPY}; take a smaller --size, or --warp numpy")
         return carried
 
-    def whole(self, warp: WarpStage) -> tuple[Reprojection, NDArray[np.uint16]]:
+    def whole(self, warp: Warper) -> tuple[Reprojection, NDArray[np.uint16]]:
         carried = self.warp_view(warp)
         return carried, carried.reasons
 
@@ -139,7 +142,7 @@ def measure(
     }
 
 
-def _carrier(settings: BenchSettings, find_gpu: FindGpu) -> WarpStage:
+def _carrier(settings: BenchSettings, find_gpu: FindGpu) -> Warper:
     if settings.warp == "numpy":
         return NUMPY
     found, why = find_gpu()
@@ -190,7 +193,7 @@ def _scipy_lookup() -> Callable[[NDArray, NDArray, NDArray], Callable[[], object
     return lookup_of
 
 
-def _turn(stage: Stage, warp: WarpStage, lookup: Callable[[], object]) -> Turn:
+def _turn(stage: Stage, warp: Warper, lookup: Callable[[], object]) -> Turn:
     start = time.perf_counter()
     carried = stage.warp_view(warp)
     half = time.perf_counter()

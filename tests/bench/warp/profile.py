@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable
 from types import CodeType
 
-from stereo_reproject.holes.reprojection import HoleClassifier
+from stereo_reproject.holes.classifier import HoleClassifier
 from stereo_reproject.warp.composite import warp_passes
 from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
 from stereo_reproject.warp.empty import empty_reasons

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.warp import warper
 from tests.warp.analytic import camera, pose, stereo_rig
+from tests.warp.pairs import reproject_pair, warp_pair
 
 HAS_GPU = bpy.app.version >= (5, 2)
 
@@ -82,7 +82,7 @@ def passes_of(kind, size, seed=0):
 
 def both(source, one, other, **options):
     """By the GPU and by numpy."""
-    return gpu_warp.warp_view(source, one, other, **options), warper.warp_view(source, one, other, **options)
+    return tuple(warp_pair(source, one, other, how=how, **options) for how in (gpu_warp.warp_view, warper.warp_view))
 
 
 def share_apart(ours, numpys):
@@ -127,7 +127,7 @@ def both_wholly(source, cameras, accuracy="balanced"):
     """The whole stage by the GPU and by numpy."""
     options = {"accuracy": SETTINGS[accuracy], "invalid": np.zeros(source["Combined"].shape[:2], bool)}
     ours, numpys = (
-        reproject(source, *cameras, warp_view=how, **options) for how in (gpu_warp.warp_view, warper.warp_view)
+        reproject_pair(source, *cameras, how=how, **options) for how in (gpu_warp.warp_view, warper.warp_view)
     )
     assert ours.warped_by == ("gpu" if HAS_GPU else "numpy")
     return ours, numpys
@@ -140,7 +140,9 @@ def assert_keeps_its_promise(ours, numpys):
     colours, others = (result.passes["Combined"] for result in (ours, numpys))
     assert np.isfinite(colours).all()
     apart = np.abs(colours - others).max(axis=-1)
-    assert not (told & ~(apart <= SAME_COLOURS * around(ours.marking.source["Combined"], numpys.warp))).any()
+    assert not (
+        told & ~(apart <= SAME_COLOURS * around(ours.views[0].classifier.source.passes["Combined"], numpys.warp))
+    ).any()
     return float(told.mean())
 
 

@@ -21,6 +21,7 @@ from stereo_reproject.blender.gpu.shaders import PROGRAMS
 from stereo_reproject.images import bands
 from stereo_reproject.views.camera import OrthographicCamera
 from tests.blender.gpu.gpu_cases import HAS_GPU, SIZE, assert_identical, assert_same, both, pair, passes_of
+from tests.warp.pairs import warp_pair
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -95,7 +96,7 @@ def test_one_that_fails_later_on_is_asked_no_more(untried, monkeypatch):
         raise RuntimeError("the device is lost")
 
     assert (gpu_warp.usable() is not None) == HAS_GPU
-    monkeypatch.setattr(gpu_warp, "_carried", lost)
+    monkeypatch.setattr(gpu_warp, "_warp_on_gpu", lost)
     assert_identical(*both(passes_of("steps", SIZE), *pair("off-axis")))
     assert gpu_warp.usable() is None
     assert gpu_warp._given_up == ["the device is lost"] * HAS_GPU
@@ -176,8 +177,8 @@ def test_many_warps_leave_no_memory_behind():
 
     def warp_often(times):
         for _ in range(times):
-            gpu_warp.warp_view(source, *eyes)
-            gpu_warp.warp_view(source, *toed_in)
+            warp_pair(source, *eyes, how=gpu_warp.warp_view)
+            warp_pair(source, *toed_in, how=gpu_warp.warp_view)
         gc.collect()
         return resident()
 
@@ -197,7 +198,7 @@ def test_the_gpu_s_state_is_left_alone():
         return
     assert gpu_warp.usable()
     before = state()
-    gpu_warp.warp_view(source, *eyes)
+    warp_pair(source, *eyes, how=gpu_warp.warp_view)
     assert state() == before
 
 

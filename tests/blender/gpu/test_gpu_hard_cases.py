@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.warp import warper
 from stereo_reproject.warp.composite import replace_non_finite
 from tests.blender.gpu.gpu_cases import HAS_GPU, assert_keeps_its_promise
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.exact import Rig, nothing_said, passes_of
+from tests.warp.pairs import reproject_pair
 from tests.warp.test_hard_cases import BROKEN, DEPTHS, SIZES
 from tests.warp.test_hard_rigs import MODES, SIZE, room, scaled, seen_by
 
@@ -33,8 +33,8 @@ def alike(rig, depth, colour=None, accuracy="balanced", **options):
         with nothing_said():
             passes, invalid = replace_non_finite(passes_of(seen, colour))
             ours, numpys = (
-                reproject(
-                    passes, source, target, accuracy=SETTINGS[accuracy], invalid=invalid, warp_view=warp_view, **options
+                reproject_pair(
+                    passes, source, target, accuracy=SETTINGS[accuracy], invalid=invalid, how=warp_view, **options
                 )
                 for warp_view in (gpu_warp.warp_view, warper.warp_view)
             )

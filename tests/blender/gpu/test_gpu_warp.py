@@ -14,7 +14,7 @@ import pytest
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.images.passes import OF_SOURCE
 from stereo_reproject.views.camera import target_px_from_source_px
-from stereo_reproject.warp.motion import moving
+from stereo_reproject.views.motion import moving
 from tests.bench.warp.scenes import SCENES as SCENES_OF_THE_BENCH
 from tests.bench.warp.scenes import eyes, room
 from tests.bench.warp.settings import MODES
@@ -33,6 +33,7 @@ from tests.blender.gpu.gpu_cases import (
     passes_of,
 )
 from tests.warp.analytic import pixel_centres, world_rays
+from tests.warp.pairs import warp_pair
 from tests.warp.test_hard_cases import blocks, chequers, comb, every_step, rows, slats
 
 
@@ -127,7 +128,7 @@ def test_positions_and_vectors_are_the_target_s_own(kind):
 def test_what_it_says_of_a_pixel_lands_on_it():
     """Held against the cameras themselves, not against numpy's warp."""
     one, other = pair("toe-in")
-    ours = gpu_warp.warp_view(passes_of("smooth", SIZE), one, other, grid_threshold=0.0)
+    ours = warp_pair(passes_of("smooth", SIZE), one, other, how=gpu_warp.warp_view, grid_threshold=0.0)
     there = ours.warp.covered
     x, y, near = (values[there].astype(np.float64) for values in (ours.warp.x, ours.warp.y, ours.warp.nearness))
     centres = (axis[there] for axis in pixel_centres(other))
@@ -150,6 +151,6 @@ def test_what_is_as_near_is_settled_by_no_race():
     source = passes_of("noise", SIZE)
     source["Depth"] = np.round(source["Depth"])
     for kind in ("toe-in", "orthographic toe-in"):
-        first, *others = (gpu_warp.warp_view(source, *pair(kind)) for _ in range(4))
+        first, *others = (warp_pair(source, *pair(kind), how=gpu_warp.warp_view) for _ in range(4))
         for other in others:
             assert_identical(other, first)

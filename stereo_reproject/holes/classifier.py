@@ -1,0 +1,212 @@
+"""The hole classifier: which pixels of a warped view must be traced, and for what reason, by the rules of this room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.contrast import contrast_of, gradient_of
+from ..images.effects import Effect
+from ..images.effects_pass import shows
+from ..images.lookup import touches
+from ..images.masks import dilate
+from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
+from ..images.reasons import Reason
+from ..settings.accuracy import Accuracy
+from ..views.camera import PerspectiveCamera, see_the_same
+from ..views.frustum import Lens, covered_by
+from ..views.view import View
+from ..warp.discontinuities import TEAR, DepthDiscontinuities, disparity_of, disparity_of_nearness, disparity_steps
+from ..warp.forward import Warp, sub_pixel_features
+from ..warp.options import WarpOptions
+from ..warp.rendered_view import RenderedView
+from ..warp.warped_view import WarpedView
+from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
+from .silhouettes import differing, edge_band
+from .thin import THRESHOLD, isolated, target_pixels, thin_things
+from .transmission import transmission_parallax
+
+TOUCHED = 0.02
+"""Share of a looked-up colour that may come from a pixel that should not be looked up."""
+
+FUR = 3
+"""Pixels each way within which nothing but hair makes it fur: as far as an edge's sides are looked at."""
+
+
+PINHOLE = Lens()
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What passes do not tell of a scene: the lens of both views, and where volumes are.
+
+    volumes: corners (8, 3), in the world, of a box around each volume; infinite for a volume that is everywhere.
+    """
+
+    lens: Lens = PINHOLE
+    volumes: Sequence[NDArray] = ()
+
+
+NO_OPTICS = Optics()
+"""A pinhole, and no volume."""
+
+
+def ray_lengths_tell(source: RenderedView, target: View, optics: Optics) -> bool:
+    """Return whether the lengths of the source's rays tell what moves otherwise than its depth says.
+
+    They do for a perspective camera; not where the lens blurs, since that mixes depths everywhere, and not where there
+    is a volume, which has no depth.
+    """
+    mixed = optics.lens.aperture or len(optics.volumes)
+    is_perspective = isinstance(source.camera, PerspectiveCamera)
+    return is_perspective and not mixed and not see_the_same(source.camera, target.camera)
+
+
+@dataclass(frozen=True)
+class HoleClassifier:
+    """The rules, with all that they need to know of one source and the target.
+
+    disparity (H, W), in pixels, and steps are the source's own. cubic: True where a pass was looked up with the cubic
+    kernel.
+    """
+
+    source: RenderedView
+    target: View
+    disparity: NDArray[np.float32]
+    steps: DepthDiscontinuities
+    optics: Optics
+    cubic: bool
+
+    @classmethod
+    def of_source(
+        cls, source: RenderedView, target: View, warped: WarpedView, optics: Optics, options: WarpOptions
+    ) -> HoleClassifier:
+        """Return the classifier for a view that was warped from this source with these options."""
+        disparity = disparity_of(source.depth, source.camera, target.camera)
+        steps = warped.steps or disparity_steps(disparity)
+        return cls(source, target, disparity, steps, optics, options.cubic)
+
+    def reasons(self, warped: WarpedView, accuracy: Accuracy) -> NDArray[np.uint16]:
+        """Return (H, W) `Reason` flags of the warped view's pixels; 0 for those that need no tracing."""
+        warp, reasons = warped.warp, warped.empty.copy()
+        answered = reasons == 0
+        blurred = self._source_silhouettes(accuracy) | self._thin_things(accuracy)
+        target = _TargetEdges(self, warped)
+        edges = target.silhouettes(reasons, accuracy) | touches(blurred, warp.x, warp.y, share=TOUCHED)
+        edges |= self._sub_pixel_features(warp, blurred, accuracy)
+        if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
+            edges &= ~_within_fur(warped)
+        reasons[answered & edges] |= Reason.SILHOUETTE.bit
+        if accuracy.promise is not None:
+            for reason, pixels in (target.seen_through_or_blurred(accuracy) | self._volumes(warped)).items():
+                reasons[answered & pixels] |= reason.bit
+        if MASKED_PASS in self.source.passes:
+            masked = self.source.passes[MASKED_PASS][..., 0] > 0.0
+            reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
+        invalid = self.source.invalid
+        if invalid is not None and invalid.any():
+            # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
+            reached = dilate(invalid, 1) if self.cubic else invalid
+            reasons[answered & touches(reached, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
+        return reasons
+
+    def _source_silhouettes(self, accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Return (H, W) source pixels that mix the colours of the two sides of an edge."""
+        blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
+        steps = in_focus(self.steps, blur)
+        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        unknown = ~np.isfinite(self.disparity) | _strands(self.source.passes)
+        if self.source.invalid is not None:
+            unknown |= self.source.invalid
+        colour = self.source.passes[COLOUR_PASS]
+        return differing(band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
+
+    def _sub_pixel_features(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Return (H, W) target pixels on and beside which features land that have next to no area in the grid."""
+        depth = self.source.depth
+        alone = sub_pixel_features(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
+        landed = target_pixels(isolated(alone) & blurred, depth, self.source.camera, self.target.camera, warp)
+        return dilate(landed, accuracy.silhouette_radius)
+
+    def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Return (H, W) source pixels of things that their depth misses, and where those move."""
+        length, depth = self.source.passes.get(LENGTH_PASS), self.source.depth
+        tell = accuracy.silhouette_radius > 0 and ray_lengths_tell(self.source, self.target, self.optics)
+        if length is None or not tell:
+            return np.zeros(depth.shape, bool)
+        camera = cast("PerspectiveCamera", self.source.camera)
+        edges = self.steps.mask(min(accuracy.silhouette_step, THRESHOLD))
+        near = self.optics.lens.near
+        return thin_things(length[..., 0], depth, camera, self.target.camera, edges=edges, clip_start=near)
+
+    def _volumes(self, warped: WarpedView) -> dict[Reason, NDArray[np.bool_]]:
+        """Return (H, W) target pixels of the sky that a volume may cover, by their reason; nothing without volumes."""
+        if not len(self.optics.volumes) or see_the_same(self.source.camera, self.target.camera):
+            return {}
+        sky = np.isposinf(warped.passes[DEPTH_PASS][..., 0])
+        return {Reason.VOLUME: sky & covered_by(self.optics.volumes, self.target.camera, self.optics.lens)}
+
+
+def _strands(passes: Passes) -> NDArray[np.bool_]:
+    """Return (H, W) pixels of hair: a strand may be thinner than a pixel, whose one depth then tells of no side."""
+    return shows(passes, Effect.HAIR)
+
+
+def _within_fur(warped: WarpedView) -> NDArray[np.bool_]:
+    """Return (H, W) target pixels around which all that was warped is hair.
+
+    There every pixel has an edge beside it, and most have hair of the same look on both sides: probes find the others.
+    """
+    strands = _strands(warped.passes)
+    return strands & ~dilate(warped.warp.covered & ~strands, FUR) if strands.any() else strands
+
+
+class _TargetEdges:
+    """Edges of the target, judged by the warped depth: a plain render would filter or blur its colours over them."""
+
+    def __init__(self, classifier: HoleClassifier, warped: WarpedView) -> None:
+        self._passes, self._covered = warped.passes, warped.warp.covered
+        source, target = classifier.source.camera, classifier.target.camera
+        self._lens, self._is_perspective = classifier.optics.lens, isinstance(target, PerspectiveCamera)
+        self._disparity = disparity_of_nearness(warped.warp.nearness, target, source)
+        np.copyto(self._disparity, np.nan, where=~self._covered)
+        self._steps = disparity_steps(self._disparity)
+        self._blur = circle_of_confusion(warped.passes[DEPTH_PASS][..., 0], target, self._lens)
+
+    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy) -> NDArray[np.bool_]:
+        """Return (H, W) pixels that mix the colours of an edge's two sides; empty (H, W) are `WarpedView.empty`.
+
+        Beside a disoccluded pixel the colour of the other side is not known: there the band is always traced.
+        """
+        steps = in_focus(self._steps, self._blur)
+        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        unknown = ~self._covered | _strands(self._passes)
+        colour = self._passes[COLOUR_PASS]
+        edges = differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
+        return edges | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+
+    def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
+        """Return (H, W) pixels of edges out of focus and of surfaces seen through others, by their reason."""
+        glass = shows(self._passes, Effect.TRANSMISSION)
+        blurred, through = bool(self._lens.aperture), bool(glass.any())
+        if not (blurred or through):
+            return {}
+        colour, covered = self._passes[COLOUR_PASS], self._covered
+        gradient, contrast = gradient_of(colour, covered), contrast_of(colour, covered)
+        result = {}
+        if blurred:
+            radius = nearer_side(self._blur, self._disparity)
+            step, tolerance = accuracy.silhouette_step, accuracy.colour_tolerance
+            result[Reason.DEFOCUS] = blurred_edges(
+                self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
+            )
+        if through and self._is_perspective:
+            limit, unseen = accuracy.tile_limit, accuracy.unseen
+            result[Reason.TRANSPARENT] = transmission_parallax(
+                glass, self._disparity, gradient, contrast, limit=limit, unseen=unseen
+            )
+        return result

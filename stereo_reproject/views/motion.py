@@ -1,0 +1,40 @@
+"""A camera in the frames around the one that is rendered: motion vectors are measured against its places there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from .camera import Camera, PerspectiveCamera, ViewPlane
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A view's camera in the frame that is rendered, in the one before and in the one after."""
+
+    now: Camera
+    before: Camera
+    after: Camera
+
+
+def standing_still(camera: Camera) -> Moving:
+    """Return the motion of a camera that does not move."""
+    return Moving(camera, camera, camera)
+
+
+def moving(now: Camera, before: Camera, after: Camera) -> Moving:
+    """Return a camera's motion as Cycles measures it, from the cameras of three frames.
+
+    Cycles takes the frame's own view plane for all three, and scales it by the focal length: so nothing else that
+    changes in a lens counts, and nothing at all in that of an orthographic camera.
+    """
+    return Moving(now, _with_plane_of(now, before), _with_plane_of(now, after))
+
+
+def _with_plane_of(now: Camera, then: Camera) -> Camera:
+    """Return the camera `then` with the view plane of `now`, scaled as the focal length changes between the two."""
+    plane = now.plane
+    zoom = (then.plane.right - then.plane.left) / (plane.right - plane.left)
+    if not isinstance(now, PerspectiveCamera):
+        zoom = 1.0
+    scaled = ViewPlane(*(zoom * side for side in (plane.left, plane.right, plane.bottom, plane.top)))
+    return replace(then, plane=scaled)  # pyright: ignore[reportArgumentType] - both models are dataclasses

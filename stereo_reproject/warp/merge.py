@@ -1,0 +1,170 @@
+"""Warped views of several sources made into one: for each target pixel, the source that answers for it best.
+
+1. The nearest surface wins: a source that sees something clearly nearer knows of an occluder that the others miss. A
+   source shows the same point as that surface if it has it where the point must be in its own picture.
+2. Of sources that show the same point, one without a flag goes before one with a flag.
+3. Of those, the one with the smallest expected error of the lookup wins: the angle between the two rays that see the
+   point, by which whatever depends on the view may differ, times the stretch, which blurs.
+
+A pixel on which one source alone lands is that one's, so one source covers the holes of another. Where none lands, the
+pixel is disoccluded if any source says so, else outside. A surface that a source sees too obliquely to draw it is a
+hole of that source, which hides nothing in the others.
+
+NumPy's and a GPU's views are merged by the same code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.bands import bands
+from ..images.passes import Passes
+from ..images.reasons import Reason
+from ..views.camera import Camera, target_px_from_source_px
+from ..views.parallax import ARC_MINUTE
+from ..views.view import View
+from .forward import Warp
+from .rendered_view import RenderedView
+from .scanline import MAX_STRETCH
+from .warped_view import WarpedView
+
+SAME_POINT_PIXELS = 1.0
+"""Pixels in a source between the place that it was looked up at and the place of the nearest point, up to which it
+shows that point: as much as a surface may stretch from a pixel to the next before it is torn."""
+
+LEAST_GAIN = 0.02
+"""Share by which a later source's expected error must be smaller than an earlier one's: rounding changes no source."""
+
+
+def merge_views(
+    views: Sequence[WarpedView], flags: Sequence[NDArray[np.uint16]], sources: Sequence[RenderedView], target: View
+) -> WarpedView:
+    """Return one view of the warped views of the sources, in their order; the only one as it is.
+
+    flags (H, W) are each view's `Reason` flags of pixels for which it does not answer, `WarpedView.empty` at least.
+    """
+    if len(views) == 1:
+        return views[0]
+    warps = [view.warp for view in views]
+    index = best_source(warps, flags, [source.camera for source in sources], target.camera)
+    x, y, nearness = (of_chosen(index, [getattr(warp, name) for warp in warps]) for name in ("x", "y", "nearness"))
+    warp = Warp(x, y, nearness, index)
+    shared = [name for name in views[0].passes if all(name in view.passes for view in views)]
+    passes: Passes = {name: of_chosen(index, [view.passes[name] for view in views]) for name in shared}
+    by = "gpu" if all(view.by == "gpu" for view in views) else "numpy"
+    empty = merged_flags([view.empty for view in views], warp)
+    return replace(views[0], passes=passes, warp=warp, empty=empty, steps=None, by=by)
+
+
+def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:
+    """Return (H, W, ...) each pixel of the image (H, W, ...) whose number index (H, W) has there."""
+    result = images[0].copy()
+    for number, image in enumerate(images[1:], start=1):
+        chosen = index == number
+        result[chosen] = image[chosen]
+    return result
+
+
+def merged_flags(flags: Sequence[NDArray[np.uint16]], warp: Warp) -> NDArray[np.uint16]:
+    """Return (H, W) the `Reason` flags of each pixel's own source; where no source lands, why none does."""
+    result = of_chosen(warp.source, flags)
+    unseen = ~warp.covered
+    disoccluded = np.any([each[unseen] & Reason.DISOCCLUDED.bit for each in flags], axis=0)
+    result[unseen] = np.where(disoccluded, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
+    return result
+
+
+def best_source(
+    warps: Sequence[Warp], flags: Sequence[NDArray[np.uint16]], cameras: Sequence[Camera], target: Camera
+) -> NDArray[np.uint8]:
+    """Return (H, W) the number of the source that answers best for each target pixel; 0 where none lands."""
+    nearest = np.maximum.reduce([warp.nearness for warp in warps])
+    shown = [_shows(warp, nearest, camera, target) for warp, camera in zip(warps, cameras, strict=True)]
+    clean = [mask & (flag == 0) for mask, flag in zip(shown, flags, strict=True)]
+    any_clean = np.logical_or.reduce(clean)
+    best = np.full(nearest.shape, np.inf, np.float32)
+    index = np.zeros(nearest.shape, np.uint8)
+    for number, (warp, camera) in enumerate(zip(warps, cameras, strict=True)):
+        answers = np.where(any_clean, clean[number], shown[number])
+        error = np.where(answers, expected_error(warp, camera, target), np.inf)
+        better = error < (1.0 - LEAST_GAIN) * best
+        np.copyto(best, error, where=better)
+        index[better] = number
+    return index
+
+
+def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Camera) -> NDArray[np.bool_]:
+    """Return (H, W) where a source shows the point of this nearness (H, W), or is itself the one that is so near."""
+    result = warp.covered & (warp.nearness == nearest)
+    for rows in bands(result.shape):
+        place_rows, columns = np.mgrid[rows.start + 0.5 : rows.stop, 0.5 : result.shape[1]]
+        covered = warp.covered[rows]
+        depth = target.depth_from_nearness(np.where(covered, nearest[rows], 1.0).astype(np.float64))
+        x, y, _ = target_px_from_source_px(target, source, columns, place_rows, depth)
+        with np.errstate(invalid="ignore"):
+            apart = np.hypot(x - warp.x[rows], y - warp.y[rows])
+        # NaN, of a point behind the source, is no such place.
+        result[rows] |= covered & (apart <= SAME_POINT_PIXELS)
+    return result
+
+
+def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
+    """Return (H, W) how large an error of a lookup is to be expected, to compare sources by: angle times stretch.
+
+    The angle, in radians, counts as an arc minute at least, which nobody sees.
+    """
+    angle = np.empty(warp.x.shape, np.float32)
+    for rows in bands(angle.shape):
+        angle[rows] = _angle_between_rays(warp.x[rows], warp.y[rows], rows.start, source, target)
+    return np.maximum(angle, np.float32(ARC_MINUTE)) * _stretch(warp.x, warp.y)
+
+
+def _angle_between_rays(x: NDArray, y: NDArray, first_row: int, source: Camera, target: Camera) -> NDArray:
+    """Return (h, W) the angle, in radians, between the ray of each target pixel and that of its place in the source.
+
+    x, y (h, W) are the places of some rows of the target, from first_row on. Small angles are chords.
+    """
+    rows, columns = np.mgrid[first_row + 0.5 : first_row + x.shape[0], 0.5 : x.shape[1]]
+    one, other = _unit_rays(target, columns, rows), _unit_rays(source, x.astype(np.float64), y.astype(np.float64))
+    return np.sqrt(sum(np.square(a - b) for a, b in zip(one, other, strict=True)))
+
+
+def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
+    """Return x, y and z (h, W) of the unit directions, in the world, of the rays through these places (h, W)."""
+    _, direction = camera.ray_from_px(x, y)
+    length = np.sqrt(sum(np.square(part) for part in direction))
+    turn = camera.world_from_camera[:3, :3]
+    return [sum(turn[k, i] * direction[i] for i in range(3)) / length for k in range(3)]
+
+
+def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (H, W) target pixels for one source pixel, by area, from 1 to MAX_STRETCH.
+
+    By how far the place in the source moves from a target pixel to the next in its row and column: to the nearer of the
+    two neighbours, since a step in depth lies before the other.
+    """
+    across_x, across_y = _step_across(x, y)
+    down_x, down_y = (part.T for part in _step_across(x.T, y.T))
+    area = np.abs(across_x * down_y - across_y * down_x)
+    # A pixel without a neighbour tells nothing of its stretch.
+    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / MAX_STRETCH, 1.0)).astype(np.float32)
+
+
+def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return (H, W) twice: how x and y change from a pixel to the next in its row, or from the last, if that is less.
+
+    NaN where neither neighbour has a place.
+    """
+    edge = np.full((x.shape[0], 1), np.nan, np.float32)
+    change_x, change_y = np.diff(x, axis=1), np.diff(y, axis=1)
+    far = np.hypot(change_x, change_y)
+    to_next, from_last = np.hstack([far, edge]), np.hstack([edge, far])
+    take_next = np.isnan(from_last) | (to_next < from_last)
+    step_x, step_y = (
+        np.where(take_next, np.hstack([change, edge]), np.hstack([edge, change])) for change in (change_x, change_y)
+    )
+    return step_x, step_y

@@ -1,0 +1,32 @@
+"""How a view is warped: what one who calls may choose, alike for NumPy and for a GPU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..images.passes import COLOUR_PASS, filtered
+
+
+@dataclass(frozen=True)
+class WarpOptions:
+    """How fine the grid is, and how passes are looked up in the source.
+
+    grid_threshold: binocular parallax in arc minutes, above which a cell of the grid is subdivided.
+    interpolation: "linear", "cubic" or "nearest", as `images.lookup.lookup` knows them; for passes that may be mixed.
+    colour_interpolation: the same for the colour alone; None where it is looked up as the other passes are.
+    """
+
+    grid_threshold: float = 1.0
+    interpolation: str = "linear"
+    colour_interpolation: str | None = None
+
+    @property
+    def cubic(self) -> bool:
+        """True where any pass is looked up with the cubic kernel, which reaches one pixel further."""
+        return "cubic" in (self.interpolation, self.colour_interpolation)
+
+    def interpolation_of(self, name: str) -> str:
+        """Return how the pass of this name is looked up: "nearest" where its values must not be mixed."""
+        if not filtered(name):
+            return "nearest"
+        return (self.colour_interpolation if name == COLOUR_PASS else None) or self.interpolation

@@ -1,0 +1,39 @@
+"""A source of a warp: a view that was rendered, whole or in part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.passes import DEPTH_PASS, Passes
+from ..trace.fill import SourceCost
+from ..views.camera import Camera
+from ..views.view import View
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """A view and its passes: colour (H, W, 4), depth (H, W, 1), and any other.
+
+    invalid (H, W): pixels whose colour is no number; None without any. cost: what rendering it took, where that was
+    measured. traced (H, W): pixels that were really traced in this view; the others were looked up in another one, and
+    are not looked up again. None where all were traced, as in a view that was rendered whole.
+    """
+
+    view: View
+    passes: Passes
+    invalid: NDArray[np.bool_] | None = None
+    cost: SourceCost | None = None
+    traced: NDArray[np.bool_] | None = None
+
+    @property
+    def camera(self) -> Camera:
+        """The view's camera."""
+        return self.view.camera
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """(H, W) depth in scene units, +inf for the sky, NaN where it is unknown."""
+        return self.passes[DEPTH_PASS][..., 0]

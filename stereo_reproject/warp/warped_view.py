@@ -1,0 +1,30 @@
+"""The result of a warp: the sources' passes as the target sees them, before anything is traced."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.passes import Passes
+from .discontinuities import DepthDiscontinuities
+from .forward import Warp
+from .grid import Grid
+
+
+@dataclass(frozen=True)
+class WarpedView:
+    """The passes (H, W, C) as the target sees them, and the map by which they were looked up.
+
+    grid: the source's; of several sources, the first one's. empty (H, W): `Reason` flags of the target pixels on which
+    nothing landed, or only what was not traced in the source. steps: the source's depth discontinuities, where they
+    were found on the way; None of several sources. by: "numpy" or "gpu".
+    """
+
+    passes: Passes
+    grid: Grid
+    warp: Warp
+    empty: NDArray[np.uint16]
+    steps: DepthDiscontinuities | None = None
+    by: str = "numpy"
