@@ -14,7 +14,7 @@ from ..warp.composite import composite
 
 
 class Provenance(IntFlag):
-    """Where a pixel of the target comes from, and why; without any flag, from the warp alone."""
+    """Origin of a target pixel, and the reason for it; without any flag, it comes from the warp alone."""
 
     HOLE = 1
     """Traced because the warp has no answer: set from the start, when it is still to be traced."""

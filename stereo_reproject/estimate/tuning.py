@@ -38,7 +38,7 @@ class EstimateTuning:
     """Tiles each way whose probes tell how wrong a tile is likely to be, for the frame's ratio. Varied by
     `make spending`."""
     tile_reach_tiles: int = 1
-    """The same distance for the limit on single tiles: an error in a small place must not be averaged away. By hand:
+    """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be averaged away. By hand:
     the nearest there are."""
     unmoved_share: float = 0.25
     """Share of a tile's expected excess that does not follow its contrast: an error of brightness, and not of place.
@@ -100,7 +100,8 @@ class EstimateTuning:
     """Excess that another refining render must be expected to take away where the promise is kept without it. By hand:
     a render call costs as much as a few percent of a frame."""
     min_gain_denoised: float = 0.3
-    """The same for a denoised picture, whose estimate is less sure."""
+    """Excess that another refining render of a denoised picture must be expected to take away. By hand: the estimate of
+    such a picture is less sure, and a render must be worth it for certain."""
 
 
 TUNING = EstimateTuning()

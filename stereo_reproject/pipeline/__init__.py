@@ -1,1 +1,4 @@
-"""The way of a frame, in `frame`: start there. Around it: view layers, costs, and what a pair will take."""
+"""The way of a frame, from the rendered source to the finished pair, and the predictions around it. Start at `frame`.
+
+Takes a `Renderer` and the settings; gives a `StereoFrame`.
+"""
