@@ -38,8 +38,8 @@ class EstimateTuning:
     """Tiles each way whose probes tell how wrong a tile is likely to be, for the frame's ratio. Varied by
     `make spending`."""
     tile_reach_tiles: int = 1
-    """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be averaged away. By hand:
-    the nearest there are."""
+    """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be
+    averaged away. By hand: the nearest there are."""
     unmoved_share: float = 0.25
     """Share of a tile's expected excess that does not follow its contrast: an error of brightness, and not of place.
     Varied by `make spending`."""
