@@ -257,23 +257,10 @@ def _draw_bars(axes: Axes, scenes: Sequence[tuple[str, list[SceneTime]]], denois
 
 
 def _draw_lines(axes: Axes) -> None:
-    """Draw multiview's time and its half across the axes, each with its name above them."""
-    named = (
-        (1.0, "Blender's multiview", BLACK, (0, (1, 2))),
-        (BOUND_SHARE, "the bound: the second eye for nothing", GREY, (0, (4, 3))),
-    )
-    for x, name, colour, style in named:
-        axes.axvline(x, color=colour, linewidth=1.1, linestyle=style, zorder=3.5)
-        axes.annotate(
-            name,
-            (x, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 4),
-            textcoords="offset points",
-            ha="center",
-            size=9,
-            color=colour,
-        )
+    """Draw multiview's time and its half across the axes."""
+    bound = "the bound: the second eye for nothing"
+    axes.axvline(BOUND_SHARE, color=GREY, linewidth=1.1, linestyle=(0, (4, 3)), label=bound, zorder=3.5)
+    axes.axvline(1.0, color=BLACK, linewidth=1.1, linestyle=(0, (1, 2)), label="Blender's multiview", zorder=3.5)
 
 
 def _finish(axes: Axes, scenes: Sequence[tuple[str, list[SceneTime]]]) -> None:
@@ -291,12 +278,15 @@ def _finish(axes: Axes, scenes: Sequence[tuple[str, list[SceneTime]]]) -> None:
     axes.xaxis.grid(color=PALE, alpha=0.3, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(
+        handles=[*axes.containers, *axes.lines],
         loc="lower left",
         bbox_to_anchor=(-0.005, 1.0),
+        ncols=4,
         frameon=False,
         fontsize=9,
-        handlelength=1.1,
-        handletextpad=0.4,
+        handlelength=1.6,
+        handletextpad=0.5,
+        columnspacing=1.6,
         borderaxespad=0.2,
     )
 

@@ -134,6 +134,13 @@ def test_a_file_of_which_a_run_failed_says_so_again(stored):
     assert main(["--from", str(stored)]) == 1
 
 
+def test_a_chart_of_nothing_but_failures_is_drawn(stored, tmp_path):
+    rows = [asdict(one) for one in MEASURED if one.share is None]
+    stored.write_text(json.dumps({**read_data(stored), "rows": rows}))
+    assert main(["--from", str(stored)]) == 0
+    assert (tmp_path / "scene_times.png").read_bytes().startswith(PNG_START)
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": 1}', '{"schema": 0, "rows": []}', None])
 def test_another_file_is_refused_on_one_line(tmp_path, capsys, text):
     path = tmp_path / "other.json"
