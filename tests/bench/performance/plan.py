@@ -84,7 +84,7 @@ TOED_IN = Picture(mode="toe-in")
 @dataclass(frozen=True)
 class Run:
     """One run of the command line; with method "multiview", of Blender's own way; with one of `bench.CARRIERS`, of the
-    warp stage alone, on picture. turn counts repeats."""
+    warp stage alone, on picture. turn counts repeats. compare has a pair measured against multiview in its process."""
 
     scene: Scene
     method: str
@@ -94,6 +94,9 @@ class Run:
     frame: int | None = None
     turn: int = 0
     picture: Picture = ROOM
+    denoise: bool = False
+    """The paper has no denoiser, and what one costs hides what its analysis compares."""
+    compare: bool = False
 
     @property
     def peer(self) -> Run:
@@ -113,11 +116,14 @@ class Run:
             f"--size={self.size[0]}x{self.size[1]}",
             f"--samples={self.samples}",
             f"--seed={self.turn + 1}",
-            # The paper has none, and what it costs hides what is compared here.
-            "--no-denoise",
+            "--denoise" if self.denoise else "--no-denoise",
             *(f"{name}={value}" for name, value in optional.items() if value is not None),
-            *([] if self.method == MULTIVIEW else [f"--accuracy={self.accuracy}", f"--fill={self.method}"]),
+            *([] if self.method == MULTIVIEW else self._options_of_pair()),
         ]
+
+    def _options_of_pair(self) -> list[str]:
+        """Those that multiview has no use for."""
+        return [f"--accuracy={self.accuracy}", f"--fill={self.method}", *(["--compare"] if self.compare else [])]
 
     @property
     def title(self) -> str:
@@ -127,7 +133,8 @@ class Run:
         if self.method in CARRIERS:
             picture = f"{self.picture.scene}, {self.picture.mode}, threshold {self.picture.grid_threshold:g}"
             return f"warp stage, {picture}, {width}x{height}, {self.method}{turn}"
-        return f"{self.scene.name}, {width}x{height}, {self.samples} samples{frame}, {self.method}{turn}"
+        how = f"{self.method}, denoised" if self.denoise else self.method
+        return f"{self.scene.name}, {width}x{height}, {self.samples} samples{frame}, {how}{turn}"
 
 
 @dataclass(frozen=True)
