@@ -39,7 +39,7 @@ NAME_BYTES = 63
 """The longest name that a datablock had before Blender 5."""
 
 
-def as_told(error: Exception) -> StereoReprojectError:
+def in_one_line(error: Exception) -> StereoReprojectError:
     """Whatever has gone wrong, in one line; what nobody has foreseen is logged in full."""
     match error:
         case StereoReprojectError():

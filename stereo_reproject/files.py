@@ -29,7 +29,7 @@ KINDS = {
     stat.S_IFBLK: "a device",
 }
 
-JUNCTION = 0xA0000003
+JUNCTION_TAG = 0xA0000003
 """IO_REPARSE_TAG_MOUNT_POINT of the Windows API."""
 
 CANNOT_FLUSH = {errno.EINVAL, errno.EBADF, errno.EACCES, errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
@@ -104,7 +104,7 @@ def leads_elsewhere(path: Path) -> bool:
     """Whether a folder is a link to another one, or a junction as Windows has them."""
     with contextlib.suppress(OSError):
         found = path.lstat()
-        return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION
+        return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION_TAG
     return False
 
 

@@ -81,7 +81,7 @@ KNOWN_TAGS: dict[str, frozenset[str]] = {
 }
 
 _WORD = re.compile(r"[^\W_]+")
-LONGEST = 4
+MAX_TAG_WORDS = 4
 """Words of a tag that is written apart: half side by side."""
 
 
@@ -107,7 +107,7 @@ def _tags(stem: str) -> Iterator[tuple[str, str]]:
     words = list(_WORD.finditer(stem))
     at = 0
     while at < len(words):
-        for count in range(min(LONGEST, len(words) - at), 0, -1):
+        for count in range(min(MAX_TAG_WORDS, len(words) - at), 0, -1):
             tag = "".join(word.group() for word in words[at : at + count]).casefold()
             if tag in KNOWN_TAGS:
                 yield tag, stem[words[at].start() : words[at + count - 1].end()]

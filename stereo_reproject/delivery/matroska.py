@@ -35,10 +35,10 @@ WEBM_MODES = frozenset({0, 1, 2, 3, 11})
 DOUBLED = {**dict.fromkeys((1, 8, 9, 11), (2, 1)), **dict.fromkeys((2, 3, 6, 7), (1, 2))}
 """By how much libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
 
-LONGEST_HEADER = 12
+MAX_HEADER_BYTES = 12
 """Bytes: four of number and eight of size."""
 
-MOST_HEAD = 1 << 28
+MAX_HEAD_BYTES = 1 << 28
 """Bytes up to the end of Tracks, in memory; attached files may lie before them."""
 
 
@@ -105,7 +105,7 @@ def _read_head(file: BinaryIO, name: str) -> _Head:
         elements.append(_outer(file, elements[-1].stop, name))
         if elements[-1].number == CLUSTER:
             raise damaged(name)
-    if elements[-1].stop > min(segment.stop, MOST_HEAD):
+    if elements[-1].stop > min(segment.stop, MAX_HEAD_BYTES):
         raise damaged(name)
     file.seek(0)
     return _Head(file.read(elements[-1].stop), segment.content, elements)
@@ -115,7 +115,7 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
     """The header of the element that starts there; its content may be longer than what memory takes."""
     file.seek(start)
     try:
-        found = _element(file.read(LONGEST_HEADER), 0, None)
+        found = _element(file.read(MAX_HEADER_BYTES), 0, None)
     except IndexError as error:
         raise damaged(name) from error
     except ValueError as error:

@@ -29,7 +29,7 @@ VISUAL_SAMPLE_ENTRY = 78
 SIZE_32, SIZE_64 = 8, 16
 """Of a box's header."""
 
-MOST_MOOV = 1 << 30
+MAX_MOOV_BYTES = 1 << 30
 """Bytes; what is larger is no description of a movie but a damaged number."""
 
 
@@ -114,7 +114,7 @@ def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
     if any(box.kind == b"moof" for box in boxes):
         raise BadInputError(f"{name} is a fragmented movie, which is not supported; write it unfragmented")
     box = next((box for box in boxes if box.kind == b"moov"), None)
-    if box is None or box.stop - box.start > MOST_MOOV:
+    if box is None or box.stop - box.start > MAX_MOOV_BYTES:
         raise damaged(name)
     file.seek(box.start)
     return box, _Moov(box.start, file.read(box.stop - box.start), name)

@@ -21,7 +21,7 @@ drive that is away, or a terminal that is stopped."""
 CLEANING_SECONDS = 30.0
 """How long it may take after that to clear away what the run has made; then the process ends, and the next run does."""
 
-AGAIN_SECONDS = 0.2
+RETRY_SECONDS = 0.2
 """Between two attempts to tear the process out of a call: a signal may come just before the call begins."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
@@ -111,7 +111,7 @@ class Interrupts:
                 os._exit(128 + (self._received or 0))
             if self._is_stuck and not self._is_raised:
                 self._tear()
-            news = self._next_news(AGAIN_SECONDS)
+            news = self._next_news(RETRY_SECONDS)
 
     def _next_news(self, seconds: float) -> str | None:
         try:

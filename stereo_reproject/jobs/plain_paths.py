@@ -23,7 +23,7 @@ MAX_FOLDER_LENGTH = 199 if sys.platform == "win32" else 600
 """Of a folder's path, in UNIT: Blender keeps 1023 bytes of a file's, Windows 259 characters, and ours add folders and
 names to it."""
 
-MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
+MAX_NAME_LENGTH, MAX_PATH_LENGTH, MAX_WINDOWS_PATH_LENGTH = 255, 1023, 259
 """Where the system does not say: the longest name, path, and path on Windows, in UNIT."""
 
 NOT_ON_WINDOWS = re.compile(
@@ -32,7 +32,7 @@ NOT_ON_WINDOWS = re.compile(
 )
 """What no name may have or be there: after a colon, NTFS writes into something else that hides behind a file."""
 
-SHOWN = 40
+SHOWN_CHARACTERS = 40
 """Characters of a long name."""
 
 STAND_INS = "/proc/"
@@ -115,8 +115,8 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
         length, whole = _length(name), _length(str(folder / name))
         if length > most_of_name:
             raise BadInputError(
-                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
-                " shorten the name at the end of the output path"
+                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit"
+                f" ({name[:SHOWN_CHARACTERS]}...): shorten the name at the end of the output path"
             )
         if whole > most_of_path:
             raise BadInputError(
@@ -128,11 +128,11 @@ def _limits(folder: Path) -> tuple[int, int]:
     """The longest name, and path, that the drive of a folder takes, in UNIT."""
     there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
     if there is None or not hasattr(os, "pathconf"):
-        return MOST_OF_NAME, WINDOWS_MOST
+        return MAX_NAME_LENGTH, MAX_WINDOWS_PATH_LENGTH
     try:
         # One byte of a path is for its end.
         name, path = os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
     except (OSError, ValueError):
-        return MOST_OF_NAME, MOST_OF_PATH
+        return MAX_NAME_LENGTH, MAX_PATH_LENGTH
     # Some shared folders say 0, and -1 is for no limit.
-    return name if name > 0 else MOST_OF_NAME, path if path > 0 else MOST_OF_PATH
+    return name if name > 0 else MAX_NAME_LENGTH, path if path > 0 else MAX_PATH_LENGTH

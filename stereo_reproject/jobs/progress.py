@@ -25,7 +25,7 @@ USUAL: Mapping[str, Mapping[str, float]] = {
 """Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
 """
 
-NEVER_WHOLE = 0.97
+MAX_SHOWN_FRACTION = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""
 
 
@@ -89,7 +89,7 @@ class Progress:
             return expected * min(self._stage_fraction, 1.0)
         if self._pace is None or expected == 0.0:
             return 0.0
-        return expected * min((now - self._since) / (self._pace * expected), NEVER_WHOLE)
+        return expected * min((now - self._since) / (self._pace * expected), MAX_SHOWN_FRACTION)
 
 
 def clock(seconds: float) -> str:

@@ -63,7 +63,7 @@ RETRY_SECONDS = 0.05
 PID_BYTES = 4096
 MAX_PID = (1 << 32) - 1
 # A work folder without a pid may belong to a run that is just starting, on another machine.
-NAMELESS_SECONDS = 60.0
+MAX_NAMELESS_SECONDS = 60.0
 
 _own: set[str] = set()
 """Folders of this very process that are in use, by their real paths."""
@@ -144,13 +144,13 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
-    if tells_full_disk(error):
+    if is_full_disk_error(error):
         return BadInputError(f"{output}: the disk is full; free some space or choose another folder")
     reason = error.strerror or str(error)
     return BadInputError(f"{output} cannot be written ({reason}); choose another folder")
 
 
-def tells_full_disk(error: OSError) -> bool:
+def is_full_disk_error(error: OSError) -> bool:
     """Whether it is for lack of room that something could not be written."""
     return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
@@ -207,7 +207,7 @@ def _is_abandoned(folder: Path) -> bool:
             return not is_running(int(pid))
         # By the drive's clock, for this machine's may be another; what is made or removed there sets the folder's.
         with contextlib.suppress(OSError):
-            return folder.parent.stat().st_mtime - folder.stat().st_mtime > NAMELESS_SECONDS
+            return folder.parent.stat().st_mtime - folder.stat().st_mtime > MAX_NAMELESS_SECONDS
         return False
 
 

@@ -22,10 +22,10 @@ from .memory import is_limited, oom_kills
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
-LOG_MOST_BYTES = 1 << 22
+MAX_LOG_BYTES = 1 << 22
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
-SAMPLES = re.compile(rb"Sample (\d+)/(\d+)\D")
+SAMPLES_LINE = re.compile(rb"Sample (\d+)/(\d+)\D")
 REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
 """What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
 
@@ -135,7 +135,7 @@ class Worker:
     def trim_log(self) -> None:
         """Empty a log that has grown large: of thousands of frames it would fill the drive."""
         with contextlib.suppress(OSError):
-            if self.log.stat().st_size > LOG_MOST_BYTES:
+            if self.log.stat().st_size > MAX_LOG_BYTES:
                 # The worker appends.
                 os.truncate(self.log, 0)
                 self._stage_begins = 0
@@ -144,7 +144,7 @@ class Worker:
         """Of the render that this stage is at, from 0 to 1; None where the log does not say (5.2 does not)."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
-            samples = SAMPLES.findall(log.read())
+            samples = SAMPLES_LINE.findall(log.read())
             if samples:
                 done, total = map(int, samples[-1])
                 return done / max(total, 1)

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import as_told
+from ..errors import in_one_line
 from ..files import strict
 from ..jobs.warn_once import WarnOnce
 from ..settings.animation import AnimationSettings
@@ -33,10 +33,10 @@ def main() -> None:
     status = 0
     try:
         run_job(job, emit)
-    except Exception as error:  # noqa: BLE001 - whatever goes wrong is told in one line
-        told = as_told(error)
-        status = told.exit_status
-        emit("error", status=status, message=str(told))
+    except Exception as error:  # noqa: BLE001 - whatever goes wrong is reported in one line
+        failure = in_one_line(error)
+        status = failure.exit_status
+        emit("error", status=status, message=str(failure))
     # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
     os._exit(status)
 
@@ -91,7 +91,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
     warn = _warning_of(emit)
     scene, _ = _open(job, emit, warn)
-    told = Listener(
+    listener = Listener(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
@@ -105,7 +105,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         Path(job["blend"]),
         Session(**job["session"]),
         files=job["files"],
-        told=told,
+        told=listener,
     )
     # Without a frame of its own to render, a run leaves none.
     emit("done", report=report, files=job["files"] if report["last"] is not None else [])

@@ -8,10 +8,10 @@ from typing import Any
 from ..settings.frame import ACCURACIES, CUSTOM
 from .frame_record import Record
 
-MOST = 1e12
+MAX_FIGURE = 1e12
 """No figure of ours is as large: some of them are added up, and drawn."""
 
-DEEPEST = 8
+MAX_DEPTH = 8
 """Levels of lists and dicts in each other; ours have three."""
 
 
@@ -21,7 +21,7 @@ def figures_of(record: Record) -> tuple[dict[str, Any], list[str]]:
     return usable, [name for name in record.figures if name not in usable]
 
 
-def _is_plain(value: Any, deepest: int = DEEPEST) -> bool:
+def _is_plain(value: Any, deepest: int = MAX_DEPTH) -> bool:
     """Whether it is JSON with finite numbers of a usual size, and not too deep."""
     if value is None or isinstance(value, (bool, str)):
         return True
@@ -33,7 +33,7 @@ def _is_plain(value: Any, deepest: int = DEEPEST) -> bool:
 
 def _is_number(value: Any) -> bool:
     # No NaN is less than anything.
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -MOST < value < MOST
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -MAX_FIGURE < value < MAX_FIGURE
 
 
 def _is_number_or_none(value: Any) -> bool:

@@ -27,7 +27,7 @@ from .output_errors import failed_output
 POLL_SECONDS = 1.0
 """Between two looks at frames that another run has."""
 
-FAILURES_IN_A_ROW = 3
+MAX_FAILURES_IN_A_ROW = 3
 """Frames that cannot be rendered, one after the other, after which no more are tried."""
 
 
@@ -49,7 +49,7 @@ class FramePlan:
 
 @dataclass(frozen=True)
 class FrameListener:
-    """Who is told what: `done` of each frame that is finished, with its record; `failed` of those that are not, and
+    """Who is listener what: `done` of each frame that is finished, with its record; `failed` of those that are not, and
     why; `waits` of frames that another run has, when there is nothing else to do."""
 
     done: Callable[[int, Record], None] = lambda _frame, _record: None
@@ -67,7 +67,7 @@ class FrameMaker(Protocol):
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
         """Frames that were handed over and are written by now, or what stood in the way; with wait all of them.
 
-        None is told of a frame that was not written, because another run has claimed it meanwhile."""
+        None is listener of a frame that was not written, because another run has claimed it meanwhile."""
         ...
 
 
@@ -154,7 +154,7 @@ def render_frames(
     wanted: Fingerprints,
     token: str,
     maker: FrameMaker,
-    told: FrameListener,
+    listener: FrameListener,
 ) -> None:
     """Render what is to be rendered, each frame by one run alone; back when all are there or have failed.
 
@@ -162,14 +162,14 @@ def render_frames(
     rendered is passed over; when several cannot, one after the other, the last one's error is raised, and so is
     OutputError at once.
     """
-    work = _Work(plan, journal, wanted, token, maker, told)
+    work = _Work(plan, journal, wanted, token, maker, listener)
     left = set(plan.todo)
     while left:
         mine = {frame for frame in sorted(left) if work.do(frame)}
         left -= mine
         left |= work.collect(wait=not left or not mine)
         if left and not mine:
-            told.waits(sorted(left))
+            listener.waits(sorted(left))
             time.sleep(POLL_SECONDS)
 
 
@@ -180,7 +180,7 @@ class _Work:
     wanted: Fingerprints
     token: str
     maker: FrameMaker
-    told: FrameListener
+    listener: FrameListener
     _failed_in_a_row: int = 0
     _rendered: int = 0
     _done: int = 0
@@ -197,7 +197,7 @@ class _Work:
             if record is not None and self.plan.is_new(record):
                 self.journal.claims.release(frame, claim, self.token)
                 self._check_same(record)
-                self.told.done(frame, record)
+                self.listener.done(frame, record)
                 return True
         except OSError as error:
             raise failed_output(self.journal.frames_folder, error) from error
@@ -233,15 +233,15 @@ class _Work:
             else:
                 self._failed_in_a_row = 0
                 self._done += 1
-                self.told.done(frame, result)
+                self.listener.done(frame, result)
 
     def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
         with contextlib.suppress(OSError):
             self.journal.claims.release(frame, self._claims[frame], self.token)
         self._failed_in_a_row += 1
-        if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= FAILURES_IN_A_ROW:
+        if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= MAX_FAILURES_IN_A_ROW:
             raise error
-        self.told.failed(frame, str(error))
+        self.listener.failed(frame, str(error))
 
 
 def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[str, Any], claim: int) -> Record | None:

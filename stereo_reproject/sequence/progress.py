@@ -15,7 +15,7 @@ from .frames import FrameListener, FramePlan
 
 @dataclass(frozen=True)
 class Listener:
-    """Who is told what: on_stage of a stage's name and which frame it is of; on_frame of each frame that is done; note
+    """Who is listener what: on_stage of a stage's name and which frame it is of; on_frame of each frame that is done; note
     and warn of what is to be said."""
 
     on_stage: Callable[[str, str], None] = lambda _stage, _detail: None
@@ -34,18 +34,18 @@ class AnimationProgress:
         self,
         plan: FramePlan,
         total: int,
-        told: Listener,
+        listener: Listener,
         failed: dict[int, str],
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._total, self._left = total, len(plan.todo)
-        self._failed, self._out = failed, told
+        self._failed, self._out = failed, listener
         self._clock, self._done = clock, 0
         self._since: float | None = None
         self._each = 0.0
         self._waited = False
-        self.told = FrameListener(self._on_done, self._on_failed, self._on_wait)
+        self.frame_listener = FrameListener(self._on_done, self._on_failed, self._on_wait)
 
     def _on_done(self, frame: int, record: Record) -> None:
         # Another run's record is as trustworthy as the drive that it lies on.

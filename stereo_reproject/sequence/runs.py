@@ -32,7 +32,7 @@ from ..jobs.worker_process import module_command, worker_environment
 BEAT_SECONDS = 2.0
 BEAT_DIGITS = 20
 
-APPEARANCES = 5
+APPEAR_ATTEMPTS = 5
 """How often a run tries to appear: each time, another would have to go at that very moment."""
 
 CLAIM = ".claim."
@@ -196,7 +196,7 @@ def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> I
 def _appear(path: Path, text: str) -> None:
     """Write the file, which is there whole or not at all, in a folder that a run which has just ended may take away."""
     beside = path.with_name(f".{path.name}.tmp")
-    for left in reversed(range(APPEARANCES)):
+    for left in reversed(range(APPEAR_ATTEMPTS)):
         try:
             path.parent.mkdir(exist_ok=True)
             beside.write_text(text, encoding="ascii")

@@ -20,12 +20,12 @@ from .frame_record import Record
 ANSWER_SECONDS = 0.02
 """Between two looks for an answer."""
 
-MOST_PENDING = 2
+MAX_PENDING_FRAMES = 2
 """Frames that wait to be written: more would only fill the drive."""
 
 
 @dataclass(frozen=True)
-class WriterOrder:
+class WriterJob:
     """The file that the frames are of and the session that has it open, and where they go; output, layout and
     file_format are as `AnimationSettings` has them."""
 
@@ -54,10 +54,10 @@ class WrittenFrame:
 class WriterProcess:
     """The process. command starts another one than `python -m stereo_reproject.programs.writer`."""
 
-    def __init__(self, order: WriterOrder, command: Sequence[str] | None = None) -> None:
-        self._order = order
+    def __init__(self, job: WriterJob, command: Sequence[str] | None = None) -> None:
+        self._job = job
         self._command = command
-        self._answers = Path(order.private)
+        self._answers = Path(job.private)
         self._log = self._answers / "writer.log"
         self._process: subprocess.Popen[bytes] | None = None
         self._pending: dict[int, WrittenFrame] = {}
@@ -82,7 +82,7 @@ class WriterProcess:
             raise StereoReprojectError(
                 f"no process could be started ({error.strerror}); free some resources"
             ) from error
-        self._send(asdict(self._order))
+        self._send(asdict(self._job))
 
     def hand_over(self, frame: WrittenFrame) -> None:
         """Have a frame written, as soon as those before it are."""
@@ -92,7 +92,7 @@ class WriterProcess:
             self.start()
         self._pending[frame.frame] = frame
         self._send(asdict(frame))
-        while len(self._pending) > MOST_PENDING:
+        while len(self._pending) > MAX_PENDING_FRAMES:
             self._look()
             time.sleep(ANSWER_SECONDS)
 
@@ -161,7 +161,7 @@ class WriterProcess:
 
     def _how_it_ended(self, frame: int) -> str:
         if self._is_gone():
-            return f"{self._order.folder} is gone, with the frames that were in it"
+            return f"{self._job.folder} is gone, with the frames that were in it"
         status = None if self._process is None else self._process.returncode
         ending = f"exit status {status}" if os.name != "posix" or not status or status > 0 else f"signal {-status}"
         return f"frame {frame} was not written: Blender stopped unexpectedly ({ending})"

@@ -5,23 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from .frame import StereoSettings
+from .tuning import TUNING
 
-STEP = 1.0 / 255.0
-"""Of an 8-bit picture."""
-
-
-PROBED_PIXELS = 960 * 540
-"""Of a picture whose tiles are as small as a setting has them; what is to be found in a larger one is larger, too."""
-
-LONGEST = 2.0
-"""So many times as long is the side of a large picture's tiles, at most."""
-
-DENOISED_SPACING = 0.75
-"""Side of a probe's tile in a denoised picture over the one in a noisy picture."""
-
-DENOISED_LIMIT = 1.5
-"""The limit of a tile's noise ratio in a denoised picture over the one in a noisy picture, whose noise is seven times
-as large: it is only roughly told, and what it is a ratio to can hardly be seen."""
+EIGHT_BIT_STEP = 1.0 / 255.0
+"""Difference between two neighbouring values of an 8-bit picture."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +32,7 @@ class Accuracy:
     probe_spacing: int = 8
     tile_limit: float = 2.0
     promises_worst_tiles: bool = False
-    unseen: float = STEP
+    unseen: float = EIGHT_BIT_STEP
 
 
 SETTINGS: dict[str, Accuracy] = {
@@ -60,7 +47,7 @@ SETTINGS: dict[str, Accuracy] = {
         colour_tolerance=0.35,
         promise=1.05,
         tile_limit=1.5,
-        unseen=0.5 * STEP,
+        unseen=0.5 * EIGHT_BIT_STEP,
     ),
     "exact": Accuracy(
         silhouette_step=0.1,
@@ -90,12 +77,12 @@ def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
     """
     if accuracy.promises_worst_tiles:
         return accuracy
-    longer = min(max((pixels / PROBED_PIXELS) ** 0.5, 1.0), LONGEST)
+    longer = min(max((pixels / TUNING.small_picture_px) ** 0.5, 1.0), TUNING.max_tile_growth)
     return replace(accuracy, probe_spacing=int(longer * accuracy.probe_spacing))
 
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
     """The same for a picture that is denoised: an error shows beside less noise, and more probes are needed for it."""
-    spacing = max(round(DENOISED_SPACING * accuracy.probe_spacing), 2)
-    limit = accuracy.tile_limit if accuracy.promises_worst_tiles else DENOISED_LIMIT * accuracy.tile_limit
+    spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), 2)
+    limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
     return replace(accuracy, probe_spacing=spacing, tile_limit=limit)

@@ -15,7 +15,7 @@ EXISTING = ("refuse", "resume", "overwrite", "keep")
 """What becomes of frames that are there: the run is refused; those that are whole and of this scene stay; none stays;
 all stay that are there at all, as Blender does it without Overwrite."""
 
-MOST_FRAMES = 1 << 20
+MAX_FRAMES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,11 @@ def read_frames(text: str) -> tuple[int, ...]:
         if last < first or step < 1:
             raise BadInputError(f"frames {part.strip()} are none: name them in rising order, with a step from 1")
         count = (last - first) // step + 1
-        if count > MOST_FRAMES:
-            raise BadInputError(f"frames {part.strip()} are more than {MOST_FRAMES}")
+        if count > MAX_FRAMES:
+            raise BadInputError(f"frames {part.strip()} are more than {MAX_FRAMES}")
         # One frame may be named several times, but not without an end: such a text may come out of a damaged file.
         named += count
-        if named > 2 * MOST_FRAMES:
+        if named > 2 * MAX_FRAMES:
             raise BadInputError(f"frames {text[:40]!r}... name frames again and again")
         frames.update(range(first, last + 1, step))
     result = tuple(sorted(frames))

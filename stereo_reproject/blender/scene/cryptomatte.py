@@ -6,7 +6,7 @@ import bpy
 
 from .working import rendered_layer
 
-FEWEST_LEVELS = 2
+MIN_LEVELS = 2
 """Ranks that Blender makes at least: two to a pass."""
 
 OURS = "stereo_reproject_cryptomatte"
@@ -29,4 +29,4 @@ def switch_on_cryptomatte(scene: bpy.types.Scene) -> None:
         return
     layer.use_pass_cryptomatte_material = layer[OURS] = True
     if not (layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset):
-        layer.pass_cryptomatte_depth = FEWEST_LEVELS
+        layer.pass_cryptomatte_depth = MIN_LEVELS

@@ -6,17 +6,17 @@ import hashlib
 import re
 from pathlib import Path
 
-BLOCK = 64 * 1024
+BLOCK_BYTES = 64 * 1024
 """Bytes of each sample."""
-SAMPLES = 8
+SAMPLED_BLOCKS = 8
 """A longer file is read at its beginning, at its end and at this many places in all."""
-BRIEF = 4 * 1024
+SMALL_BLOCK_BYTES = 4 * 1024
 """Bytes of each of the two samples of a file that is one of many."""
 
 MISSING = "missing"
 
 
-def file_digest(path: Path, *, block: int = BLOCK, samples: int = SAMPLES) -> str:
+def file_digest(path: Path, *, block: int = BLOCK_BYTES, samples: int = SAMPLED_BLOCKS) -> str:
     """Of the size and of samples of the content, all of it if it is no longer than them; or MISSING."""
     digest = hashlib.sha256()
     try:
@@ -58,5 +58,5 @@ def numbered_like(path: Path) -> dict[str, Path] | None:
 
 def files_digest(files: dict[str, Path]) -> str:
     """Of files that belong together, each under a name that is its own and not its path's."""
-    lines = (f"{name} {file_digest(files[name], block=BRIEF, samples=2)}" for name in sorted(files))
+    lines = (f"{name} {file_digest(files[name], block=SMALL_BLOCK_BYTES, samples=2)}" for name in sorted(files))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()

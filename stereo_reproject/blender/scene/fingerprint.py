@@ -13,7 +13,7 @@ import bpy
 
 from .fingerprint_reading import Key, Reader
 
-DIGITS = 16
+DIGEST_DIGITS = 16
 """Of the digest of a kind of datablock: chance makes two of them equal once in 10^19."""
 FILES = "files"
 
@@ -46,7 +46,7 @@ def scene_fingerprints(scene: bpy.types.Scene) -> dict[str, str]:
     lines: dict[str, list[str]] = {FILES: sorted(reader.files.lines)}
     for key in sorted(found):
         lines.setdefault(key[0], []).append(f"{key} {found[key]}")
-    return {kind: _digest(lines[kind])[:DIGITS] for kind in sorted(lines)}
+    return {kind: _digest(lines[kind])[:DIGEST_DIGITS] for kind in sorted(lines)}
 
 
 def what_changed(before: dict[str, str], after: dict[str, str]) -> list[str]:

@@ -10,7 +10,7 @@ from ...images.effects import Effect
 from .node_trees import WORLD_OUTPUTS, Groups, depends_on_camera, is_constant, is_fed, origin, upstream
 from .working import CYCLES
 
-SHARP = 0.25
+MAX_CAUSTIC_ROUGHNESS = 0.25
 """Roughness below which what a surface throws on others is called a caustic."""
 
 NOTHING = Effect(0)
@@ -180,7 +180,7 @@ def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
     if roughness is None or is_fed(roughness, groups):
         return True
     source, _ = origin(roughness, groups)
-    return source is None or source.default_value < SHARP
+    return source is None or source.default_value < MAX_CAUSTIC_ROUGHNESS
 
 
 def _principled(node: bpy.types.Node, groups: Groups) -> Shading:

@@ -23,7 +23,7 @@ Block = TypeVar("Block", bound=bpy.types.ID)
 DRIVEN_SEED = "stereo_reproject_seed"
 """A working scene's property that has the driver of its seed."""
 
-SMALLEST = 4
+MIN_SIDE_PX = 4
 """Pixels along a side: Blender renders nothing smaller."""
 
 
@@ -239,7 +239,7 @@ def make_small(working: bpy.types.Scene, width: int) -> float:
     """
     render = working.render
     region = frame_region(render)
-    scale = max(min(width / region.width, 0.5), min(SMALLEST / min(region.width, region.height), 1.0))
+    scale = max(min(width / region.width, 0.5), min(MIN_SIDE_PX / min(region.width, region.height), 1.0))
     percentage = render.resolution_percentage / 100.0
     # Rounded up: a border must not lose its last pixels.
     render.resolution_x, render.resolution_y = (
@@ -268,10 +268,10 @@ def _standing(scene: bpy.types.Scene) -> tuple[int, float]:
 
 def _check_region(render: bpy.types.RenderSettings) -> None:
     region = frame_region(render)
-    if min(region.width, region.height) < SMALLEST:
+    if min(region.width, region.height) < MIN_SIDE_PX:
         raise BadInputError(
-            f"{region.width} x {region.height} pixels are to be rendered: at least {SMALLEST} x {SMALLEST} are needed;"
-            " check resolution, percentage and render border"
+            f"{region.width} x {region.height} pixels are to be rendered: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are"
+            " needed; check resolution, percentage and render border"
         )
 
 
