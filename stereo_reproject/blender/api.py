@@ -1,4 +1,4 @@
-"""What a script calls, in Blender or with Blender as a Python module: a handful of functions on the open file.
+"""The functions for scripts, in Blender or with Blender as a Python module, on the open file.
 
     from stereo_reproject.blender.api import compare, inspect, render_animation, render_frame
 
@@ -74,7 +74,7 @@ def compare(
     scene: bpy.types.Scene | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """The same, and Blender's multiview in the same run: `speedup`, `noise_ratio`, `worst_tiles` and more."""
+    """Render a pair and Blender's multiview in one run; return `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
@@ -160,7 +160,8 @@ def inspect(
     sketch: bool = True,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """What the scene calls for and what its pair will cost, as `python -m stereo_reproject inspect --json` prints it.
+    """Return what the scene calls for and what its pair will cost: the JSON of `python -m stereo_reproject inspect
+    --json`.
 
     Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """
@@ -171,7 +172,7 @@ def inspect(
 
 
 def _check_scene(scene: bpy.types.Scene, settings: StereoSettings, *, strict: bool) -> None:
-    """Raises BadInputError where a strict run finds anything lacking."""
+    """Raise BadInputError where a strict run finds anything lacking."""
     if strict:
         warnings_ahead(scene, settings.scene, strict=True)
 

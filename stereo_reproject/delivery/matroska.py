@@ -30,7 +30,7 @@ STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT = 0x53B8, 0x54B0, 0x54BA
 VIDEO_TRACK = 1
 
 WEBM_MODES = frozenset({0, 1, 2, 3, 11})
-"""Of StereoMode, those that WebM has (WebM Project, "WebM Container Guidelines")."""
+"""Values of StereoMode that WebM has (WebM Project, "WebM Container Guidelines")."""
 
 DOUBLED = {**dict.fromkeys((1, 8, 9, 11), (2, 1)), **dict.fromkeys((2, 3, 6, 7), (1, 2))}
 """By how much libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
@@ -44,7 +44,7 @@ MAX_HEAD_BYTES = 1 << 28
 
 @dataclass(frozen=True)
 class Element:
-    """Its number, the width of its size in bytes, its place [start, stop), its content from `content`."""
+    """An element: its number, the width of its size in bytes, its place [start, stop), and where its content begins."""
 
     number: int
     width: int
@@ -124,7 +124,7 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
 
 
 def _element(data: bytes, start: int, stop: int | None) -> Element:
-    """Raises ValueError when its size is unknown or beyond `stop`, IndexError when it has no header."""
+    """Read an element. Raises ValueError if its size is unknown or beyond `stop`, IndexError when it has no header."""
     number, at = _variable(data, start, keep_marker=True)
     size, content = _variable(data, at, keep_marker=False)
     width = content - at

@@ -27,7 +27,7 @@ VISUAL_SAMPLE_ENTRY = 78
 """Bytes of its own before its boxes (ISO/IEC 14496-12, 12.1.3)."""
 
 SIZE_32, SIZE_64 = 8, 16
-"""Of a box's header."""
+"""Bytes of a box's header, with a 32-bit and with a 64-bit size."""
 
 MAX_MOOV_BYTES = 1 << 30
 """Bytes; what is larger is no description of a movie but a damaged number."""
@@ -35,7 +35,8 @@ MAX_MOOV_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class Box:
-    """Its type and its place in the file, [start, stop), its content from `content`. open_ended: to the file's end."""
+    """A box: its type, its place in the file [start, stop), and where its content begins. open_ended: to the file's
+    end."""
 
     kind: bytes
     start: int
@@ -140,7 +141,7 @@ def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
 
 
 def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit], list[Box]]:
-    """What changes in the first video track's sample entry, and the boxes around it, the entry included."""
+    """Return the changes of the first video track's sample entry, and of the boxes around it."""
     for track in moov.boxes(moov_box.content, moov_box.stop):
         way = moov.descendants(track, PATH_TO_ENTRIES) if track.kind == b"trak" else None
         if way and _is_video(moov, way[0]):

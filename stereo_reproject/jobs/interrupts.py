@@ -15,14 +15,14 @@ from typing import Any
 from ..errors import StereoReprojectError
 
 HELD_SECONDS = 2.0
-"""How long a signal is held back at most. Whoever has not come to `check` by then waits for what does not answer: a
-drive that is away, or a terminal that is stopped."""
+"""Longest time that a signal is held back. A process that has not come to `check` by then waits for something that does
+not answer: a drive that is away, or a terminal that is stopped."""
 
 CLEANING_SECONDS = 30.0
-"""How long it may take after that to clear away what the run has made; then the process ends, and the next run does."""
+"""Longest time after that for removing the files of the run; then the process ends, and the next run removes them."""
 
 RETRY_SECONDS = 0.2
-"""Between two attempts to tear the process out of a call: a signal may come just before the call begins."""
+"""Time between two attempts to interrupt a call: a signal may come just before the call begins."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 _SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
@@ -93,7 +93,8 @@ class Interrupts:
 
     @contextmanager
     def until_cleaning(self) -> Iterator[None]:
-        """What comes after this clears away what a run has made: nothing tears the process out of that."""
+        """Interrupt calls in the body where a signal is held for too long; what follows the body removes a run's files,
+        and is not interrupted."""
         self._is_cleaning = False
         try:
             yield

@@ -17,26 +17,27 @@ from pathlib import Path
 from ..errors import BadInputError
 
 UNIT = "characters" if sys.platform == "win32" else "bytes"
-"""What names and paths are limited by."""
+"""Unit in which the system limits the length of names and paths."""
 
 MAX_FOLDER_LENGTH = 199 if sys.platform == "win32" else 600
-"""Of a folder's path, in UNIT: Blender keeps 1023 bytes of a file's, Windows 259 characters, and ours add folders and
-names to it."""
+"""Greatest length of a folder's path in UNIT: Blender keeps 1023 bytes of a file's path, Windows 259 characters, and
+our folders and names come on top."""
 
 MAX_NAME_LENGTH, MAX_PATH_LENGTH, MAX_WINDOWS_PATH_LENGTH = 255, 1023, 259
-"""Where the system does not say: the longest name, path, and path on Windows, in UNIT."""
+"""Greatest length of a name, of a path, and of a path on Windows, in UNIT, for systems that do not say theirs."""
 
 NOT_ON_WINDOWS = re.compile(
     r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3]) *(\.|$)',
     re.IGNORECASE,
 )
-"""What no name may have or be there: after a colon, NTFS writes into something else that hides behind a file."""
+"""Characters and names that no file may have there. After a colon, NTFS writes into a stream that hides behind a file.
+"""
 
 SHOWN_CHARACTERS = 40
-"""Characters of a long name."""
+"""Number of characters of a long name in a message."""
 
 STAND_INS = "/proc/"
-"""How the paths begin that stand in for others."""
+"""Beginning of the paths that stand in for others."""
 
 
 def misread(path: str | os.PathLike[str]) -> str | None:
@@ -59,7 +60,7 @@ def _is_utf8(name: str) -> bool:
 
 
 def _length(name: str) -> int:
-    """How much of a limit a name takes up, in UNIT."""
+    """Return the length of a name or path in UNIT."""
     return len(name.encode("utf-16-le", "surrogatepass")) // 2 if sys.platform == "win32" else len(os.fsencode(name))
 
 

@@ -1,4 +1,4 @@
-"""How far a run is, and how long it still takes: from what its stages usually take, and what they have taken so far."""
+"""Progress of a run, and the time that remains: from the usual times of its stages, and their times so far."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class Progress:
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 
     def fraction(self, now: float) -> float:
-        """How much of the run is done, from 0 to 1."""
+        """Return the fraction of the run that is done, from 0 to 1."""
         whole = self._frames * sum(self._expected.values())
         return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
 
     def remaining(self, now: float) -> float | None:
-        """Seconds that are still to come, or None as long as nothing tells."""
+        """Return the seconds that remain, or None as long as they cannot be estimated."""
         if self._pace is None:
             return None
         whole = self._frames * sum(self._expected.values())

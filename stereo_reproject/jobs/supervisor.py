@@ -51,7 +51,7 @@ from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, s
 Event = dict[str, Any]
 
 FRAME = "frame "
-"""What the detail of an animation's stages begins with; its number follows."""
+"""Beginning of the detail of an animation's stages; the frame's number follows."""
 
 HANDED_OVER = "write"
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
@@ -59,12 +59,12 @@ HANDED_OVER = "write"
 
 @dataclass(frozen=True)
 class Session:
-    """What an open Blender knows that a .blend which it saved does not say; as it is, what a .blend says itself.
+    """Facts about an open Blender that a .blend saved by it does not hold; by default those that a .blend holds itself.
 
-    scene is as `blender.scene.working.scene_key` has it, None the one that was active; devices are as
-    `blender.scene.devices` has them, None those of the worker's own preferences. original is the path of the file that
-    the .blend is a copy of, empty for one that was never saved: what is written belongs beside it. scripts of the
-    .blend run only when told to. layers are the names of the view layers that its window renders.
+    scene is a `blender.scene.working.scene_key`, None for the scene that was active; devices are those of
+    `blender.scene.devices`, None for those of the worker's own preferences. original is the path of the file that the
+    .blend is a copy of, empty for one that was never saved: files are written beside it. scripts says whether the
+    scripts of the .blend run. layers are the names of the view layers that its window renders.
     """
 
     scene: tuple[str, str | None] | None = None
@@ -171,7 +171,7 @@ def _json_text(text: str) -> bytes:
 
 
 def _message(job: Job, work: Path, blend: Path) -> bytes:
-    """The job as the worker is told it; blend is how Blender finds the job's."""
+    """Return the line with the job for the worker; blend is the path by which Blender finds the job's file."""
     fields = {
         "command": job.command,
         "blend": str(blend),
@@ -188,7 +188,7 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
 
 
 def _kept_by(job: Job) -> str:
-    """What becomes of files when the run fails, in words."""
+    """Return what a failed run leaves behind, in words."""
     if job.command == "animate":
         return "frames that are finished are kept"
     return "" if job.output is None else "nothing was written, and existing files are kept"

@@ -44,7 +44,7 @@ FILES = (
 )
 
 DIFFERENCE = "difference.png"
-"""What a pair has besides when it is compared with multiview."""
+"""Name of a file that a pair has besides when it is compared with multiview."""
 
 
 def pair_files(*, compare: bool) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def pair_files(*, compare: bool) -> tuple[str, ...]:
 
 
 def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
-    """What an earlier pair may have left that does not belong to one of these files."""
+    """Return names of files that an earlier pair may have left and that do not belong to a pair with these files."""
     return tuple(name for name in pair_files(compare=True) if name not in files)
 
 
@@ -151,7 +151,7 @@ def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
 
 
 def is_full_disk_error(error: OSError) -> bool:
-    """Whether it is for lack of room that something could not be written."""
+    """Return whether something could not be written for lack of room."""
     return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
@@ -187,7 +187,7 @@ def _work_folders(output: Path) -> list[Path]:
 
 
 def _owner(folder: Path) -> int | None:
-    """Whose it is; None where the system does not say, or it is gone."""
+    """Return the owner of a file; None where the system does not say, or the file is gone."""
     if sys.platform != "win32":
         with contextlib.suppress(OSError):
             return folder.lstat().st_uid
@@ -216,7 +216,8 @@ def _machine_digest() -> str:
 
 
 def machine() -> str:
-    """What process numbers are told apart by: two containers may have the same name and count their processes anew."""
+    """Return an identifier of this machine, within which process numbers are unique. Two containers may have the same
+    host name, and each counts its processes anew."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{platform.node()} {boot} {Path('/proc/self/ns/pid').readlink()}"
@@ -226,7 +227,8 @@ def machine() -> str:
 
 
 def is_running(pid: int) -> bool:
-    """Whether a process of this machine lives; never oneself, whose number may have been a dead one's before."""
+    """Return whether a process of this machine lives; False for this process itself, whose number may have been a dead
+    one's before."""
     # In a container the number of a dead run is soon one's own.
     if not 0 < pid <= MAX_PID or pid == os.getpid():
         return False

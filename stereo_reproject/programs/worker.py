@@ -136,7 +136,7 @@ def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
 
 
 def _plan(job: dict[str, Any], emit: Emit) -> None:
-    """The same with nothing rendered, and so nothing predicted."""
+    """Say what the scene calls for, without rendering and so without a prediction."""
     _inspect(job, emit, sketch=False)
 
 
@@ -196,11 +196,11 @@ def _animation(fields: dict[str, Any]) -> AnimationSettings:
 
 
 def _on_stage(emit: Emit) -> Callable[..., None]:
-    """Tells of each stage as it begins, with a detail where there is one.
+    """Return what reports each stage as it begins, with a detail where there is one.
 
-    How many of its samples are rendered is read from the log, and on the other side. Nothing in this process may do so
-    while Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look
-    whether Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
+    The other side reads from the log how many of its samples are rendered. Nothing in this process may do so while
+    Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look whether
+    Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
     """
 
     def on_stage(name: str, detail: str = "") -> None:

@@ -60,8 +60,8 @@ NAME_DISTANCE = 0.185
 
 
 def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
-    """Write path.svg and path.png of what animation.json holds; until_whole is as `files.whole_file` has it. Raises
-    OSError."""
+    """Write path.svg and path.png from the content of animation.json; until_whole is passed to `files.whole_file`.
+    Raises OSError."""
     draw_whole(draw_animation, report, path, until_whole)
 
 
@@ -105,7 +105,7 @@ def _counted(frames: int) -> str:
 
 
 def _details(report: Mapping[str, Any], series: Series) -> str:
-    """What all frames have in common, and how much was traced."""
+    """Return the facts that all frames have in common, and the fraction that was traced."""
     rows = report["frames"]
     size, samples = _common(rows, "size"), _common(rows, "samples")
     parts = [
@@ -200,12 +200,12 @@ def _fill(axes: Axes, above: NDArray, edges: NDArray, below: NDArray | float, **
 
 
 def _width(series: Series) -> float:
-    """Of a line: thinner where the frames lie close."""
+    """Return the width of a line: thinner where the frames lie close."""
     return 1.6 if len(series.frames) <= 200 else 0.8
 
 
 def _peer(series: Series) -> tuple[str, NDArray]:
-    """What is known of Blender's multiview: how, and the seconds (N,)."""
+    """Return how the seconds of Blender's multiview are known, and the seconds (N,)."""
     measured = np.isfinite(series.measured).any()
     return ("measured", series.measured) if measured else ("predicted", series.predicted)
 
@@ -223,7 +223,7 @@ def _draw_peer(axes: Axes, series: Series) -> None:
 
 
 def _marked(seconds: NDArray) -> list[int]:
-    """Which points have a marker: all of a few, else those that are in no line."""
+    """Return the points that have a marker: all of a few, else those that are in no line."""
     known = np.isfinite(seconds)
     if known.sum() > MAX_MARKERS:
         beside = np.pad(known, 1)

@@ -22,7 +22,7 @@ def figures_of(record: Record) -> tuple[dict[str, Any], list[str]]:
 
 
 def _is_plain(value: Any, deepest: int = MAX_DEPTH) -> bool:
-    """Whether it is JSON with finite numbers of a usual size, and not too deep."""
+    """Return whether a value is JSON with finite numbers of a usual size, and not nested too deeply."""
     if value is None or isinstance(value, (bool, str)):
         return True
     if isinstance(value, (int, float)):
@@ -69,7 +69,7 @@ def _are_fractions(value: Any) -> bool:
 
 
 def _is_comparison(value: Any) -> bool:
-    """Whether it is what a comparison with multiview found, or None, as for a frame that was not compared."""
+    """Return whether it is the result of a comparison with multiview, or None for a frame that was not compared."""
     if value is None:
         return True
     known = isinstance(value, dict) and _is_plain(value) and value.keys() >= {"multiview_seconds", "noise_ratio"}
@@ -99,4 +99,4 @@ _RULES: dict[str, Callable[[Any], bool]] = {
     **dict.fromkeys(("fill", "warp", "estimate", "correction", "memory"), _is_group),
     "layers": _is_list,
 }
-"""What a figure must be; others are taken as they are, if they are plain."""
+"""Test that a figure must pass; figures without one are accepted where they are plain."""

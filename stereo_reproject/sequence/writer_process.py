@@ -1,4 +1,5 @@
-"""The writer as a process: started, handed one frame after the other, asked what has become of them; see `writer`."""
+"""The writer as a process of its own: started, handed one frame after the other, and asked for the results
+(`programs/writer`)."""
 
 from __future__ import annotations
 
@@ -18,16 +19,16 @@ from ..jobs.worker_process import module_command, private_environment
 from .frame_record import Record
 
 ANSWER_SECONDS = 0.02
-"""Between two looks for an answer."""
+"""Time between two looks for an answer."""
 
 MAX_PENDING_FRAMES = 2
-"""Frames that wait to be written: more would only fill the drive."""
+"""Frames that may wait to be written: more would only fill the drive."""
 
 
 @dataclass(frozen=True)
 class WriterJob:
-    """The file that the frames are of and the session that has it open, and where they go; output, layout and
-    file_format are as `AnimationSettings` has them."""
+    """The writer's job: the .blend and the session that has it open, the private folder for its answers, and the folder
+    of the frames with their name. output, layout and file_format are those of `AnimationSettings`."""
 
     blend: str
     session: Session
@@ -97,7 +98,7 @@ class WriterProcess:
             time.sleep(ANSWER_SECONDS)
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """As `frames.FrameMaker` has it."""
+        """Return the written frames: see `frames.FrameMaker.finished`."""
         self._look()
         while wait and self._pending:
             time.sleep(ANSWER_SECONDS)
@@ -155,8 +156,8 @@ class WriterProcess:
         return self._process is None or self._process.poll() is not None
 
     def _is_gone(self) -> bool:
-        """Whether the folder that the answers lay in is no longer there. Another of that name may be: Blender makes
-        folders that are missing on the way to its files."""
+        """Return whether the folder of the answers was removed. Blender may have made it anew, because it makes missing
+        folders on the way to its files; but not the log in it."""
         return not self._log.exists()
 
     def _how_it_ended(self, frame: int) -> str:

@@ -1,4 +1,4 @@
-"""How an animation is rendered, beside how each of its pairs is made: checked once, and frozen."""
+"""Settings of an animation, beside those of each of its pairs: checked once, and frozen."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..errors import BadInputError
 from .frame import MAX_FRAME
 
 EXISTING = ("refuse", "resume", "overwrite", "keep")
-"""What becomes of frames that are there: the run is refused; those that are whole and of this scene stay; none stays;
-all stay that are there at all, as Blender does it without Overwrite."""
+"""Ways to handle frames that are there: refuse the run; keep those that are whole and of this scene; keep none; keep
+all that are there at all, as Blender does without Overwrite."""
 
 MAX_FRAMES = 1 << 20
 

@@ -1,4 +1,4 @@
-"""What a run is asked to do, checked once: frozen, so that nothing changes under way."""
+"""Settings of one pair: checked once, and frozen, so that nothing changes under way."""
 
 from __future__ import annotations
 
