@@ -200,8 +200,8 @@ class _AnimationLine(_StageLine):
         bar = f"[{'#' * filled}{'-' * (BAR_LENGTH - filled)}]"
         each = self._event.get("each")
         pace = [f"{each:.1f} s per frame"] if isinstance(each, (int, float)) else []
-        told = [*pace, *_frame_figures({**self._event, "seconds": None})] if total else []
-        return "  ".join(filter(None, (bar, *told, self._detail)))
+        figures = [*pace, *_frame_figures({**self._event, "seconds": None})] if total else []
+        return "  ".join(filter(None, (bar, *figures, self._detail)))
 
 
 def _frame_text(event: Event) -> str:

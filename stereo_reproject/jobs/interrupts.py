@@ -50,7 +50,7 @@ class Interrupts:
         self._received: int | None = None
         self._previous: dict[int, Any] = {}
         self._is_stuck = self._is_raised = self._is_cleaning = False
-        # Of all ways to tell a thread something, this one may be used in a signal handler.
+        # Of all ways to pass something to a thread, this one may be used in a signal handler.
         self._news: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._watcher: threading.Thread | None = None
 

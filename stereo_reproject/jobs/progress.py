@@ -22,7 +22,7 @@ USUAL: Mapping[str, Mapping[str, float]] = {
     "animate": {"load": 0.0, "prepare": 0.0, **_PAIR},
     "inspect": {"load": 0.0, "plan": 0.0, "sketch": 1.0},
 }
-"""Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
+"""Shares of a run's time by command, in the order of its stages. The seconds of loading say nothing about the rest.
 """
 
 MAX_SHOWN_FRACTION = 0.97
@@ -61,7 +61,7 @@ class Progress:
         """So much of the stage is done, from 0 to 1; None where nobody knows."""
         self._stage_fraction = fraction
         expected = self._expected.get(self._stage, 0.0)
-        # The start of a stage tells little.
+        # The start of a stage says little.
         if fraction and fraction > 0.05 and expected > 0.0:
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 

@@ -20,7 +20,7 @@ stdout   one JSON object per line:
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
 stderr   work/blender.log, whose last line a crash is reported with, but for SIGKILL. As far as it counts the samples
-         of a render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
+         of a render ("Sample 3/16"), `on_event` gets the stage again, with its "fraction" from 0 to 1.
 work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
          which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
 
@@ -82,7 +82,7 @@ class Job:
     one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
     have; without any it has all. animation is how the frames of one are rendered.
     strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
-    is no setting of those that tell whether a frame is to be rendered again.
+    is no setting of those by which a frame is rendered again.
     """
 
     blend: Path

@@ -233,7 +233,7 @@ def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
     message.append(kept)
     words = worker.last_words()
     if words and not killed:
-        # Who is killed from outside has not seen it coming, and its log does not tell of it.
+        # A process that is killed from outside leaves no word of it in its log.
         message.append(f"last in its log: {words}")
     return "; ".join(filter(None, message))
 

@@ -131,12 +131,12 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
         if compared
         else "predicted from what the source eye has cost"
     )
-    told = (
+    facts = (
         f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {peer}. Traced: the share "
         "of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
         "else that is done before the next frame begins."
     )
-    notes = [told]
+    notes = [facts]
     failed = {int(frame) for frame in report.get("failed") or ()}
     missing = {*series.frames[~series.there].tolist()} - failed
     for what, frames in (("Not rendered", missing), ("Failed", failed)):

@@ -232,7 +232,7 @@ def _heartbeat(path: Path) -> Iterator[None]:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env=worker_environment(),
-            # What kills this process's group must not kill the one that tells of it.
+            # What kills this process's group must not kill the one that reports it.
             start_new_session=os.name == "posix",
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )

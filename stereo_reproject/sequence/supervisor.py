@@ -48,7 +48,7 @@ def run_animation(
             frame = str(starts.stage.get("detail"))
             if not frame.startswith(FRAME) or starts.crashes_in_a_row >= MAX_FAILURES_IN_A_ROW:
                 raise
-            # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
+            # What is there by now, the frame before this one among it, is the run's own, and was not reported yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
             animation = replace(animation, finished=tuple(starts.finished), existing=existing, goes_on=True)
             if starts.stage["stage"] == HANDED_OVER:

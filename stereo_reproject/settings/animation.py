@@ -20,7 +20,7 @@ MAX_FRAMES = 1 << 20
 
 @dataclass(frozen=True)
 class AnimationSettings:
-    """What is rendered and where it goes. Raises BadInputError.
+    """The frames of an animation and the place for them. Raises BadInputError.
 
     frames are in rising order; without them they are the scene's. output is the folder for the frames, in place of that
     of the scene's output path. layout is one of `delivery.layouts.LAYOUTS` and file_format one of Blender's names, both
