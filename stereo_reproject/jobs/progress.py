@@ -22,7 +22,7 @@ USUAL: Mapping[str, Mapping[str, float]] = {
     "animate": {"load": 0.0, "prepare": 0.0, **_PAIR},
     "inspect": {"load": 0.0, "plan": 0.0, "sketch": 1.0},
 }
-"""Shares of a run's time by command, in the order of its stages. The seconds of loading say nothing about the rest.
+"""Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
 """
 
 MAX_SHOWN_FRACTION = 0.97
