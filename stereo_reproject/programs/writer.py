@@ -5,7 +5,7 @@ Writing needs Blender: its compositor, view transform, formats and file naming r
 would cost the renderer its synced scene with each frame. So it is done in a Blender of its own, which opens the same
 file and keeps nothing of it but what pictures go through. `writer_process` is the other side.
 
-stdin    one line of JSON, a WriterOrder as a dict; then a line for each frame, a WrittenFrame as a dict. At its end the
+stdin    one line of JSON, a `WriterJob` as a dict; then a line for each frame, a WrittenFrame as a dict. At the end the
          frames that were handed over are still written, and the process ends.
 answers  NUMBER.json in the job's private folder: {"record": {...}}, {"record": null} of a frame that another run has
          claimed meanwhile, or {"error": "...", "status": 1 or 2, "hopeless": whether no other frame can be written
