@@ -11,7 +11,7 @@ from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result
 from ..stereo_reproject.blender.scene.rig import frame_region
-from ..stereo_reproject.blender.scene.working import SMALLEST, layers_to_render
+from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX, layers_to_render
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress
@@ -123,7 +123,8 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     if preview:
         region = frame_region(scene.render)
         width, height = (
-            max(side * chosen.preview_percentage // 100, SMALLEST) for side in (region.full_width, region.full_height)
+            max(side * chosen.preview_percentage // 100, MIN_SIDE_PX)
+            for side in (region.full_width, region.full_height)
         )
         overrides = replace(overrides, size=(width, height), samples=chosen.preview_samples)
     return StereoSettings(

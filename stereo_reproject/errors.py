@@ -10,13 +10,13 @@ class StereoReprojectError(Exception):
 
 
 class BadInputError(StereoReprojectError):
-    """What was asked for cannot be done as asked: the message is for whoever asked."""
+    """Something that was asked for cannot be done as asked; the message is for whoever asked."""
 
     exit_status = 2
 
 
 class OutputError(BadInputError):
-    """Where the result belongs, nothing can be written: no use in going on with other frames."""
+    """Nothing can be written where the result belongs, so that other frames need not be tried."""
 
 
 class OtherRunError(BadInputError):
@@ -24,7 +24,7 @@ class OtherRunError(BadInputError):
 
 
 LIMITED = "if its memory is limited (ulimit -v), allow it more"
-"""What may help a program that has met with its limit, in words."""
+"""Advice for a program that has met with its memory limit."""
 
 NO_ROOM_FOR_A_LIBRARY = (
     "failed to map segment",
@@ -33,14 +33,14 @@ NO_ROOM_FOR_A_LIBRARY = (
     "Cannot allocate memory",
     "cannot allocate memory",
 )
-"""What the C libraries of Linux and macOS say when there is none."""
+"""Parts of the messages of the C libraries of Linux and macOS when there is no room for a library."""
 
 NAME_BYTES = 63
 """The longest name that a datablock had before Blender 5."""
 
 
-def as_told(error: Exception) -> StereoReprojectError:
-    """Whatever has gone wrong, in one line; what nobody has foreseen is logged in full."""
+def in_one_line(error: Exception) -> StereoReprojectError:
+    """Return any exception as an error of this package, in one line; one that nobody has foreseen is logged in full."""
     match error:
         case StereoReprojectError():
             return error

@@ -1,5 +1,6 @@
-"""Files that others may have made or damaged, read only where they are what ours are; and files put in their places, so
-that they are whole there, whatever else holds them and after a power cut."""
+"""Safe reading and writing of files: files that others may have made or damaged are read only where they have the form
+of ours, and new files are put in their places so that they are whole there, whatever else holds them and after a
+power cut."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ KINDS = {
     stat.S_IFBLK: "a device",
 }
 
-JUNCTION = 0xA0000003
+JUNCTION_TAG = 0xA0000003
 """IO_REPARSE_TAG_MOUNT_POINT of the Windows API."""
 
 CANNOT_FLUSH = {errno.EINVAL, errno.EBADF, errno.EACCES, errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
@@ -39,7 +40,8 @@ HELD_BY_OTHERS_SECONDS = 2.0
 RETRY_SECONDS = 0.05
 
 APPLE_DOUBLE = "._"
-"""How the names of files begin that macOS puts beside others, on drives that cannot keep what it knows of them."""
+"""Beginning of the names of files that macOS puts beside others, on drives that cannot keep its own facts about them.
+"""
 
 
 class UnusableFileError(OSError):
@@ -47,7 +49,8 @@ class UnusableFileError(OSError):
 
 
 def is_missing(path: Path) -> bool:
-    """Whether there is nothing: what may not be looked at, in a folder that has been shut, is not missing."""
+    """Return whether nothing is there. A file that may not be looked at, in a folder that is closed to us, is not
+    missing."""
     try:
         path.lstat()
     except OSError as error:
@@ -94,17 +97,17 @@ def read_small(path: Path, most: int) -> bytes:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether a regular file is there, and no link to one."""
+    """Return whether a regular file is there, and no link to one."""
     with contextlib.suppress(OSError):
         return stat.S_ISREG(path.lstat().st_mode)
     return False
 
 
 def leads_elsewhere(path: Path) -> bool:
-    """Whether a folder is a link to another one, or a junction as Windows has them."""
+    """Return whether a folder is a link to another one, or a junction of Windows."""
     with contextlib.suppress(OSError):
         found = path.lstat()
-        return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION
+        return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION_TAG
     return False
 
 
@@ -187,7 +190,7 @@ def sync(descriptor: int) -> None:
 
 
 def made_in(folder: Path) -> list[Path]:
-    """What a program has made in a folder, by name, and nothing that the system has put beside."""
+    """Return the files that a program made in a folder, by name, without those that the system put beside them."""
     return sorted(path for path in folder.iterdir() if not path.name.startswith(APPLE_DOUBLE))
 
 
@@ -214,7 +217,7 @@ def to_json(data: Mapping[str, Any]) -> str:
 
 
 def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
-    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is as `whole_file` has it. Raises
+    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is passed to `whole_file`. Raises
     OSError."""
     text = to_json(data) + "\n"
     with whole_file(Path(path), until_whole=until_whole) as beside:
@@ -222,16 +225,16 @@ def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path |
 
 
 def beside_name(name: str) -> str:
-    """What a file is called until it is whole: unlike any other."""
+    """Return a temporary name for a file until it is whole, unlike any other."""
     return f".{name}.{secrets.token_hex(8)}.tmp"
 
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
-    """Where to write a file that is to appear whole under `path`, or not at all. Raises OSError.
+    """Yield a path to write to; the file then appears under `path`, whole, or not at all. Raises OSError.
 
-    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; without
-    one it is the file's own.
+    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; by
+    default the file's own.
     """
     # A process of another machine, on a shared drive, may have the same number.
     beside = (until_whole or path.parent) / beside_name(path.name)

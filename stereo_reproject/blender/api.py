@@ -1,4 +1,4 @@
-"""What a script calls, in Blender or with Blender as a Python module: a handful of functions on the open file.
+"""The functions for scripts, in Blender or with Blender as a Python module, on the open file.
 
     from stereo_reproject.blender.api import compare, inspect, render_animation, render_frame
 
@@ -55,8 +55,8 @@ def render_frame(
     """Render the pair of one frame into the folder `output`, and return its report.
 
     The files are those of `python -m stereo_reproject render`; they are there whole or not at all. scene is the active
-    one, its current frame unless the settings name another. strict makes whatever the scene is known to lack before the
-    first render, which the report's warnings tell otherwise, a BadInputError.
+    one, its current frame unless the settings name another. strict raises BadInputError for whatever the scene is
+    known to lack before the first render; without it, the report's warnings name it.
     """
     settings = settings or StereoSettings()
     _check_scene(_scene(scene), settings, strict=strict)
@@ -74,7 +74,7 @@ def compare(
     scene: bpy.types.Scene | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """The same, and Blender's multiview in the same run: `speedup`, `noise_ratio`, `worst_tiles` and more."""
+    """Render a pair and Blender's multiview in one run; return `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
@@ -95,12 +95,12 @@ def render_animation(
     strict: bool = False,
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Render the pairs of many frames, as `python -m stereo_reproject animate` does; the animation's report.
+    """Render the pairs of many frames, as `python -m stereo_reproject animate` does, and return the report.
 
     frames are the scene's, and they go into its own output path, format and stereo layout, unless others are given;
-    output is a folder. existing says what becomes of frames that are there ("refuse", "resume", "overwrite", or "keep",
-    whoever has rendered them); as the scene's Overwrite has it, without it. movie, layout, file_format, holes and
-    compare_every are as `AnimationSettings` has them. on_frame is told of each finished frame: its number, seconds,
+    output is a folder. existing is the way to handle frames that are there ("refuse", "resume", "overwrite", or "keep",
+    whoever has rendered them); without it, the scene's Overwrite decides. movie, layout, file_format, holes and
+    compare_every are those of `AnimationSettings`. on_frame is called with each finished frame: its number, seconds,
     traced fraction, and how far the animation is. strict is as for `render_frame`; it makes no frame another one. When
     it ends early, frames that are finished stay.
     """
@@ -127,8 +127,8 @@ def render_animation(
             scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             layers=tuple(layers_to_render(scene)),
         )
-        told = Listener(on_frame=on_frame)
-        return render_animation_files(scene, settings, options, work, save_copy(work), session, told=told)
+        listener = Listener(on_frame=on_frame)
+        return render_animation_files(scene, settings, options, work, save_copy(work), session, told=listener)
 
 
 def _absolute(path: Any, what: str) -> str:
@@ -160,7 +160,8 @@ def inspect(
     sketch: bool = True,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """What the scene calls for and what its pair will cost, as `python -m stereo_reproject inspect --json` prints it.
+    """Return what the scene calls for and what its pair will cost: the JSON of `python -m stereo_reproject inspect
+    --json`.
 
     Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """
@@ -171,7 +172,7 @@ def inspect(
 
 
 def _check_scene(scene: bpy.types.Scene, settings: StereoSettings, *, strict: bool) -> None:
-    """Raises BadInputError where a strict run finds anything lacking."""
+    """Raise BadInputError where a strict run finds anything lacking."""
     if strict:
         warnings_ahead(scene, settings.scene, strict=True)
 

@@ -1,1 +1,5 @@
-"""How a stereo pair is handed over: the layouts of one picture, their names and their marks in movies."""
+"""The layouts of a stereo pair in one picture or movie, without Blender.
+
+It takes pictures and movie files and gives file names with the layout's tag, anaglyphs, and movies with the mark by
+which players know the layout. Start reading at `layouts`.
+"""

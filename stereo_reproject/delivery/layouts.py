@@ -1,4 +1,5 @@
-"""How two eyes share one picture or movie, and what tells a player so: the file's name and the movie's own mark.
+"""Layouts of two eyes in one picture or movie, and the two ways by which a player recognises one: the file's name and
+the movie's own mark.
 
 Which eye is where is Blender's convention. Its side-by-side has the left eye left, its top-bottom the left eye on top,
 its interlaced pictures begin at the bottom left with the left eye: so the top row of a picture of even height is the
@@ -81,8 +82,8 @@ KNOWN_TAGS: dict[str, frozenset[str]] = {
 }
 
 _WORD = re.compile(r"[^\W_]+")
-LONGEST = 4
-"""Words of a tag that is written apart: half side by side."""
+MAX_TAG_WORDS = 4
+"""Greatest number of words of a tag that is written apart: "half side by side"."""
 
 
 def tagged_name(path: Path, layout: Layout) -> Path:
@@ -98,7 +99,7 @@ def contradicting_tag(path: Path, layout: Layout) -> str | None:
 
 
 def says(path: Path, layout: Layout) -> bool:
-    """Whether a file's name has a tag by which players take it for that layout, or there is none to have."""
+    """Return whether a file's name has a tag of that layout that players know; True for a layout without tags."""
     return not layout.tag or any(layout.name in KNOWN_TAGS[tag] for tag, _ in _tags(path.stem))
 
 
@@ -107,7 +108,7 @@ def _tags(stem: str) -> Iterator[tuple[str, str]]:
     words = list(_WORD.finditer(stem))
     at = 0
     while at < len(words):
-        for count in range(min(LONGEST, len(words) - at), 0, -1):
+        for count in range(min(MAX_TAG_WORDS, len(words) - at), 0, -1):
             tag = "".join(word.group() for word in words[at : at + count]).casefold()
             if tag in KNOWN_TAGS:
                 yield tag, stem[words[at].start() : words[at + count - 1].end()]

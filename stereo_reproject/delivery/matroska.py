@@ -30,21 +30,21 @@ STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT = 0x53B8, 0x54B0, 0x54BA
 VIDEO_TRACK = 1
 
 WEBM_MODES = frozenset({0, 1, 2, 3, 11})
-"""Of StereoMode, those that WebM has (WebM Project, "WebM Container Guidelines")."""
+"""Values of StereoMode that WebM has (WebM Project, "WebM Container Guidelines")."""
 
 DOUBLED = {**dict.fromkeys((1, 8, 9, 11), (2, 1)), **dict.fromkeys((2, 3, 6, 7), (1, 2))}
 """By how much libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
 
-LONGEST_HEADER = 12
+MAX_HEADER_BYTES = 12
 """Bytes: four of number and eight of size."""
 
-MOST_HEAD = 1 << 28
+MAX_HEAD_BYTES = 1 << 28
 """Bytes up to the end of Tracks, in memory; attached files may lie before them."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """Its number, the width of its size in bytes, its place [start, stop), its content from `content`."""
+    """An element: its number, the width of its size in bytes, its place [start, stop), and where its content begins."""
 
     number: int
     width: int
@@ -105,7 +105,7 @@ def _read_head(file: BinaryIO, name: str) -> _Head:
         elements.append(_outer(file, elements[-1].stop, name))
         if elements[-1].number == CLUSTER:
             raise damaged(name)
-    if elements[-1].stop > min(segment.stop, MOST_HEAD):
+    if elements[-1].stop > min(segment.stop, MAX_HEAD_BYTES):
         raise damaged(name)
     file.seek(0)
     return _Head(file.read(elements[-1].stop), segment.content, elements)
@@ -115,7 +115,7 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
     """The header of the element that starts there; its content may be longer than what memory takes."""
     file.seek(start)
     try:
-        found = _element(file.read(LONGEST_HEADER), 0, None)
+        found = _element(file.read(MAX_HEADER_BYTES), 0, None)
     except IndexError as error:
         raise damaged(name) from error
     except ValueError as error:
@@ -124,7 +124,7 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
 
 
 def _element(data: bytes, start: int, stop: int | None) -> Element:
-    """Raises ValueError when its size is unknown or beyond `stop`, IndexError when it has no header."""
+    """Read an element. Raises ValueError if its size is unknown or beyond `stop`, IndexError when it has no header."""
     number, at = _variable(data, start, keep_marker=True)
     size, content = _variable(data, at, keep_marker=False)
     width = content - at

@@ -27,15 +27,16 @@ VISUAL_SAMPLE_ENTRY = 78
 """Bytes of its own before its boxes (ISO/IEC 14496-12, 12.1.3)."""
 
 SIZE_32, SIZE_64 = 8, 16
-"""Of a box's header."""
+"""Bytes of a box's header, with a 32-bit and with a 64-bit size."""
 
-MOST_MOOV = 1 << 30
+MAX_MOOV_BYTES = 1 << 30
 """Bytes; what is larger is no description of a movie but a damaged number."""
 
 
 @dataclass(frozen=True)
 class Box:
-    """Its type and its place in the file, [start, stop), its content from `content`. open_ended: to the file's end."""
+    """A box: its type, its place in the file [start, stop), and where its content begins. open_ended: to the file's
+    end."""
 
     kind: bytes
     start: int
@@ -114,7 +115,7 @@ def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
     if any(box.kind == b"moof" for box in boxes):
         raise BadInputError(f"{name} is a fragmented movie, which is not supported; write it unfragmented")
     box = next((box for box in boxes if box.kind == b"moov"), None)
-    if box is None or box.stop - box.start > MOST_MOOV:
+    if box is None or box.stop - box.start > MAX_MOOV_BYTES:
         raise damaged(name)
     file.seek(box.start)
     return box, _Moov(box.start, file.read(box.stop - box.start), name)
@@ -140,7 +141,7 @@ def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
 
 
 def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit], list[Box]]:
-    """What changes in the first video track's sample entry, and the boxes around it, the entry included."""
+    """Return the changes of the first video track's sample entry, and of the boxes around it."""
     for track in moov.boxes(moov_box.content, moov_box.stop):
         way = moov.descendants(track, PATH_TO_ENTRIES) if track.kind == b"trak" else None
         if way and _is_video(moov, way[0]):

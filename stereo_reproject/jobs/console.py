@@ -1,4 +1,4 @@
-"""What a run says while it runs and at its end, on a terminal or into a pipe, whatever becomes of either."""
+"""Output of a run on a terminal or into a pipe, while it runs and at its end, whatever becomes of either."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REDRAW_SECONDS = 0.1
 
 
 class Console:
-    """What a run says: progress and summary on standard output, warnings and errors on standard error."""
+    """Output of a run: progress and summary on standard output, warnings and errors on standard error."""
 
     def __init__(self) -> None:
         self.quiet = False
@@ -201,16 +201,16 @@ class _AnimationLine(_StageLine):
         bar = f"[{'#' * filled}{'-' * (BAR_LENGTH - filled)}]"
         each = self._event.get("each")
         pace = [f"{each:.1f} s per frame"] if isinstance(each, (int, float)) else []
-        told = [*pace, *_told({**self._event, "seconds": None})] if total else []
-        return "  ".join(filter(None, (bar, *told, self._detail)))
+        figures = [*pace, *_frame_figures({**self._event, "seconds": None})] if total else []
+        return "  ".join(filter(None, (bar, *figures, self._detail)))
 
 
 def _frame_text(event: Event) -> str:
-    return "  ".join([f"frame {event.get('frame')}", *_told(event)])
+    return "  ".join([f"frame {event.get('frame')}", *_frame_figures(event)])
 
 
-def _told(event: Event) -> list[str]:
-    """What a finished frame took, and how far the animation is."""
+def _frame_figures(event: Event) -> list[str]:
+    """Return the time and the traced fraction of a finished frame, and the progress of the animation, in words."""
     seconds, traced = event.get("seconds"), event.get("traced")
     return [
         *([f"{seconds:.1f} s"] if isinstance(seconds, (int, float)) else []),
@@ -239,7 +239,7 @@ def _is_terminal(stream: TextIO | None) -> bool:
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """Whether writing would not wait for whoever reads."""
+    """Return whether a stream can be written to without waiting for whoever reads it."""
     if sys.platform == "win32":
         return True
     with contextlib.suppress(OSError, ValueError):

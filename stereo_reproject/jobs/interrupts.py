@@ -15,14 +15,14 @@ from typing import Any
 from ..errors import StereoReprojectError
 
 HELD_SECONDS = 2.0
-"""How long a signal is held back at most. Whoever has not come to `check` by then waits for what does not answer: a
-drive that is away, or a terminal that is stopped."""
+"""Longest time that a signal is held back. A process that has not come to `check` by then waits for something that does
+not answer: a drive that is away, or a terminal that is stopped."""
 
 CLEANING_SECONDS = 30.0
-"""How long it may take after that to clear away what the run has made; then the process ends, and the next run does."""
+"""Longest time after that for removing the files of the run; then the process ends, and the next run removes them."""
 
-AGAIN_SECONDS = 0.2
-"""Between two attempts to tear the process out of a call: a signal may come just before the call begins."""
+RETRY_SECONDS = 0.2
+"""Time between two attempts to interrupt a call: a signal may come just before the call begins."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 _SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
@@ -50,7 +50,7 @@ class Interrupts:
         self._received: int | None = None
         self._previous: dict[int, Any] = {}
         self._is_stuck = self._is_raised = self._is_cleaning = False
-        # Of all ways to tell a thread something, this one may be used in a signal handler.
+        # Of all ways to pass something to a thread, this one may be used in a signal handler.
         self._news: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._watcher: threading.Thread | None = None
 
@@ -93,7 +93,8 @@ class Interrupts:
 
     @contextmanager
     def until_cleaning(self) -> Iterator[None]:
-        """What comes after this clears away what a run has made: nothing tears the process out of that."""
+        """Interrupt calls in the body where a signal is held for too long; what follows the body removes a run's files,
+        and is not interrupted."""
         self._is_cleaning = False
         try:
             yield
@@ -111,7 +112,7 @@ class Interrupts:
                 os._exit(128 + (self._received or 0))
             if self._is_stuck and not self._is_raised:
                 self._tear()
-            news = self._next_news(AGAIN_SECONDS)
+            news = self._next_news(RETRY_SECONDS)
 
     def _next_news(self, seconds: float) -> str | None:
         try:

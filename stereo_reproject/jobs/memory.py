@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 SYSTEM = Path("/")
-"""Where Linux has its counters."""
+"""Root of the file system in which Linux has its counters."""
 
 
 def give_back_freed() -> None:
@@ -51,7 +51,7 @@ def _group_counters() -> list[Path]:
 
 
 def is_limited() -> bool:
-    """Whether this process and those that it starts may take only so much memory, as `ulimit -v` sets it."""
+    """Return whether the memory of this process and of those that it starts is limited, as by `ulimit -v`."""
     if sys.platform == "win32":
         return False
     import resource

@@ -17,26 +17,27 @@ from pathlib import Path
 from ..errors import BadInputError
 
 UNIT = "characters" if sys.platform == "win32" else "bytes"
-"""What names and paths are limited by."""
+"""Unit in which the system limits the length of names and paths."""
 
 MAX_FOLDER_LENGTH = 199 if sys.platform == "win32" else 600
-"""Of a folder's path, in UNIT: Blender keeps 1023 bytes of a file's, Windows 259 characters, and ours add folders and
-names to it."""
+"""Greatest length of a folder's path in UNIT: Blender keeps 1023 bytes of a file's path, Windows 259 characters, and
+our folders and names come on top."""
 
-MOST_OF_NAME, MOST_OF_PATH, WINDOWS_MOST = 255, 1023, 259
-"""Where the system does not say: the longest name, path, and path on Windows, in UNIT."""
+MAX_NAME_LENGTH, MAX_PATH_LENGTH, MAX_WINDOWS_PATH_LENGTH = 255, 1023, 259
+"""Greatest length of a name, of a path, and of a path on Windows, in UNIT, for systems that do not say theirs."""
 
 NOT_ON_WINDOWS = re.compile(
     r'[<>:"|?*\x00-\x1f]|[. ]$|^(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3]) *(\.|$)',
     re.IGNORECASE,
 )
-"""What no name may have or be there: after a colon, NTFS writes into something else that hides behind a file."""
+"""Characters and names that no file may have there. After a colon, NTFS writes into a stream that hides behind a file.
+"""
 
-SHOWN = 40
-"""Characters of a long name."""
+SHOWN_CHARACTERS = 40
+"""Number of characters of a long name in a message."""
 
 STAND_INS = "/proc/"
-"""How the paths begin that stand in for others."""
+"""Beginning of the paths that stand in for others."""
 
 
 def misread(path: str | os.PathLike[str]) -> str | None:
@@ -59,7 +60,7 @@ def _is_utf8(name: str) -> bool:
 
 
 def _length(name: str) -> int:
-    """How much of a limit a name takes up, in UNIT."""
+    """Return the length of a name or path in UNIT."""
     return len(name.encode("utf-16-le", "surrogatepass")) // 2 if sys.platform == "win32" else len(os.fsencode(name))
 
 
@@ -115,8 +116,8 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
         length, whole = _length(name), _length(str(folder / name))
         if length > most_of_name:
             raise BadInputError(
-                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit ({name[:SHOWN]}...):"
-                " shorten the name at the end of the output path"
+                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit"
+                f" ({name[:SHOWN_CHARACTERS]}...): shorten the name at the end of the output path"
             )
         if whole > most_of_path:
             raise BadInputError(
@@ -128,11 +129,11 @@ def _limits(folder: Path) -> tuple[int, int]:
     """The longest name, and path, that the drive of a folder takes, in UNIT."""
     there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
     if there is None or not hasattr(os, "pathconf"):
-        return MOST_OF_NAME, WINDOWS_MOST
+        return MAX_NAME_LENGTH, MAX_WINDOWS_PATH_LENGTH
     try:
         # One byte of a path is for its end.
         name, path = os.pathconf(there, "PC_NAME_MAX"), os.pathconf(there, "PC_PATH_MAX") - 1
     except (OSError, ValueError):
-        return MOST_OF_NAME, MOST_OF_PATH
+        return MAX_NAME_LENGTH, MAX_PATH_LENGTH
     # Some shared folders say 0, and -1 is for no limit.
-    return name if name > 0 else MOST_OF_NAME, path if path > 0 else MOST_OF_PATH
+    return name if name > 0 else MAX_NAME_LENGTH, path if path > 0 else MAX_PATH_LENGTH

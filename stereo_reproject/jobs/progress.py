@@ -1,4 +1,4 @@
-"""How far a run is, and how long it still takes: from what its stages usually take, and what they have taken so far."""
+"""Progress of a run, and the time that remains: from the usual times of its stages, and their times so far."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ USUAL: Mapping[str, Mapping[str, float]] = {
 """Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
 """
 
-NEVER_WHOLE = 0.97
+MAX_SHOWN_FRACTION = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""
 
 
@@ -63,17 +63,17 @@ class Progress:
         """So much of the stage is done, from 0 to 1; None where nobody knows."""
         self._stage_fraction = fraction
         expected = self._expected.get(self._stage, 0.0)
-        # The start of a stage tells little.
+        # The start of a stage says little.
         if fraction and fraction > 0.05 and expected > 0.0:
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 
     def fraction(self, now: float) -> float:
-        """How much of the run is done, from 0 to 1."""
+        """Return the fraction of the run that is done, from 0 to 1."""
         whole = self._frames * sum(self._expected.values())
         return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
 
     def remaining(self, now: float) -> float | None:
-        """Seconds that are still to come, or None as long as nothing tells."""
+        """Return the seconds that remain, or None as long as they cannot be estimated."""
         if self._pace is None:
             return None
         whole = self._frames * sum(self._expected.values())
@@ -91,7 +91,7 @@ class Progress:
             return expected * min(self._stage_fraction, 1.0)
         if self._pace is None or expected == 0.0:
             return 0.0
-        return expected * min((now - self._since) / (self._pace * expected), NEVER_WHOLE)
+        return expected * min((now - self._since) / (self._pace * expected), MAX_SHOWN_FRACTION)
 
 
 def clock(seconds: float) -> str:

@@ -20,7 +20,7 @@ stdout   one JSON object per line:
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
 stderr   work/blender.log, whose last line a crash is reported with, but for SIGKILL. As far as it counts the samples
-         of a render ("Sample 3/16"), `on_event` is told of the stage again, with its "fraction" from 0 to 1.
+         of a render ("Sample 3/16"), `on_event` gets the stage again, with its "fraction" from 0 to 1.
 work     private to the run, and gone after it. Finished files are left in work/out; temporary ones belong in work/tmp,
          which the environment names as the folder for temporary files (TMPDIR, TEMP, TMP).
 
@@ -51,7 +51,7 @@ from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, s
 Event = dict[str, Any]
 
 FRAME = "frame "
-"""What the detail of an animation's stages begins with; its number follows."""
+"""Beginning of the detail of an animation's stages; the frame's number follows."""
 
 HANDED_OVER = Stage.WRITE
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""
@@ -59,12 +59,12 @@ HANDED_OVER = Stage.WRITE
 
 @dataclass(frozen=True)
 class Session:
-    """What an open Blender knows that a .blend which it saved does not say; as it is, what a .blend says itself.
+    """Facts about an open Blender that a .blend saved by it does not hold; by default those that a .blend holds itself.
 
-    scene is as `blender.scene.working.scene_key` has it, None the one that was active; devices are as
-    `blender.scene.devices` has them, None those of the worker's own preferences. original is the path of the file that
-    the .blend is a copy of, empty for one that was never saved: what is written belongs beside it. scripts of the
-    .blend run only when told to. layers are the names of the view layers that its window renders.
+    scene is a `blender.scene.working.scene_key`, None for the scene that was active; devices are those of
+    `blender.scene.devices`, None for those of the worker's own preferences. original is the path of the file that the
+    .blend is a copy of, empty for one that was never saved: files are written beside it. scripts says whether the
+    scripts of the .blend run. layers are the names of the view layers that its window renders.
     """
 
     scene: tuple[str, str | None] | None = None
@@ -82,7 +82,7 @@ class Job:
     one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
     have; without any it has all. animation is how the frames of one are rendered.
     strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
-    is no setting of those that tell whether a frame is to be rendered again.
+    is no setting of those by which a frame is rendered again.
     """
 
     blend: Path
@@ -169,7 +169,7 @@ def _json_text(text: str) -> bytes:
 
 
 def _message(job: Job, work: Path, blend: Path) -> bytes:
-    """The job as the worker is told it; blend is how Blender finds the job's."""
+    """Return the line with the job for the worker; blend is the path by which Blender finds the job's file."""
     fields = {
         "command": job.command,
         "blend": str(blend),
@@ -186,7 +186,7 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
 
 
 def _kept_by(job: Job) -> str:
-    """What becomes of files when the run fails, in words."""
+    """Return what a failed run leaves behind, in words."""
     if job.command == "animate":
         return "frames that are finished are kept"
     return "" if job.output is None else "nothing was written, and existing files are kept"

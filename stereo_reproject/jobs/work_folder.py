@@ -44,7 +44,7 @@ FILES = (
 )
 
 DIFFERENCE = "difference.png"
-"""What a pair has besides when it is compared with multiview."""
+"""Name of a file that a pair has besides when it is compared with multiview."""
 
 
 def pair_files(*, compare: bool) -> tuple[str, ...]:
@@ -53,7 +53,7 @@ def pair_files(*, compare: bool) -> tuple[str, ...]:
 
 
 def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
-    """What an earlier pair may have left that does not belong to one of these files."""
+    """Return names of files that an earlier pair may have left and that do not belong to a pair with these files."""
     return tuple(name for name in pair_files(compare=True) if name not in files)
 
 
@@ -63,7 +63,7 @@ RETRY_SECONDS = 0.05
 PID_BYTES = 4096
 MAX_PID = (1 << 32) - 1
 # A work folder without a pid may belong to a run that is just starting, on another machine.
-NAMELESS_SECONDS = 60.0
+MAX_NAMELESS_SECONDS = 60.0
 
 _own: set[str] = set()
 """Folders of this very process that are in use, by their real paths."""
@@ -144,14 +144,14 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
-    if tells_full_disk(error):
+    if is_full_disk_error(error):
         return BadInputError(f"{output}: the disk is full; free some space or choose another folder")
     reason = error.strerror or str(error)
     return BadInputError(f"{output} cannot be written ({reason}); choose another folder")
 
 
-def tells_full_disk(error: OSError) -> bool:
-    """Whether it is for lack of room that something could not be written."""
+def is_full_disk_error(error: OSError) -> bool:
+    """Return whether something could not be written for lack of room."""
     return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
@@ -187,7 +187,7 @@ def _work_folders(output: Path) -> list[Path]:
 
 
 def _owner(folder: Path) -> int | None:
-    """Whose it is; None where the system does not say, or it is gone."""
+    """Return the owner of a file; None where the system does not say, or the file is gone."""
     if sys.platform != "win32":
         with contextlib.suppress(OSError):
             return folder.lstat().st_uid
@@ -207,7 +207,7 @@ def _is_abandoned(folder: Path) -> bool:
             return not is_running(int(pid))
         # By the drive's clock, for this machine's may be another; what is made or removed there sets the folder's.
         with contextlib.suppress(OSError):
-            return folder.parent.stat().st_mtime - folder.stat().st_mtime > NAMELESS_SECONDS
+            return folder.parent.stat().st_mtime - folder.stat().st_mtime > MAX_NAMELESS_SECONDS
         return False
 
 
@@ -216,7 +216,8 @@ def _machine_digest() -> str:
 
 
 def machine() -> str:
-    """What process numbers are told apart by: two containers may have the same name and count their processes anew."""
+    """Return an identifier of this machine, within which process numbers are unique. Two containers may have the same
+    host name, and each counts its processes anew."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{platform.node()} {boot} {Path('/proc/self/ns/pid').readlink()}"
@@ -226,7 +227,8 @@ def machine() -> str:
 
 
 def is_running(pid: int) -> bool:
-    """Whether a process of this machine lives; never oneself, whose number may have been a dead one's before."""
+    """Return whether a process of this machine lives; False for this process itself, whose number may have been a dead
+    one's before."""
     # In a container the number of a dead run is soon one's own.
     if not 0 < pid <= MAX_PID or pid == os.getpid():
         return False

@@ -1,5 +1,5 @@
-"""The worker as a process: started where it finds what it needs, listened to line by line, and ended with all that it
-started. What it is told and says is in `supervisor`."""
+"""The worker as a process: started where it finds what it needs, read line by line, and ended with all that it started.
+Its messages are described in `supervisor`."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from .memory import is_limited, oom_kills
 POLL_SECONDS = 0.1
 EXIT_SECONDS = 10.0
 LOG_TAIL_BYTES = 65536
-LOG_MOST_BYTES = 1 << 22
+MAX_LOG_BYTES = 1 << 22
 LAST_WORDS_LENGTH = 240
 SAMPLES_TAIL_BYTES = 2048
-SAMPLES = re.compile(rb"Sample (\d+)/(\d+)\D")
+SAMPLES_LINE = re.compile(rb"Sample (\d+)/(\d+)\D")
 REMARK = re.compile(r"Fra:\d|\d+:\d\d\.\d+ [^|]*\|(?! *(ERROR|FATAL))")
-"""What Blender logs in passing: its progress, and what Blender 5 does not call an error."""
+"""Lines of Blender's log that report progress, or that Blender 5 does not call an error."""
 
 PACKAGE = __name__.split(".")[-3]
 
 LIBRARIES = ("OpenEXR",)
-"""What the worker needs that Blender does not bring."""
+"""Python packages that the worker needs and that Blender does not bring."""
 
 # On Windows a program without a console must not open one for its worker, nor for what ends it.
 _NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)
@@ -44,7 +44,7 @@ def own_worker() -> list[str]:
 
 
 def module_command(name: str) -> list[str]:
-    """What runs one of this package's modules in a Python of its own, in a `worker_environment`."""
+    """Return the command that runs one of this package's modules in a Python of its own, in a `worker_environment`."""
     # In an extension this package lies below Blender's own packages; the module is found by its folder.
     # Not from the folder in which it is started, where another package may have this name.
     return [sys.executable, "-P", "-m", f"{PACKAGE}.{name}"]
@@ -128,23 +128,24 @@ class Worker:
             self.process.stdin.close()
 
     def begin_stage(self) -> None:
-        """What the log holds already says nothing of the samples that are yet to come."""
+        """Forget the samples in the log so far: they are those of earlier stages."""
         with contextlib.suppress(OSError):
             self._stage_begins = self.log.stat().st_size
 
     def trim_log(self) -> None:
         """Empty a log that has grown large: of thousands of frames it would fill the drive."""
         with contextlib.suppress(OSError):
-            if self.log.stat().st_size > LOG_MOST_BYTES:
+            if self.log.stat().st_size > MAX_LOG_BYTES:
                 # The worker appends.
                 os.truncate(self.log, 0)
                 self._stage_begins = 0
 
     def samples_done(self) -> float | None:
-        """Of the render that this stage is at, from 0 to 1; None where the log does not say (5.2 does not)."""
+        """Return the fraction of this stage's samples that are rendered, from 0 to 1; None where the log does not say
+        (5.2)."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
-            samples = SAMPLES.findall(log.read())
+            samples = SAMPLES_LINE.findall(log.read())
             if samples:
                 done, total = map(int, samples[-1])
                 return done / max(total, 1)
@@ -179,8 +180,8 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
 
 
 def private_environment(folder: Path, *, own_python: bool) -> dict[str, str]:
-    """The same, and temporary files go into tmp in a run's private folder, and so with it: Blender leaves a folder of
-    its own there when its process ends at once."""
+    """Return a `worker_environment` whose temporary files go into tmp in a run's private folder, to be removed with it:
+    Blender leaves a folder there when its process ends at once."""
     environment = worker_environment(own_python=own_python)
     environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder / "tmp")))
     return environment
@@ -232,7 +233,7 @@ def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
     message.append(kept)
     words = worker.last_words()
     if words and not killed:
-        # Who is killed from outside has not seen it coming, and its log does not tell of it.
+        # A process that is killed from outside leaves no word of it in its log.
         message.append(f"last in its log: {words}")
     return "; ".join(filter(None, message))
 

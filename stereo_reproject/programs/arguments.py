@@ -27,7 +27,7 @@ from .converters import number, read_by, size, value_of, whole_number
 
 
 def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
-    """What the options replace of the scene's own values."""
+    """Return the values of the scene that the options replace."""
     return SceneOverrides(
         frame=arguments.frame,
         size=arguments.size,
@@ -42,7 +42,7 @@ def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
 
 
 def settings_of(arguments: argparse.Namespace) -> StereoSettings:
-    """How the pair is to be made."""
+    """Return the settings of the pair from the options. Raises BadInputError."""
     return StereoSettings(
         source=arguments.source,
         accuracy=arguments.accuracy,
@@ -67,7 +67,7 @@ def add_render_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettings:
-    """Which frames are rendered, and where they go. Raises BadInputError."""
+    """Return the settings of the animation from the options: its frames, and where they go. Raises BadInputError."""
     if arguments.frame is not None and arguments.frames is not None:
         raise BadInputError("--frame and --frames each say which frames are rendered: leave one of them out")
     frames = arguments.frames if arguments.frame is None else (arguments.frame,)
@@ -166,7 +166,7 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _promises() -> str:
-    """What each setting promises, in a line: the noise ratio at most."""
+    """Return a line with the greatest noise ratio that each setting promises."""
     words = []
     for name, accuracy in SETTINGS.items():
         promise = "nothing" if accuracy.promise is None else f"a noise ratio of at most {accuracy.promise:g}"
@@ -228,7 +228,7 @@ def _add_denoise(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_pair(parser: argparse.ArgumentParser) -> None:
-    """How the pair is made."""
+    """Add the options of how the pair is made."""
     accuracy = parser.add_mutually_exclusive_group()
     accuracy.add_argument(
         "--accuracy",

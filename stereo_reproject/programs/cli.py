@@ -46,8 +46,8 @@ BLEND_MAGICS = (b"BLENDER", b"\x1f\x8b", b"\x28\xb5\x2f\xfd")
 
 @dataclass(frozen=True)
 class Host:
-    """Where the command line runs: the program's name there, what starts another worker than `python -m`, and what
-    Cycles is to compute on in it (as `supervisor.Session` has it)."""
+    """The surroundings of the command line: the program's name, the command that starts another worker than `python
+    -m`, and Cycles' devices (as in `supervisor.Session`)."""
 
     program: str = f"python -m {PROGRAM}"
     worker_command: Sequence[str] | None = None
@@ -156,7 +156,7 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
 
 
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
-    """The job for the scene and the output folder that were given; `what` is done as `Job` has it."""
+    """Return the job for the scene and the output folder that were given; `what` are further fields of the `Job`."""
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
     blend = _blend_file(arguments.scene)

@@ -1,5 +1,5 @@
-"""The process that counts a run's number up, as long as the run's process holds its standard input open, and then
-clears away what the run may have left; see `runs`."""
+"""The process that counts a run's number up as long as the run's process holds its standard input open, and then
+removes what the run may have left; see `runs`."""
 
 from __future__ import annotations
 

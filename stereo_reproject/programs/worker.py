@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import as_told
+from ..errors import in_one_line
 from ..files import strict
 from ..jobs.warn_once import WarnOnce
 from ..pipeline.stages import Stage
@@ -34,10 +34,10 @@ def main() -> None:
     status = 0
     try:
         run_job(job, emit)
-    except Exception as error:  # noqa: BLE001 - whatever goes wrong is told in one line
-        told = as_told(error)
-        status = told.exit_status
-        emit("error", status=status, message=str(told))
+    except Exception as error:  # noqa: BLE001 - whatever goes wrong is reported in one line
+        failure = in_one_line(error)
+        status = failure.exit_status
+        emit("error", status=status, message=str(failure))
     # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
     os._exit(status)
 
@@ -92,7 +92,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
     warn = _warning_of(emit)
     scene, _ = _open(job, emit, warn)
-    told = Listener(
+    listener = Listener(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
@@ -106,7 +106,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         Path(job["blend"]),
         Session(**job["session"]),
         files=job["files"],
-        told=told,
+        told=listener,
     )
     # Without a frame of its own to render, a run leaves none.
     emit("done", report=report, files=job["files"] if report["last"] is not None else [])
@@ -137,7 +137,7 @@ def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
 
 
 def _plan(job: dict[str, Any], emit: Emit) -> None:
-    """The same with nothing rendered, and so nothing predicted."""
+    """Say what the scene calls for, without rendering and so without a prediction."""
     _inspect(job, emit, sketch=False)
 
 
@@ -197,11 +197,11 @@ def _animation(fields: dict[str, Any]) -> AnimationSettings:
 
 
 def _on_stage(emit: Emit) -> Callable[..., None]:
-    """Tells of each stage as it begins, with a detail where there is one.
+    """Return what reports each stage as it begins, with a detail where there is one.
 
-    How many of its samples are rendered is read from the log, and on the other side. Nothing in this process may do so
-    while Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look
-    whether Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
+    The other side reads from the log how many of its samples are rendered. Nothing in this process may do so while
+    Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look whether
+    Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
     """
 
     def on_stage(name: str, detail: str = "") -> None:

@@ -5,9 +5,9 @@ Writing needs Blender: its compositor, view transform, formats and file naming r
 would cost the renderer its synced scene with each frame. So it is done in a Blender of its own, which opens the same
 file and keeps nothing of it but what pictures go through. `writer_process` is the other side.
 
-stdin    one line of JSON, a WriterOrder as a dict; then a line for each frame, a WrittenFrame as a dict. At its end the
+stdin    one line of JSON, a `WriterJob` as a dict; then a line for each frame, a WrittenFrame as a dict. At the end the
          frames that were handed over are still written, and the process ends.
-answers  NUMBER.json in the order's private folder: {"record": {...}}, {"record": null} of a frame that another run has
+answers  NUMBER.json in the job's private folder: {"record": {...}}, {"record": null} of a frame that another run has
          claimed meanwhile, or {"error": "...", "status": 1 or 2, "hopeless": whether no other frame can be written
          either}
 """
@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import OutputError, as_told
+from ..errors import OutputError, in_one_line
 from ..files import write_json
 
 
@@ -30,8 +30,8 @@ def main() -> None:
     # What Blender prints belongs into its log.
     os.dup2(2, 1)
     # As bytes, for the same reason as in `worker`.
-    order = json.loads(sys.stdin.buffer.readline())
-    answers = Path(order["private"])
+    job = json.loads(sys.stdin.buffer.readline())
+    answers = Path(job["private"])
     write: Callable[[dict[str, Any]], dict[str, Any] | None] | None = None
     for line in sys.stdin.buffer:
         frame = json.loads(line)
@@ -39,12 +39,12 @@ def main() -> None:
             if write is None:
                 from ..blender.output.frame_writer import FrameWriter
 
-                write = FrameWriter(order).write
+                write = FrameWriter(job).write
             answer = {"record": write(frame)}
-        except Exception as error:  # noqa: BLE001 - whatever it is, the other side has to be told
-            told = as_told(error)
-            hopeless = isinstance(told, OutputError)
-            answer = {"error": str(told), "status": told.exit_status, "hopeless": hopeless}
+        except Exception as error:  # noqa: BLE001 - whatever it is, the other side has to be report
+            report = in_one_line(error)
+            hopeless = isinstance(report, OutputError)
+            answer = {"error": str(report), "status": report.exit_status, "hopeless": hopeless}
         try:
             write_json(answers / f"{frame['frame']}.json", answer)
         except OSError:

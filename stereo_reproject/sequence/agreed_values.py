@@ -16,7 +16,7 @@ VALUES_BYTES = 1 << 16
 """Greatest size of a file of agreed values."""
 
 READ_ATTEMPTS = 20
-"""How often a file is read that another run has just made, until its content is there."""
+"""Number of times that a file is read which another run has just made, until its content is there."""
 
 READ_INTERVAL_SECONDS = 0.05
 """Time between two such attempts."""

@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 COLOURS = {"source": PALE, "tracing": BLUE, "denoising": SKY, REST: PURPLE}
 OURS, PEER = "Stereo Reproject", "multiview"
 
-MARKERS = 60
+MAX_MARKERS = 60
 """Points of the peer up to which each has a marker; more would hide their line."""
-DRAWN_FRAMES = 1000
+MAX_VECTOR_FRAMES = 1000
 """Frames up to which the areas are made of lines in an SVG, else of pixels."""
-NAMED_FRAMES = 12
+MAX_NAMED_FRAMES = 12
 """Frames up to which each is named on the axis."""
-FEWEST = 5
+MIN_AXIS_FRAMES = 5
 """Frames that the axis has room for at least, that a single one does not fill it."""
 
 HEIGHT, ABOVE, BETWEEN, TRACED_HEIGHT, BELOW = 5.4, 0.78, 0.18, 1.05, 0.62
@@ -60,8 +60,8 @@ NAME_DISTANCE = 0.185
 
 
 def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
-    """Write path.svg and path.png of what animation.json holds; until_whole is as `files.whole_file` has it. Raises
-    OSError."""
+    """Write path.svg and path.png from the content of animation.json; until_whole is passed to `files.whole_file`.
+    Raises OSError."""
     draw_whole(draw_animation, report, path, until_whole)
 
 
@@ -105,7 +105,7 @@ def _counted(frames: int) -> str:
 
 
 def _details(report: Mapping[str, Any], series: Series) -> str:
-    """What all frames have in common, and how much was traced."""
+    """Return the facts that all frames have in common, and the fraction that was traced."""
     rows = report["frames"]
     size, samples = _common(rows, "size"), _common(rows, "samples")
     parts = [
@@ -131,12 +131,12 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
         if compared
         else "predicted from what the source eye has cost"
     )
-    told = (
+    facts = (
         f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {peer}. Traced: the share "
         "of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
         "else that is done before the next frame begins."
     )
-    notes = [told]
+    notes = [facts]
     failed = {int(frame) for frame in report.get("failed") or ()}
     missing = {*series.frames[~series.there].tolist()} - failed
     for what, frames in (("Not rendered", missing), ("Failed", failed)):
@@ -195,17 +195,17 @@ def _draw_stages(axes: Axes, series: Series) -> None:
 
 def _fill(axes: Axes, above: NDArray, edges: NDArray, below: NDArray | float, **look: Any) -> None:
     # An SVG with every corner of thousands of frames would be of some megabytes.
-    many = len(above) > DRAWN_FRAMES
+    many = len(above) > MAX_VECTOR_FRAMES
     axes.stairs(above, edges, baseline=below, fill=True, linewidth=0.0, rasterized=many, **look)
 
 
 def _width(series: Series) -> float:
-    """Of a line: thinner where the frames lie close."""
+    """Return the width of a line: thinner where the frames lie close."""
     return 1.6 if len(series.frames) <= 200 else 0.8
 
 
 def _peer(series: Series) -> tuple[str, NDArray]:
-    """What is known of Blender's multiview: how, and the seconds (N,)."""
+    """Return how the seconds of Blender's multiview are known, and the seconds (N,)."""
     measured = np.isfinite(series.measured).any()
     return ("measured", series.measured) if measured else ("predicted", series.predicted)
 
@@ -223,9 +223,9 @@ def _draw_peer(axes: Axes, series: Series) -> None:
 
 
 def _marked(seconds: NDArray) -> list[int]:
-    """Which points have a marker: all of a few, else those that are in no line."""
+    """Return the points that have a marker: all of a few, else those that are in no line."""
     known = np.isfinite(seconds)
-    if known.sum() > MARKERS:
+    if known.sum() > MAX_MARKERS:
         beside = np.pad(known, 1)
         known = known & ~beside[:-2] & ~beside[2:]
     return np.flatnonzero(known).tolist()
@@ -265,9 +265,9 @@ def _scale(upper: Axes, lower: Axes, series: Series) -> None:
     lower.set_ylim(0.0, 1.15 * traced.max(initial=0.0) or 1.0)
     lower.yaxis.set_major_locator(MaxNLocator(3))
     edges = _edges(series)
-    aside = 0.5 * series.step * max(FEWEST - len(series.frames), 0)
+    aside = 0.5 * series.step * max(MIN_AXIS_FRAMES - len(series.frames), 0)
     lower.set_xlim(edges[0] - aside, edges[-1] + aside)
-    if len(series.frames) <= NAMED_FRAMES:
+    if len(series.frames) <= MAX_NAMED_FRAMES:
         lower.set_xticks(series.frames)
     else:
         lower.xaxis.set_major_locator(MaxNLocator(12, integer=True, steps=[1, 2, 5, 10]))
@@ -306,7 +306,7 @@ def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
 def _look_of_peer(how: str, seconds: NDArray) -> dict[str, Any]:
     if how == "predicted":
         return {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 3))}
-    marker = "o" if np.isfinite(seconds).sum() <= MARKERS else None
+    marker = "o" if np.isfinite(seconds).sum() <= MAX_MARKERS else None
     return {"color": BLACK, "linewidth": 1.1, "marker": marker, "markersize": 4.5}
 
 

@@ -8,10 +8,10 @@ from typing import Any
 from ..settings.frame import ACCURACIES, CUSTOM
 from .frame_record import Record
 
-MOST = 1e12
+MAX_FIGURE = 1e12
 """No figure of ours is as large: some of them are added up, and drawn."""
 
-DEEPEST = 8
+MAX_DEPTH = 8
 """Levels of lists and dicts in each other; ours have three."""
 
 
@@ -21,8 +21,8 @@ def figures_of(record: Record) -> tuple[dict[str, Any], list[str]]:
     return usable, [name for name in record.figures if name not in usable]
 
 
-def _is_plain(value: Any, deepest: int = DEEPEST) -> bool:
-    """Whether it is JSON with finite numbers of a usual size, and not too deep."""
+def _is_plain(value: Any, deepest: int = MAX_DEPTH) -> bool:
+    """Return whether a value is JSON with finite numbers of a usual size, and not nested too deeply."""
     if value is None or isinstance(value, (bool, str)):
         return True
     if isinstance(value, (int, float)):
@@ -33,7 +33,7 @@ def _is_plain(value: Any, deepest: int = DEEPEST) -> bool:
 
 def _is_number(value: Any) -> bool:
     # No NaN is less than anything.
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and -MOST < value < MOST
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -MAX_FIGURE < value < MAX_FIGURE
 
 
 def _is_number_or_none(value: Any) -> bool:
@@ -69,7 +69,7 @@ def _are_fractions(value: Any) -> bool:
 
 
 def _is_comparison(value: Any) -> bool:
-    """Whether it is what a comparison with multiview found, or None, as for a frame that was not compared."""
+    """Return whether it is the result of a comparison with multiview, or None for a frame that was not compared."""
     if value is None:
         return True
     known = isinstance(value, dict) and _is_plain(value) and value.keys() >= {"multiview_seconds", "noise_ratio"}
@@ -99,4 +99,4 @@ _RULES: dict[str, Callable[[Any], bool]] = {
     **dict.fromkeys(("fill", "warp", "estimate", "correction", "memory"), _is_group),
     "layers": _is_list,
 }
-"""What a figure must be; others are taken as they are, if they are plain."""
+"""Test that a figure must pass; figures without one are accepted where they are plain."""

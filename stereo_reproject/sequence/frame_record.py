@@ -12,17 +12,17 @@ from typing import Any
 RECORD_SCHEMA = 1
 
 RECORD_BYTES = 1 << 22
-"""What a record takes at most: ours are of some thousand bytes."""
+"""Greatest size of a record's file; ours have some thousand bytes."""
 
 
 NAME_BYTES, NAMES_BYTES = 255, 1023
-"""What a file's or a folder's name takes at most, and all of them together: no path of Blender's has more."""
+"""Greatest length of one file's or folder's name, and of a whole path: no path of Blender's is longer."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A finished frame. files have their size in bytes and their SHA-256, by name; settings and scene are fingerprints,
-    run is the token of the run that rendered it, and figures what an animation's report tells of it."""
+    """A finished frame. files have the size in bytes and the SHA-256 of each file, by name; settings and scene are
+    `Fingerprints`, run is the token of the run that rendered it, and figures are those for the animation's report."""
 
     frame: int
     files: Mapping[str, Mapping[str, Any]]
@@ -48,9 +48,10 @@ def read_record(read: Any) -> Record:
 
 
 def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
-    """Whether a name, with / between folders, leads to something below the folder that it is taken from.
+    """Return whether a name, with / between folders, leads to something below the folder that it is taken from.
 
-    A backslash parts folders on Windows alone, but a journal may be read there: .. is none between backslashes either.
+    A backslash separates folders on Windows alone, but a journal may be read there: between backslashes, .. is refused
+    everywhere.
     """
     path: PurePath = PureWindowsPath(name) if windows else PurePosixPath(name)
     parts = re.split(r"[/\\]", name)
@@ -59,7 +60,7 @@ def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
 
 
 def _can_be_there(name: str) -> bool:
-    """Whether a drive can have a file of this name: to ask for another is an error of its own, and no answer."""
+    """Return whether a drive can have a file of this name: asking a drive for any other raises an error of its own."""
     try:
         encoded = os.fsencode(name)
     except UnicodeEncodeError:

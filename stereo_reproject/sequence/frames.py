@@ -1,4 +1,5 @@
-"""The way of an animation: which of its frames are to be rendered, and then one after the other, each of them once.
+"""The way of an animation: the plan of the frames that are to be rendered, and then one after the other, each of them
+once.
 
 What renders a frame and writes its files is handed in (`blender.commands.animation` has the one that ships), so that
 this can be read, and killed at any moment in a test, without Blender.
@@ -25,32 +26,34 @@ from .other_runs import check_same
 from .output_errors import failed_output
 
 POLL_SECONDS = 1.0
-"""Between two looks at frames that another run has."""
+"""Time between two looks at frames that another run has."""
 
-FAILURES_IN_A_ROW = 3
-"""Frames that cannot be rendered, one after the other, after which no more are tried."""
+MAX_FAILURES_IN_A_ROW = 3
+"""Number of frames that cannot be rendered, one after the other, at which a run gives up."""
 
 
 @dataclass(frozen=True)
 class FramePlan:
-    """What is to be done: `todo` has what there is of each frame that is to be rendered, `kept` those that stay.
+    """The plan of a run: `todo` are the frames to be rendered and `kept` those that stay, each with its state on disk.
 
-    replaced are records that were there before; another one in its place is of a run that was quicker, and with
-    overwrite so are those of runs that live and render the same."""
+    replaced are the records that were there before. A record that differs from them later is another run's, which was
+    quicker. With overwrite, records of live runs that render the same are left out of it, so that they count as new.
+    """
 
     todo: Mapping[int, FrameState]
     kept: Mapping[int, FrameState]
     replaced: Mapping[int, Record]
 
     def is_new(self, record: Record) -> bool:
-        """Whether a record has appeared while this run was under way."""
+        """Return whether a record has appeared while this run was under way."""
         return record != self.replaced.get(record.frame)
 
 
 @dataclass(frozen=True)
 class FrameListener:
-    """Who is told what: `done` of each frame that is finished, with its record; `failed` of those that are not, and
-    why; `waits` of frames that another run has, when there is nothing else to do."""
+    """Functions that are called as frames change: `done` with each finished frame and its record, `failed` with each
+    frame that could not be rendered and the reason, `waits` with frames of another run when there is nothing else to
+    do."""
 
     done: Callable[[int, Record], None] = lambda _frame, _record: None
     failed: Callable[[int, str], None] = lambda _frame, _why: None
@@ -65,9 +68,11 @@ class FrameMaker(Protocol):
         ...
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """Frames that were handed over and are written by now, or what stood in the way; with wait all of them.
+        """Return the frames that were handed over and are written by now, each with its record or the error; with wait,
+        all.
 
-        None is told of a frame that was not written, because another run has claimed it meanwhile."""
+        A frame with None was not written, because another run has claimed it meanwhile.
+        """
         ...
 
 
@@ -79,8 +84,8 @@ def plan_frames(
     *,
     on_look: Callable[[int], None] = lambda _: None,
 ) -> FramePlan:
-    """What is to be done about frames with these files. existing is one of `settings.animation.EXISTING`; on_look is
-    called for each frame of which there was something to be looked at, which takes a while.
+    """Return the plan for frames with these files. existing is one of `settings.animation.EXISTING`; on_look is called
+    after each frame whose files were read, which takes a while.
 
     Raises BadInputError when frames are there that are not to be touched, and OSError.
     """
@@ -111,7 +116,7 @@ def plan_frames(
 
 
 def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
-    """Raises BadInputError where a frame's file would be written, through a link, somewhere else than asked for."""
+    """Raise BadInputError where a link would lead a frame's file out of the folder that was asked for."""
     for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
         if folder != journal.frames_folder and leads_elsewhere(folder):
             raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
@@ -154,7 +159,7 @@ def render_frames(
     wanted: Fingerprints,
     token: str,
     maker: FrameMaker,
-    told: FrameListener,
+    listener: FrameListener,
 ) -> None:
     """Render what is to be rendered, each frame by one run alone; back when all are there or have failed.
 
@@ -162,14 +167,14 @@ def render_frames(
     rendered is passed over; when several cannot, one after the other, the last one's error is raised, and so is
     OutputError at once.
     """
-    work = _Work(plan, journal, wanted, token, maker, told)
+    work = _Work(plan, journal, wanted, token, maker, listener)
     left = set(plan.todo)
     while left:
         mine = {frame for frame in sorted(left) if work.do(frame)}
         left -= mine
         left |= work.collect(wait=not left or not mine)
         if left and not mine:
-            told.waits(sorted(left))
+            listener.waits(sorted(left))
             time.sleep(POLL_SECONDS)
 
 
@@ -180,7 +185,7 @@ class _Work:
     wanted: Fingerprints
     token: str
     maker: FrameMaker
-    told: FrameListener
+    listener: FrameListener
     _failed_in_a_row: int = 0
     _rendered: int = 0
     _done: int = 0
@@ -188,7 +193,7 @@ class _Work:
     _taken_over: set[int] = field(default_factory=set)
 
     def do(self, frame: int) -> bool:
-        """Render a frame, unless it is there by now; False where another run has it."""
+        """Render a frame, unless it is there by now; return False where another run has it."""
         try:
             claim = self.journal.claims.take(frame, self.token)
             if claim is None:
@@ -197,7 +202,7 @@ class _Work:
             if record is not None and self.plan.is_new(record):
                 self.journal.claims.release(frame, claim, self.token)
                 self._check_same(record)
-                self.told.done(frame, record)
+                self.listener.done(frame, record)
                 return True
         except OSError as error:
             raise failed_output(self.journal.frames_folder, error) from error
@@ -219,7 +224,7 @@ class _Work:
             raise
 
     def collect(self, *, wait: bool) -> set[int]:
-        """Look what has been written; the frames that another run has taken over, and that are to be looked after."""
+        """Report the frames written by now; return those that another run has taken over, to look for later."""
         self._look(wait=wait)
         taken, self._taken_over = self._taken_over, set()
         return taken
@@ -233,15 +238,15 @@ class _Work:
             else:
                 self._failed_in_a_row = 0
                 self._done += 1
-                self.told.done(frame, result)
+                self.listener.done(frame, result)
 
     def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
         with contextlib.suppress(OSError):
             self.journal.claims.release(frame, self._claims[frame], self.token)
         self._failed_in_a_row += 1
-        if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= FAILURES_IN_A_ROW:
+        if isinstance(error, OutputError) or hopeless or self._failed_in_a_row >= MAX_FAILURES_IN_A_ROW:
             raise error
-        self.told.failed(frame, str(error))
+        self.listener.failed(frame, str(error))
 
 
 def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[str, Any], claim: int) -> Record | None:

@@ -1,4 +1,4 @@
-"""What lies in folders, each looked at once: of a million files, few are there."""
+"""Names of the files in folders, each folder read once: of a million planned files, few exist as a rule."""
 
 from __future__ import annotations
 

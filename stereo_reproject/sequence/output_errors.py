@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from ..errors import OutputError, StereoReprojectError
-from ..jobs.work_folder import tells_full_disk
+from ..jobs.work_folder import is_full_disk_error
 from .journal_folder import JOURNAL
 
 KEPT = "finished frames are kept, and --resume renders the rest"
@@ -64,7 +64,7 @@ def _is_folder(path: Path) -> bool:
 
 
 def _is_full(folder: Path, error: Exception) -> bool:
-    return (isinstance(error, OSError) and tells_full_disk(error)) or is_full(folder)
+    return (isinstance(error, OSError) and is_full_disk_error(error)) or is_full(folder)
 
 
 def is_full(folder: Path, *, below: int = FULL_DISK_BYTES) -> bool:

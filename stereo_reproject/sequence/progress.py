@@ -1,4 +1,4 @@
-"""How far an animation is, and how long the rest of it will take."""
+"""Progress of an animation, and the time that its remaining frames will take."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .frames import FrameListener, FramePlan
 
 @dataclass(frozen=True)
 class Listener:
-    """Who is told what: on_stage of a stage's name and which frame it is of; on_frame of each frame that is done; note
-    and warn of what is to be said."""
+    """Functions that are called as an animation goes on: on_stage with a stage's name and its frame, on_frame with the
+    event of each finished frame, note and warn with texts for the user."""
 
     on_stage: Callable[[str, str], None] = lambda _stage, _detail: None
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _event: None
@@ -25,27 +25,28 @@ class Listener:
 
 
 class AnimationProgress:
-    """Tells of finished frames, of `total`, and how long the rest will take; those that fail go into `failed`.
+    """Reports finished frames, of `total`, and the time that the others will take; those that fail go into `failed`.
 
-    clock counts seconds. What comes before the first frame is no part of what frames take.
+    clock counts seconds. Time before the first frame ends does not count towards the time that a frame takes.
+    `frame_listener` is to be called for each frame.
     """
 
     def __init__(
         self,
         plan: FramePlan,
         total: int,
-        told: Listener,
+        listener: Listener,
         failed: dict[int, str],
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._total, self._left = total, len(plan.todo)
-        self._failed, self._out = failed, told
+        self._failed, self._out = failed, listener
         self._clock, self._done = clock, 0
         self._since: float | None = None
         self._each = 0.0
         self._waited = False
-        self.told = FrameListener(self._on_done, self._on_failed, self._on_wait)
+        self.frame_listener = FrameListener(self._on_done, self._on_failed, self._on_wait)
 
     def _on_done(self, frame: int, record: Record) -> None:
         # Another run's record is as trustworthy as the drive that it lies on.

@@ -1,4 +1,4 @@
-"""animation.json: what became of each frame of an animation, and what it all comes to; and the chart of it."""
+"""animation.json: the result of each frame of an animation, their totals, and the chart of both."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .journal import Journal
 ANIMATION_SCHEMA = 1
 
 FIGURES = {"wall_seconds", "beside_seconds", "multiview_seconds", "fractions"}
-"""What a record needs to be told of."""
+"""Figures that a record must have to be in the report."""
 
 
 def report_path(journal: Journal) -> Path:
-    """Where it lies: beside the frames, and called as they are where they have a name."""
+    """Return the report's path: beside the frames, with their name where they have one."""
     name = journal.name.lstrip("_-. ")
     between = "_" if name[-1:].isalnum() else ""
     return journal.frames_folder / f"{name}{between}animation.json"
@@ -34,10 +34,11 @@ def write_animation_report(
     failed: Mapping[int, str],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Write it, of all frames of these settings and this scene that the journal has, whichever run has rendered them,
-    and the chart where matplotlib is installed. Raises OSError.
+    """Write the report on all frames in the journal that have these settings and this scene, whichever run rendered
+    them, and the chart where matplotlib is installed. Return the report. Raises OSError.
 
-    Records and figures that are not as they should be are passed over, and named among the warnings."""
+    Records and figures that cannot be read are passed over, and named among the warnings.
+    """
     rows, odd = _rows(journal, wanted)
     report = {
         "schema": ANIMATION_SCHEMA,
@@ -70,12 +71,12 @@ def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]],
 
 
 def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Of all frames: seconds, also those that Blender's multiview would have taken, and by what that is known.
+    """Return the totals of all frames, among them seconds, the seconds of Blender's multiview, and how those are known.
 
-    They are predicted for each frame from what its source eye has cost, and where frames were compared, all predictions
-    are put right by what was measured of those: a ratio estimate, for which it does not matter whether the compared
-    frames happen to be cheap ones. multiview_synced is "anew" where multiview began with a sync of the whole scene in
-    each compared frame.
+    Multiview's seconds are predicted for each frame from the cost of its source eye. Where frames were compared, all
+    predictions are scaled by measured over predicted seconds of those frames: a ratio estimate, for which it does not
+    matter whether the compared frames happen to be cheap. multiview_synced is "anew" where multiview synced the whole
+    scene in each compared frame.
     """
     seconds = [row["wall_seconds"] for row in rows]
     compared = [row for row in rows if row.get("compare")]
@@ -110,7 +111,7 @@ def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
 
 
 def format_animation(report: Mapping[str, Any]) -> str:
-    """What a person reads at the end."""
+    """Return the summary that is printed at the end."""
     whole = report["totals"]
     if not whole["frames"]:
         return "no frames"

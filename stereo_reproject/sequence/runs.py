@@ -32,14 +32,15 @@ from ..jobs.worker_process import module_command, worker_environment
 BEAT_SECONDS = 2.0
 BEAT_DIGITS = 20
 
-APPEARANCES = 5
-"""How often a run tries to appear: each time, another would have to go at that very moment."""
+APPEAR_ATTEMPTS = 5
+"""Number of times that a run tries to make its file: each time, another run would have to remove the folder just then.
+"""
 
 CLAIM = ".claim."
-"""In the name of a file by which a run has claimed something."""
+"""Part of the name of a claim's file; a number follows."""
 
 TOKEN = re.compile(r"[0-9a-f]{16}")
-"""What a run is called by."""
+"""Form of a run's token, its name in the journal."""
 
 RUN_FILE = re.compile(rf"run-({TOKEN.pattern})")
 CLAIM_FILE = re.compile(r"[A-Za-z0-9._-]*[0-9]{4,}\.claim\.[1-9][0-9]{0,17}")
@@ -47,13 +48,14 @@ UNFINISHED_FILE = re.compile(rf"\.(run-{TOKEN.pattern}|[A-Za-z0-9._-]+\.(json|pn
 """Files of these names are ours, and so to be removed when no run needs them any more."""
 
 RUN_BYTES = 8192
-"""What a run's file takes at most."""
+"""Greatest size of a run's file."""
 
 UNSETTLED = b'"settled": 0'
 """Part of the file of a run that has yet to find out whether another is in its way."""
 
 STALE_SECONDS = 90.0
-"""A run whose number has not changed for so long is dead. Drives may show for a minute what a file held before."""
+"""Time after which a run is dead whose number has not changed. Drives may show a file's earlier content for a minute.
+"""
 
 
 class LiveRuns:
@@ -67,7 +69,8 @@ class LiveRuns:
         self._beating: set[str] = set()
 
     def lives(self, token: str) -> bool:
-        """Whether a run may still be at work; found dead at once on this machine, on another after a while."""
+        """Return whether a run may still be at work; a dead one is found at once on this machine, on another after a
+        while."""
         try:
             content = self._content(token)
         except (FileNotFoundError, UnusableFileError):
@@ -83,14 +86,17 @@ class LiveRuns:
         return now - self._seen[token][1] < self._stale
 
     def is_at_work(self, token: str) -> bool | None:
-        """Whether a run lives beyond doubt; None as long as it may, but its number has not changed while we looked on.
-        What a power cut has left looks so, and is not to stop anybody for good."""
+        """Return True for a run that lives, False for a dead one, None while neither is known: its number has not
+        changed yet.
+
+        A run that a power cut has ended looks so too, until it counts as dead.
+        """
         if not self.lives(token):
             return False
         return True if token in self._beating else None
 
     def announced(self, *, but: str) -> dict[str, Mapping[str, Any]]:
-        """What the runs that may be at work have told of themselves, by token, but for this one. Raises OSError."""
+        """Return the facts that other runs which may be at work have announced, by token. Raises OSError."""
         found: dict[str, Mapping[str, Any]] = {}
         for token in sorted(self._tokens() - {but}):
             with contextlib.suppress(FileNotFoundError, UnusableFileError):
@@ -112,7 +118,7 @@ class LiveRuns:
                 file.write(b"1")
 
     def _content(self, token: str) -> bytes:
-        """What the file of a run holds; FileNotFoundError where there is none, or what was named is no run."""
+        """Return the content of a run's file; raises FileNotFoundError where there is none, or the token is none."""
         if TOKEN.fullmatch(token):
             return read_small(self.path(token), RUN_BYTES)
         # A claim that names no run yet is watched as if it were one.
@@ -140,7 +146,7 @@ class LiveRuns:
                 remove(path)
 
     def any_lives(self, *, but: str) -> bool:
-        """Whether any run is at work, but for this one. Raises OSError."""
+        """Return whether any other run is at work. Raises OSError."""
         return any(token != but and self.lives(token) for token in self._tokens())
 
     def _tokens(self) -> set[str]:
@@ -150,20 +156,20 @@ class LiveRuns:
 
 
 def _is_left_over(path: Path) -> bool:
-    """Whether it is a claim or an unfinished file of ours; such a name alone makes nothing else so."""
+    """Return whether a file is a claim or an unfinished file of ours: a regular file of such a name."""
     named_so = CLAIM_FILE.fullmatch(path.name) or UNFINISHED_FILE.fullmatch(path.name)
     return named_so is not None and is_regular(path)
 
 
 def _is_dead_here(content: bytes) -> bool:
-    """Whether it is a run of this machine whose process is gone."""
+    """Return whether a run's file is of a process of this machine that is gone."""
     facts = _facts(content)
     pid = facts.get("pid")
     return type(pid) is int and facts.get("machine") == machine() and not is_running(pid)
 
 
 def _facts(content: bytes) -> Mapping[str, Any]:
-    """What a run's file says of it; nothing where that cannot be read."""
+    """Return the facts that a run has announced; nothing where they cannot be read."""
     with contextlib.suppress(ValueError, LookupError, RecursionError):
         facts = json.loads(content.splitlines()[0])
         if isinstance(facts, dict):
@@ -173,11 +179,12 @@ def _facts(content: bytes) -> Mapping[str, Any]:
 
 @contextmanager
 def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> Iterator[str]:
-    """A run of this process, and its token: it lives for others until this is over, or the process is gone.
+    """Make this process a run at work, and yield its token: others see it live until this is over or the process is
+    gone.
 
-    announced is what others are to know of it, less than `RUN_BYTES` of JSON; they see it as soon as they see the run.
-    Its number is counted up by a process of its own: no thread may run beside Blender. Raises OSError and
-    StereoReprojectError.
+    announced are the facts that others are to know of it, less than `RUN_BYTES` of JSON; they see them as soon as they
+    see the run. Its number is counted up by a process of its own, because no thread may run beside Blender. Raises
+    OSError and StereoReprojectError.
     """
     token = secrets.token_hex(8)
     path = runs.path(token)
@@ -196,7 +203,7 @@ def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> I
 def _appear(path: Path, text: str) -> None:
     """Write the file, which is there whole or not at all, in a folder that a run which has just ended may take away."""
     beside = path.with_name(f".{path.name}.tmp")
-    for left in reversed(range(APPEARANCES)):
+    for left in reversed(range(APPEAR_ATTEMPTS)):
         try:
             path.parent.mkdir(exist_ok=True)
             beside.write_text(text, encoding="ascii")
@@ -225,7 +232,7 @@ def _heartbeat(path: Path) -> Iterator[None]:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env=worker_environment(),
-            # What kills this process's group must not kill the one that tells of it.
+            # What kills this process's group must not kill the one that reports it.
             start_new_session=os.name == "posix",
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )

@@ -18,9 +18,9 @@ STAGES = {
     "tracing": (Stage.PILOT, Stage.FILL, Stage.REFINE),
     "denoising": (Stage.DENOISE_SOURCE, Stage.DENOISE_TARGET),
 }
-"""What a frame's seconds are made of, and the stages of a report that belong to it."""
+"""Parts of a frame's seconds in the chart, and the stages of a report that belong to each."""
 REST = "the rest"
-"""What else they are made of."""
+"""Name of the part of a frame's seconds that is in no stage above."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def series_of(report: Mapping[str, Any]) -> Series:
 
 
 def number_in(row: Mapping[str, Any], *keys: str) -> float:
-    """What a row has under these keys, NaN where that is nothing or not finite."""
+    """Return a row's number under these keys, NaN where there is none or it is not finite."""
     value: Any = row
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else None
@@ -91,6 +91,6 @@ def _or_nothing(value: float) -> float:
 
 
 def mean_of(values: NDArray) -> float | None:
-    """Of those that are known, None without any."""
+    """Return the mean of the numbers that are known, None without any."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else None

@@ -9,7 +9,7 @@ from typing import Any
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
 from ..jobs.warn_once import WarnOnce
-from .frames import FAILURES_IN_A_ROW
+from .frames import MAX_FAILURES_IN_A_ROW
 from .journal_folder import JOURNAL
 from .output_errors import KEPT
 from .runs import LiveRuns
@@ -46,9 +46,9 @@ def run_animation(
         except WorkerCrashedError as error:
             starts.crashes_in_a_row += 1
             frame = str(starts.stage.get("detail"))
-            if not frame.startswith(FRAME) or starts.crashes_in_a_row >= FAILURES_IN_A_ROW:
+            if not frame.startswith(FRAME) or starts.crashes_in_a_row >= MAX_FAILURES_IN_A_ROW:
                 raise
-            # What is there by now, the frame before this one among it, is the run's own: nobody was told of that yet.
+            # What is there by now, the frame before this one among it, is the run's own, and was not reported yet.
             existing = "resume" if animation.existing == "refuse" else animation.existing
             animation = replace(animation, finished=tuple(starts.finished), existing=existing, goes_on=True)
             if starts.stage["stage"] == HANDED_OVER:

@@ -1,4 +1,5 @@
-"""The writer as a process: started, handed one frame after the other, asked what has become of them; see `writer`."""
+"""The writer as a process of its own: started, handed one frame after the other, and asked for the results
+(`programs/writer`)."""
 
 from __future__ import annotations
 
@@ -18,16 +19,16 @@ from ..jobs.worker_process import module_command, private_environment
 from .frame_record import Record
 
 ANSWER_SECONDS = 0.02
-"""Between two looks for an answer."""
+"""Time between two looks for an answer."""
 
-MOST_PENDING = 2
-"""Frames that wait to be written: more would only fill the drive."""
+MAX_PENDING_FRAMES = 2
+"""Frames that may wait to be written: more would only fill the drive."""
 
 
 @dataclass(frozen=True)
-class WriterOrder:
-    """The file that the frames are of and the session that has it open, and where they go; output, layout and
-    file_format are as `AnimationSettings` has them."""
+class WriterJob:
+    """The writer's job: the .blend and the session that has it open, the private folder for its answers, and the folder
+    of the frames with their name. output, layout and file_format are those of `AnimationSettings`."""
 
     blend: str
     session: Session
@@ -54,10 +55,10 @@ class WrittenFrame:
 class WriterProcess:
     """The process. command starts another one than `python -m stereo_reproject.programs.writer`."""
 
-    def __init__(self, order: WriterOrder, command: Sequence[str] | None = None) -> None:
-        self._order = order
+    def __init__(self, job: WriterJob, command: Sequence[str] | None = None) -> None:
+        self._job = job
         self._command = command
-        self._answers = Path(order.private)
+        self._answers = Path(job.private)
         self._log = self._answers / "writer.log"
         self._process: subprocess.Popen[bytes] | None = None
         self._pending: dict[int, WrittenFrame] = {}
@@ -82,7 +83,7 @@ class WriterProcess:
             raise StereoReprojectError(
                 f"no process could be started ({error.strerror}); free some resources"
             ) from error
-        self._send(asdict(self._order))
+        self._send(asdict(self._job))
 
     def hand_over(self, frame: WrittenFrame) -> None:
         """Have a frame written, as soon as those before it are."""
@@ -92,12 +93,12 @@ class WriterProcess:
             self.start()
         self._pending[frame.frame] = frame
         self._send(asdict(frame))
-        while len(self._pending) > MOST_PENDING:
+        while len(self._pending) > MAX_PENDING_FRAMES:
             self._look()
             time.sleep(ANSWER_SECONDS)
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """As `frames.FrameMaker` has it."""
+        """Return the written frames: see `frames.FrameMaker.finished`."""
         self._look()
         while wait and self._pending:
             time.sleep(ANSWER_SECONDS)
@@ -155,13 +156,13 @@ class WriterProcess:
         return self._process is None or self._process.poll() is not None
 
     def _is_gone(self) -> bool:
-        """Whether the folder that the answers lay in is no longer there. Another of that name may be: Blender makes
-        folders that are missing on the way to its files."""
+        """Return whether the folder of the answers was removed. Blender may have made it anew, because it makes missing
+        folders on the way to its files; but not the log in it."""
         return not self._log.exists()
 
     def _how_it_ended(self, frame: int) -> str:
         if self._is_gone():
-            return f"{self._order.folder} is gone, with the frames that were in it"
+            return f"{self._job.folder} is gone, with the frames that were in it"
         status = None if self._process is None else self._process.returncode
         ending = f"exit status {status}" if os.name != "posix" or not status or status > 0 else f"signal {-status}"
         return f"frame {frame} was not written: Blender stopped unexpectedly ({ending})"

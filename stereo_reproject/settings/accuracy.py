@@ -1,41 +1,28 @@
-"""What an accuracy setting promises, and what it has traced for that."""
+"""Accuracy settings: the promise of each, and the thresholds by which pixels are traced to keep it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 from .frame import StereoSettings
+from .tuning import TUNING
 
-STEP = 1.0 / 255.0
-"""Of an 8-bit picture."""
-
-
-PROBED_PIXELS = 960 * 540
-"""Of a picture whose tiles are as small as a setting has them; what is to be found in a larger one is larger, too."""
-
-LONGEST = 2.0
-"""So many times as long is the side of a large picture's tiles, at most."""
-
-DENOISED_SPACING = 0.75
-"""Side of a probe's tile in a denoised picture over the one in a noisy picture."""
-
-DENOISED_LIMIT = 1.5
-"""The limit of a tile's noise ratio in a denoised picture over the one in a noisy picture, whose noise is seven times
-as large: it is only roughly told, and what it is a ratio to can hardly be seen."""
+EIGHT_BIT_STEP = 1.0 / 255.0
+"""Difference between two neighbouring values of an 8-bit picture."""
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How wide a silhouette is traced, and how alike its two sides may be to be left alone.
+    """Thresholds by which pixels are traced, and the noise ratio that is promised.
 
-    silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: how many
-    pixels on either side of it are traced; Cycles' default filter reaches 1.5. colour_tolerance: difference between
-    the colours on the two sides, in standard deviations of the picture's noise, below which the edge is left
-    warped. promise: the noise ratio that the target is to have at most, by estimate; None makes no promise and no
-    probes. probe_spacing: pixels along the side of the tiles that have a probe each, see `for_size`. tile_limit:
-    the noise ratio above which a single tile is traced though the frame as a whole keeps its promise;
-    promises_worst_tiles: whether that is promised too, of the worst hundredth of the tiles. unseen: noise, as a
-    standard deviation after tone mapping, that nobody sees: a tile's error is no worse for being large beside less.
+    silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: number of pixels
+    that are traced on either side of it; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
+    colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
+    promise: greatest noise ratio of the target, by estimate; None makes no promise and no probes. probe_spacing: side
+    in pixels of the tiles that have a probe each, see `for_size`. tile_limit: noise ratio above which a single tile is
+    traced though the frame as a whole keeps its promise; promises_worst_tiles: True where the promise holds for the
+    worst hundredth of the tiles, too. unseen: noise, as a standard deviation after tone mapping, that nobody sees:
+    beside less noise than this, a tile's error counts as beside this much.
     """
 
     silhouette_step: float
@@ -45,7 +32,7 @@ class Accuracy:
     probe_spacing: int = 8
     tile_limit: float = 2.0
     promises_worst_tiles: bool = False
-    unseen: float = STEP
+    unseen: float = EIGHT_BIT_STEP
 
 
 SETTINGS: dict[str, Accuracy] = {
@@ -60,7 +47,7 @@ SETTINGS: dict[str, Accuracy] = {
         colour_tolerance=0.35,
         promise=1.05,
         tile_limit=1.5,
-        unseen=0.5 * STEP,
+        unseen=0.5 * EIGHT_BIT_STEP,
     ),
     "exact": Accuracy(
         silhouette_step=0.1,
@@ -75,7 +62,8 @@ SETTINGS: dict[str, Accuracy] = {
 
 
 def accuracy_of(settings: StereoSettings) -> Accuracy:
-    """What these settings ask for. A tolerance takes all else from the setting that promises next less."""
+    """Return the accuracy that settings ask for. A tolerance replaces the promise of the setting that promises next
+    less."""
     if settings.tolerance is None:
         return SETTINGS[settings.accuracy]
     promised = [accuracy for accuracy in SETTINGS.values() if accuracy.promise is not None]
@@ -84,18 +72,16 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
 
 
 def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
-    """The same for a picture of so many pixels: from PROBED_PIXELS on, as many probes find as much.
-
-    Up to LONGEST times the side of a tile; not where the worst tiles are promised something.
-    """
+    """Return the accuracy for a picture of so many pixels. Tiles of a large picture are larger, because as many probes
+    find as much there: see `SettingsTuning`. Where the worst tiles are promised something, nothing changes."""
     if accuracy.promises_worst_tiles:
         return accuracy
-    longer = min(max((pixels / PROBED_PIXELS) ** 0.5, 1.0), LONGEST)
+    longer = min(max((pixels / TUNING.small_picture_px) ** 0.5, 1.0), TUNING.max_tile_growth)
     return replace(accuracy, probe_spacing=int(longer * accuracy.probe_spacing))
 
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
-    """The same for a picture that is denoised: an error shows beside less noise, and more probes are needed for it."""
-    spacing = max(round(DENOISED_SPACING * accuracy.probe_spacing), 2)
-    limit = accuracy.tile_limit if accuracy.promises_worst_tiles else DENOISED_LIMIT * accuracy.tile_limit
+    """Return the accuracy for a denoised picture: an error shows beside less noise, and more probes are needed."""
+    spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), 2)
+    limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
     return replace(accuracy, probe_spacing=spacing, tile_limit=limit)

@@ -1,4 +1,4 @@
-"""How an animation is rendered, beside how each of its pairs is made: checked once, and frozen."""
+"""Settings of an animation, beside those of each of its pairs: checked once, and frozen."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..errors import BadInputError
 from .frame import MAX_FRAME
 
 EXISTING = ("refuse", "resume", "overwrite", "keep")
-"""What becomes of frames that are there: the run is refused; those that are whole and of this scene stay; none stays;
-all stay that are there at all, as Blender does it without Overwrite."""
+"""Ways to handle frames that are there: refuse the run; keep those that are whole and of this scene; keep none; keep
+all that are there at all, as Blender does without Overwrite."""
 
-MOST_FRAMES = 1 << 20
+MAX_FRAMES = 1 << 20
 
 
 @dataclass(frozen=True)
 class AnimationSettings:
-    """What is rendered and where it goes. Raises BadInputError.
+    """The frames of an animation and the place for them. Raises BadInputError.
 
     frames are in rising order; without them they are the scene's. output is the folder for the frames, in place of that
     of the scene's output path. layout is one of `delivery.layouts.LAYOUTS` and file_format one of Blender's names, both
@@ -78,11 +78,11 @@ def read_frames(text: str) -> tuple[int, ...]:
         if last < first or step < 1:
             raise BadInputError(f"frames {part.strip()} are none: name them in rising order, with a step from 1")
         count = (last - first) // step + 1
-        if count > MOST_FRAMES:
-            raise BadInputError(f"frames {part.strip()} are more than {MOST_FRAMES}")
+        if count > MAX_FRAMES:
+            raise BadInputError(f"frames {part.strip()} are more than {MAX_FRAMES}")
         # One frame may be named several times, but not without an end: such a text may come out of a damaged file.
         named += count
-        if named > 2 * MOST_FRAMES:
+        if named > 2 * MAX_FRAMES:
             raise BadInputError(f"frames {text[:40]!r}... name frames again and again")
         frames.update(range(first, last + 1, step))
     result = tuple(sorted(frames))

@@ -1,4 +1,4 @@
-"""What a run is asked to do, checked once: frozen, so that nothing changes under way."""
+"""Settings of one pair: checked once, and frozen, so that nothing changes under way."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _check_float(name: str, value: float, low: float, *, above: bool = False) ->
 
 @dataclass(frozen=True)
 class SceneOverrides:
-    """What replaces the .blend's own values for this run; None keeps the scene's value.
+    """Values that replace the .blend's own for this run; None keeps the scene's value.
 
     size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
     convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine; denoise
@@ -94,7 +94,7 @@ class SceneOverrides:
 
 @dataclass(frozen=True)
 class StereoSettings:
-    """How the pair is made. Raises BadInputError.
+    """Settings of a pair, beside the values of the scene in `scene`. Raises BadInputError.
 
     tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
     grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's

@@ -3,7 +3,7 @@ comes out can be held against what a render of the target would have shown."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from stereo_reproject.pipeline.frame import Stopwatch, render_stereo_frame, trac
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.settings.tuning import TUNING
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 from stereo_reproject.views.frustum import Lens
@@ -721,7 +722,8 @@ def test_a_large_picture_has_larger_tiles(method, monkeypatch):
     renderer = caster(noise=0.1, view_dependent=("mirror",))
     asked = settings(fill=method)
     small = render_stereo_frame(renderer, asked)
-    monkeypatch.setattr("stereo_reproject.settings.accuracy.PROBED_PIXELS", SIZE[0] * SIZE[1] // 4)
+    smaller = replace(TUNING, small_picture_px=SIZE[0] * SIZE[1] // 4)
+    monkeypatch.setattr("stereo_reproject.settings.accuracy.TUNING", smaller)
     large = render_stereo_frame(renderer, asked)
     sides = [frame.refinement.evidence.probes.spacing for frame in (small, large)]
     assert sides == [FillPlanner.spacing(method, side) for side in (8, 16)]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject.errors import BadInputError, StereoReprojectError, as_told
+from stereo_reproject.errors import BadInputError, StereoReprojectError, in_one_line
 from stereo_reproject.jobs import memory, supervisor, work_folder
 from stereo_reproject.programs import cli
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
@@ -388,7 +388,7 @@ def test_a_limit_of_memory_is_named_when_blender_falls_over(place, start):
 
 @pytest.mark.parametrize("why", ["failed to map segment from shared object", "cannot map zero-fill pages"])
 def test_a_library_that_finds_no_room_is_no_defect(why):
-    told = as_told(ImportError(f"libembree4.so.4: {why}"))
+    told = in_one_line(ImportError(f"libembree4.so.4: {why}"))
     assert "libembree4" in str(told)
     assert "ulimit -v" in str(told)
     assert "defect" not in str(told)
@@ -407,7 +407,7 @@ def test_a_path_relative_to_a_folder_that_is_gone_is_said(place, tmp_path, monke
 def test_a_name_that_is_no_utf8_is_no_defect():
     with pytest.raises(UnicodeDecodeError) as caught:
         b"Stra\xdfe".decode()
-    told = as_told(caught.value)
+    told = in_one_line(caught.value)
     assert told.exit_status == 2
     assert "Stra\\xdfe" in str(told)
 

@@ -721,6 +721,6 @@ def test_the_time_that_is_left_counts_no_load(journal):
     )
     for frame in FRAMES[:3]:
         figures = {"wall_seconds": 2.0}
-        progress.told.done(frame, Record(frame, {}, "", {}, OWN, figures))
+        progress.frame_listener.done(frame, Record(frame, {}, "", {}, OWN, figures))
     assert [event["each"] for event in told] == [2.0, 3.0, 2.5]
     assert [event["remaining"] for event in told] == [2.0 * 3, 3.0 * 2, 2.5]

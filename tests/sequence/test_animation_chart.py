@@ -15,7 +15,7 @@ from stereo_reproject.tradeoff.label_places import spread
 
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.sequence.chart import MARKERS, OURS, PEER, draw_animation, draw_animation_chart
+from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, PEER, draw_animation, draw_animation_chart
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -172,7 +172,7 @@ def test_many_points_have_no_markers_but_for_one_that_is_in_no_line():
     frames = [*range(1, 101), 200]
     many = draw_animation(report([compared(frame) for frame in frames], range(1, 201)))
     line = of(many.axes[1], PEER)
-    assert len(frames) > MARKERS
+    assert len(frames) > MAX_MARKERS
     assert [line.get_xdata()[k] for k in line.get_markevery()] == [200]
 
 

@@ -196,7 +196,7 @@ def test_a_frame_that_another_run_has_recorded_oddly_is_done_all_the_same(name):
         told = Listener(on_frame=events.append, warn=warnings.append)
         figures = {**row(warnings=["fireflies"]), name: value}
         record = Record(1, {"0001.png": {"bytes": 1, "sha256": "0"}}, "s", {}, "r", figures)
-        AnimationProgress(FramePlan({1: None}, {}, {}), 1, told, {}).told.done(1, record)
+        AnimationProgress(FramePlan({1: None}, {}, {}), 1, told, {}).frame_listener.done(1, record)
         (event,) = events
         assert event["seconds"] == (None if name == "wall_seconds" else 2.0)
         assert event["traced"] == (None if name == "fractions" else 0.1)

@@ -6,7 +6,7 @@ import pytest
 
 from stereo_reproject.errors import OutputError, StereoReprojectError
 from stereo_reproject.jobs.supervisor import Session
-from stereo_reproject.sequence.writer_process import WriterOrder, WriterProcess, WrittenFrame
+from stereo_reproject.sequence.writer_process import WriterJob, WriterProcess, WrittenFrame
 
 ANSWERS_ALL = """
 import json, pathlib, sys
@@ -29,7 +29,7 @@ def private(tmp_path):
 
 
 def started(private, code):
-    order = WriterOrder(
+    order = WriterJob(
         blend="", session=Session(), private=str(private), folder=str(private.parent),
         name="", output=None, layout=None, file_format=None,
     )  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from stereo_reproject.delivery.layouts import LAYOUTS
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.programs import cli
-from stereo_reproject.settings.animation import EXISTING, MOST_FRAMES, AnimationSettings, read_every, read_frames
+from stereo_reproject.settings.animation import EXISTING, MAX_FRAMES, AnimationSettings, read_every, read_frames
 from stereo_reproject.settings.frame import MAX_FRAME
 
 
@@ -50,7 +50,7 @@ def test_frames_as_people_write_them(text, frames):
         ("3-1", "frames 3-1 are none"),
         ("1-3:0", "frames 1-3:0 are none"),
         ("1, 5-4", "frames 5-4 are none"),
-        ("1-999999999", f"frames 1-999999999 are more than {MOST_FRAMES}"),
+        ("1-999999999", f"frames 1-999999999 are more than {MAX_FRAMES}"),
         (str(MAX_FRAME + 1), f"frames must be from 0 to {MAX_FRAME}"),
         ("-3--1", f"frames must be from 0 to {MAX_FRAME}"),
         ("-1-1", f"frames must be from 0 to {MAX_FRAME}"),

@@ -32,7 +32,7 @@ from ...sequence.output_errors import failed_output
 from ...sequence.progress import AnimationProgress, Listener
 from ...sequence.report import report_path, write_animation_report
 from ...sequence.runs import run_at_work
-from ...sequence.writer_process import WriterOrder
+from ...sequence.writer_process import WriterJob
 from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
 from ..output.animation_output import Output, output_of
@@ -100,7 +100,7 @@ def render_animation_files(
                 )
             ) as maker:
                 try:
-                    render_frames(plan, journal, wanted, token, maker, progress.told)
+                    render_frames(plan, journal, wanted, token, maker, progress.frame_listener)
                 except StereoReprojectError as error:
                     _tell_of_early_end(error, journal, wanted, options, failed, said)
                     raise
@@ -278,8 +278,8 @@ def _say_plan(plan: FramePlan, options: AnimationSettings, told: Listener) -> No
         told.warn(f"kept, for Overwrite is off, though not of the scene and settings as they are: {spelled(others)}")
 
 
-def _order(blend: Path, session: Session, output: Output, options: AnimationSettings, private: Path) -> WriterOrder:
-    return WriterOrder(
+def _order(blend: Path, session: Session, output: Output, options: AnimationSettings, private: Path) -> WriterJob:
+    return WriterJob(
         blend=str(blend),
         # The writer renders nothing.
         session=replace(session, devices=None),

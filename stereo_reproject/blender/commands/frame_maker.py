@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...errors import StereoReprojectError, as_told
+from ...errors import StereoReprojectError, in_one_line
 from ...images.denoising import LEAST_LEFT
 from ...images.exr import VIEWS, write_eye
 from ...jobs.memory import give_back_freed
@@ -24,7 +24,7 @@ from ...sequence.fingerprints import Fingerprints, digest
 from ...sequence.frame_record import Record
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output
-from ...sequence.writer_process import WriterOrder, WriterProcess, WrittenFrame
+from ...sequence.writer_process import WriterJob, WriterProcess, WrittenFrame
 from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost
@@ -109,7 +109,7 @@ class BlenderFrameMaker:
         scene: bpy.types.Scene,
         settings: StereoSettings,
         options: AnimationSettings,
-        order: WriterOrder,
+        order: WriterJob,
         belonging: FrameContext,
         work: Path,
         on_stage: Callable[[str, str], None],
@@ -133,7 +133,7 @@ class BlenderFrameMaker:
         except Exception as error:
             # Whatever one frame meets with, the others may be spared, with a scene that is set up anew.
             self._scenes.close()
-            raise blamed_on_output(self._belonging.journal.frames_folder, as_told(error)) from error
+            raise blamed_on_output(self._belonging.journal.frames_folder, in_one_line(error)) from error
 
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import StereoReprojectError, as_told
+from ...errors import StereoReprojectError, in_one_line
 from ...images.exr import VIEWS
 from ...images.passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
 from ..engines.render import call_render, output_path, written_to
@@ -59,7 +59,7 @@ class _Delivery:
         try:
             return self.eyes_at(frame)
         except Exception as error:
-            self.failed = self.failed or as_told(error)
+            self.failed = self.failed or in_one_line(error)
             raise
 
 
@@ -95,7 +95,7 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
             self._fill(depsgraph, delivery)
         except Exception as error:
             # Blender goes on with the next frame.
-            delivery.failed = delivery.failed or as_told(error)
+            delivery.failed = delivery.failed or in_one_line(error)
             raise
 
     def _fill(self, depsgraph: bpy.types.Depsgraph, delivery: _Delivery) -> None:

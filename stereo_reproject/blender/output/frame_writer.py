@@ -21,7 +21,7 @@ from ...jobs.supervisor import Session
 from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output, is_full
-from ...sequence.writer_process import WriterOrder, WrittenFrame
+from ...sequence.writer_process import WriterJob, WrittenFrame
 from ..scene.compositor import compositor_tree
 from .delivery import deliver_frames
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
@@ -42,16 +42,16 @@ NOTHING_LEFT = 1 << 16
 
 
 class FrameWriter:
-    """Opens the file of an order (a `WriterOrder` as a dict), and writes its frames. Raises BadInputError."""
+    """Opens the file of a `WriterJob` (as a dict), and writes its frames. Raises BadInputError."""
 
-    def __init__(self, order: Mapping[str, Any]) -> None:
-        self._order = WriterOrder(**{**order, "session": Session(**order["session"])})
-        scene = open_session(Path(self._order.blend), self._order.session)
+    def __init__(self, job: Mapping[str, Any]) -> None:
+        self._job = WriterJob(**{**job, "session": Session(**job["session"])})
+        scene = open_session(Path(self._job.blend), self._job.session)
         strip(scene)
         self._scene = scene
         self._changes = ExitStack()
-        self._changes.enter_context(as_ordered(scene, self._order.output, self._order.layout, self._order.file_format))
-        self._journal = Journal(Path(self._order.folder), self._order.name)
+        self._changes.enter_context(as_ordered(scene, self._job.output, self._job.layout, self._job.file_format))
+        self._journal = Journal(Path(self._job.folder), self._job.name)
 
     def write(self, fields: Mapping[str, Any]) -> dict[str, Any] | None:
         """Write a frame (a `WrittenFrame` as a dict), and return its record; None where it was left to another run.
@@ -73,7 +73,7 @@ class FrameWriter:
     def _deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
         """The frame's files by where they belong in the frames' folder."""
         out, number = folder / "out", frame.frame
-        deliver = deliver_anaglyph if is_our_own(self._order.layout) else deliver_frames
+        deliver = deliver_anaglyph if is_our_own(self._job.layout) else deliver_frames
         try:
             eyes = {view: read_eye(folder / f"{view}.exr") for view in VIEWS}
             deliver(self._scene, lambda _: eyes, out, frames=range(number, number + 1), metadata=frame.metadata)

@@ -1,4 +1,5 @@
-"""Which values of a datablock follow from curves: they are other ones in each frame, and the curves tell them all."""
+"""Values of a datablock that follow from curves and drivers: they differ from frame to frame, and the curves hold them
+all."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ LAST = re.compile(r'(?:^|\.|(?=\["))(\w+|\["(?:[^"\\]|\\.)*"\])$')
 
 
 def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
-    """Where curves and drivers write, with the array indices (0 of what is no array)."""
+    """Return the paths that curves and drivers write to, with their array indices (0 where there is no array)."""
     found: dict[Place, set[int]] = {}
     animation = getattr(block, "animation_data", None)
     for curve in _curves(animation) if animation is not None else ():
@@ -39,7 +40,7 @@ def _place(block: bpy.types.ID, path: str) -> Place | None:
 
 
 def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
-    """Those that are in use; a muted one leaves its value as the user set it."""
+    """Return the curves that are in use; a muted one leaves its value as the user set it."""
     curves = [*animation.drivers, *_of_slot(animation.action, animation.action_slot_handle)]
     if animation.use_nla:
         for strip in _strips(animation.nla_tracks):
@@ -59,7 +60,7 @@ def _of_slot(action: bpy.types.Action | None, handle: int) -> Iterator[bpy.types
 
 
 def _strips(holders: Iterable[bpy.types.NlaTrack | bpy.types.NlaStrip]) -> Iterator[bpy.types.NlaStrip]:
-    """Those of the tracks, and those that are within others."""
+    """Return the strips of the tracks, and those within other strips."""
     for holder in holders:
         if not holder.mute:
             yield from holder.strips

@@ -21,7 +21,7 @@ PASS_OF_SOCKET = {"Image": COLOUR_PASS}
 """Sockets of a Render Layers node that are not called as their passes are."""
 
 TYPES = {"VALUE": "VALUE", "VECTOR": "VECTOR", "RGBA": "COLOR"}
-"""Of passes, by the sockets' types."""
+"""Types of passes, by the types of the sockets."""
 
 OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
 
@@ -33,7 +33,7 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 
 
 def has_compositor(scene: bpy.types.Scene) -> bool:
-    """Whether the compositing nodes do more than hand the render through."""
+    """Return whether the compositing nodes do more than pass the render through."""
     tree = compositor_tree(scene)
     return tree is not None and any(node.bl_idname not in PASSIVE for node in tree.nodes)
 
@@ -55,20 +55,20 @@ def compositor_blocker(scene: bpy.types.Scene) -> str | None:
 
 
 def is_composited(scene: bpy.types.Scene) -> bool:
-    """Whether the pair goes through the scene's compositor."""
+    """Return whether the pair goes through the scene's compositor."""
     there = scene.render.use_compositing and compositor_tree(scene) is not None
     return there and compositor_blocker(scene) is None
 
 
 def gives_a_picture(scene: bpy.types.Scene) -> bool:
-    """Whether anything is linked to the output of the scene's compositor."""
+    """Return whether anything is linked to the output of the scene's compositor."""
     tree = compositor_tree(scene)
     outputs = [] if tree is None else [node for node in tree.nodes if node.bl_idname in OUTPUTS]
     return any(socket.is_linked for node in outputs for socket in node.inputs)
 
 
 def shows_a_render(scene: bpy.types.Scene) -> bool:
-    """Whether any node of the scene's compositor shows what a scene has rendered."""
+    """Return whether any node of the scene's compositor shows a scene's render."""
     return any(_shows_a_render(node) for node in compositor_nodes(scene) if not node.mute)
 
 

@@ -6,7 +6,7 @@ import bpy
 
 from .working import rendered_layer
 
-FEWEST_LEVELS = 2
+MIN_LEVELS = 2
 """Ranks that Blender makes at least: two to a pass."""
 
 OURS = "stereo_reproject_cryptomatte"
@@ -14,19 +14,20 @@ OURS = "stereo_reproject_cryptomatte"
 
 
 def cryptomatte_asked_for(scene: bpy.types.Scene) -> bool:
-    """Whether the user wants the materials' cryptomatte."""
+    """Return whether the user wants the materials' cryptomatte."""
     layer = rendered_layer(scene)
     return layer.use_pass_cryptomatte_material and OURS not in layer
 
 
 def switch_on_cryptomatte(scene: bpy.types.Scene) -> None:
-    """Have the materials' cryptomatte rendered from now on.
+    """Have the materials' cryptomatte rendered, from now on in every render.
 
-    For good: with persistent data, the render after the last one that has it damages Blender's memory (5.2.3).
+    It is never switched off: with persistent data, the render after the last one with it damages Blender's memory
+    (5.2.3).
     """
     layer = rendered_layer(scene)
     if layer.use_pass_cryptomatte_material:
         return
     layer.use_pass_cryptomatte_material = layer[OURS] = True
     if not (layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset):
-        layer.pass_cryptomatte_depth = FEWEST_LEVELS
+        layer.pass_cryptomatte_depth = MIN_LEVELS

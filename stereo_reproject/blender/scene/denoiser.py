@@ -1,4 +1,4 @@
-"""Whether a scene is denoised, and whether this Blender can."""
+"""Denoising: what the scene asks for, and the denoisers of this Blender."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from .working import CYCLES, rendered_layer
 
 
 def denoises(scene: bpy.types.Scene) -> bool:
-    """Whether a working scene's layer comes out of a render denoised."""
+    """Return whether a working scene's layer comes out of a render denoised."""
     asked = scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
     return asked and has_denoiser(scene)
 
 
 def has_denoiser(scene: bpy.types.Scene) -> bool:
-    """Whether this Blender has any: one that is built without has no name for it, and renders what is noisy."""
+    """Return whether this Blender has a denoiser: one that was built without renders noisy pictures, and has no name
+    for it."""
     return bool(scene.cycles.denoiser)

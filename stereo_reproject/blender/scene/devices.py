@@ -1,4 +1,4 @@
-"""What Cycles computes on: as one Blender is set up, handed to another that has not read its preferences."""
+"""The devices that Cycles computes on, handed from one Blender to another that has not read its preferences."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from .visible import STRANDS, Seen, aperture_radius, visible_objects
 from .working import CYCLES, evaluated, layers_to_render, rendered_layer
 
 DEFAULT_SURFACE = "default_surface"
-"""What Cycles calls the material of an object that has none."""
+"""Cycles' name for the material of an object that has none."""
 
 MOVING_MODIFIERS = {
     "ARMATURE",
@@ -85,7 +85,7 @@ class _Claims:
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.shadings = Shadings(scene.render.engine)
         self.sharp: dict[Effect, list[str]] = {Effect.GLOSSY: [], Effect.TRANSMISSION: []}
-        """What is smooth enough to throw caustics."""
+        """Names of what is smooth enough to throw caustics."""
         self._cycles = scene.render.engine == CYCLES
         self._by: dict[Effect, dict[str, list[str]]] = {effect: {} for effect in Effect}
         self._materials: dict[str, Effect] = {}
@@ -141,7 +141,7 @@ def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:
 
 
 def _own_effects(seen: Seen) -> Effect:
-    """What the object calls for by itself, whatever its materials are."""
+    """Return the effects of an object by itself, whatever its materials are."""
     effects = Effect(0)
     if seen.kind == "VOLUME":
         effects |= Effect.VOLUME
@@ -156,7 +156,7 @@ def _own_effects(seen: Seen) -> Effect:
 
 
 def _caustics(scene: bpy.types.Scene, sharp: dict[Effect, list[str]]) -> list[str]:
-    """What throws caustics: smooth surfaces, by paths or, where a lamp asks for it, by shadow caustics."""
+    """Return the sources of caustics: smooth surfaces, by paths or, where a lamp asks for it, by shadow caustics."""
     if scene.render.engine != CYCLES:
         return []
     by = [*sharp[Effect.GLOSSY]] if scene.cycles.caustics_reflective else []
@@ -177,9 +177,10 @@ def _denoising(scene: bpy.types.Scene) -> list[str]:
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:
-    """What may move while the shutter is open, in words: too much rather than too little.
+    """Return what may move while the shutter is open, in words: too much rather than too little.
 
-    What instances of a collection show is in none of the scene's own, and what geometry nodes instance counts by them.
+    Objects that a collection instance shows are in none of the scene's own collections, and instances of geometry nodes
+    count by the objects that make them.
     """
     moving = []
     for item in brought_along(scene.objects, parents=True):
@@ -203,7 +204,7 @@ def _moves(item: bpy.types.Object) -> bool:
 
 
 def is_animated(owner: bpy.types.ID) -> bool:
-    """Whether anything of the datablock changes with time."""
+    """Return whether anything of the datablock changes with time."""
     # Not every kind has any: collections have none.
     animation = getattr(owner, "animation_data", None)
     return animation is not None and (
@@ -216,7 +217,7 @@ def has_grease_pencil(scene: bpy.types.Scene) -> bool:
 
 
 def uses_output(node_type: str, output: str) -> bool:
-    """Whether any shader of the file makes use of this output of a node of this type."""
+    """Return whether any shader of the file uses this output of a node of this type."""
     return any(node.outputs[output].is_linked for node in shader_nodes() if node.bl_idname == node_type)
 
 

@@ -1,4 +1,4 @@
-"""What of a scene one engine shows and the other does not: told, so that nothing is silently black.
+"""Parts of a scene that one engine shows and the other does not: reported, so that nothing is silently black.
 
 The lists are of what was rendered: every node that Blender has, in either engine, in 4.5 and in 5.2.
 """
@@ -116,7 +116,7 @@ def _of_light(lamp: bpy.types.Light) -> Iterator[str]:
 
 
 def _is_plain(output: bpy.types.Node) -> bool:
-    """Whether nothing but an emission of white, of strength 1, feeds the light's output: it changes nothing."""
+    """Return whether the light's nodes change nothing: only a white emission of strength 1 feeds its output."""
     sources = [source.node for source, _ in upstream([output.inputs["Surface"]])]
     if len(sources) != 1 or sources[0].bl_idname != "ShaderNodeEmission":
         return False

@@ -1,4 +1,4 @@
-"""Files told apart by what is in them, cheaply: never by path or date, which differ from machine to machine."""
+"""Digests of files by a few samples of their content, never by path or date, which differ from machine to machine."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import hashlib
 import re
 from pathlib import Path
 
-BLOCK = 64 * 1024
-"""Bytes of each sample."""
-SAMPLES = 8
-"""A longer file is read at its beginning, at its end and at this many places in all."""
-BRIEF = 4 * 1024
-"""Bytes of each of the two samples of a file that is one of many."""
+BLOCK_BYTES = 64 * 1024
+"""Size of each sample."""
+SAMPLED_BLOCKS = 8
+"""Number of samples of a file that is larger than all of them, from its beginning to its end."""
+SMALL_BLOCK_BYTES = 4 * 1024
+"""Size of each of the two samples of a file that is one of many."""
 
 MISSING = "missing"
 
 
-def file_digest(path: Path, *, block: int = BLOCK, samples: int = SAMPLES) -> str:
-    """Of the size and of samples of the content, all of it if it is no longer than them; or MISSING."""
+def file_digest(path: Path, *, block: int = BLOCK_BYTES, samples: int = SAMPLED_BLOCKS) -> str:
+    """Return the digest of a file's size and of samples of its content, all of it where it is small; or MISSING."""
     digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
@@ -37,7 +37,7 @@ def file_digest(path: Path, *, block: int = BLOCK, samples: int = SAMPLES) -> st
 
 
 def sequence_digest(path: Path) -> str:
-    """Of all files that are numbered as `path` is, by their numbers; of a file without a number, of itself."""
+    """Return the digest of all files numbered as `path` is, with their numbers; without a number, of the file."""
     found = numbered_like(path)
     if found is None:
         return file_digest(path)
@@ -57,6 +57,6 @@ def numbered_like(path: Path) -> dict[str, Path] | None:
 
 
 def files_digest(files: dict[str, Path]) -> str:
-    """Of files that belong together, each under a name that is its own and not its path's."""
-    lines = (f"{name} {file_digest(files[name], block=BRIEF, samples=2)}" for name in sorted(files))
+    """Return the digest of files that belong together, each with a name that does not depend on its path."""
+    lines = (f"{name} {file_digest(files[name], block=SMALL_BLOCK_BYTES, samples=2)}" for name in sorted(files))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()

@@ -1,7 +1,8 @@
-"""Whether a scene is still the one that it was: everything that its pictures depend on, by value, in a few digits.
+"""Fingerprints of a scene: everything that its pictures depend on, by value, in a few digits.
 
-The bytes of a .blend do not tell: they differ each time that it is saved. What curves and drivers set is left out, for
-it is another in each frame; the curves count. Nothing is evaluated, so a scene that is asked stays as it is.
+The bytes of a .blend are no such fingerprint: they differ each time that it is saved. Values that curves and drivers
+set are left out, because they differ in each frame; the curves count. Nothing is evaluated, so the scene stays as it
+is.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import bpy
 
 from .fingerprint_reading import Key, Reader
 
-DIGITS = 16
-"""Of the digest of a kind of datablock: chance makes two of them equal once in 10^19."""
+DIGEST_DIGITS = 16
+"""Hexadecimal digits of the digest of a kind of datablock: chance makes two of them equal once in 10^19."""
 FILES = "files"
 
 
@@ -27,12 +28,12 @@ def scene_fingerprint(scene: bpy.types.Scene) -> str:
 
 
 def fingerprint_of(digests: dict[str, str]) -> str:
-    """The whole, of the parts that `scene_fingerprints` tells."""
+    """Return one digest of all that `scene_fingerprints` returns."""
     return hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
 
 
 def scene_fingerprints(scene: bpy.types.Scene) -> dict[str, str]:
-    """The same by kind of datablock ("objects", "meshes", "files"), to say what it was that changed."""
+    """Return a digest for each kind of datablock ("objects", "meshes", "files"), so that a change can be named."""
     reader = Reader()
     found: dict[Key, str] = {}
     waiting: list[bpy.types.ID] = [scene]
@@ -46,7 +47,7 @@ def scene_fingerprints(scene: bpy.types.Scene) -> dict[str, str]:
     lines: dict[str, list[str]] = {FILES: sorted(reader.files.lines)}
     for key in sorted(found):
         lines.setdefault(key[0], []).append(f"{key} {found[key]}")
-    return {kind: _digest(lines[kind])[:DIGITS] for kind in sorted(lines)}
+    return {kind: _digest(lines[kind])[:DIGEST_DIGITS] for kind in sorted(lines)}
 
 
 def what_changed(before: dict[str, str], after: dict[str, str]) -> list[str]:

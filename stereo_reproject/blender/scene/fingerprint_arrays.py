@@ -1,4 +1,4 @@
-"""What there are many of in a datablock, read at once: vertices, keyframes, pixels."""
+"""Lines for a fingerprint from parts of which a datablock has many, read at once: vertices, keyframes, pixels."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def digest_of(values: NDArray | bytes) -> str:
 
 
 def flat_lines(items: bpy.types.bpy_prop_collection, kind: str) -> Iterator[str]:
-    """Of a collection whose items are of a FLAT kind."""
+    """Yield the lines of a collection whose items are of a FLAT kind."""
     count = len(items)
     yield f"{count} {kind}"
     for name in FLAT[kind] if count else ():
@@ -61,7 +61,7 @@ def flat_lines(items: bpy.types.bpy_prop_collection, kind: str) -> Iterator[str]
 
 
 def attribute_lines(block: bpy.types.bpy_struct) -> Iterator[str]:
-    """Of a mesh, of hair curves, of a point cloud, of a grease pencil drawing."""
+    """Yield the lines of the attributes of a mesh, hair curves, a point cloud or a grease pencil drawing."""
     for attribute in sorted(block.attributes, key=lambda attribute: attribute.name):
         if attribute.name.startswith(".") and attribute.name not in TOPOLOGY:
             continue
@@ -78,7 +78,7 @@ def _attribute_digest(attribute: bpy.types.Attribute) -> str:
 
 
 def mesh_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
-    """What a mesh has besides its attributes."""
+    """Yield the lines of a mesh besides its attributes."""
     starts = np.zeros(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
     yield f"polygons {len(starts)} {digest_of(starts)} {len(mesh.loops)} {len(mesh.edges)} {len(mesh.vertices)}"
@@ -97,7 +97,7 @@ def _skin_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
 
 
 def _weights(points: bpy.types.bpy_prop_collection) -> NDArray[np.float64]:
-    """Of the vertex groups, which Blender gives one by one only: (N, 3), the vertex, the group and the weight."""
+    """Return the weights of the vertex groups (N, 3): vertex, group, weight. Blender gives them one by one only."""
     found = [(point.index, one.group, one.weight) for point in points for one in point.groups]
     return np.array(found, np.float64)
 
@@ -108,7 +108,7 @@ def lattice_lines(lattice: bpy.types.Lattice) -> Iterator[str]:
 
 
 def hair_lines(system: bpy.types.ParticleSystem) -> Iterator[str]:
-    """Of hair that was combed; other hair, and particles, follow from their settings."""
+    """Yield the lines of hair that was combed; other hair, and particles, follow from their settings."""
     for particle in system.particles if system.is_edited else ():
         keys = np.zeros((len(particle.hair_keys), 3), np.float32)
         particle.hair_keys.foreach_get("co_local", keys.ravel())

@@ -1,4 +1,4 @@
-"""What datablocks keep in files, and what of such files is packed into the .blend: by content, wherever they lie."""
+"""Lines for a fingerprint from files of datablocks, packed or not: by content, wherever they lie."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Files:
         self._known: dict[tuple[Path, str], str] = {}
 
     def add(self, owner: str, block: bpy.types.ID, path: str) -> None:
-        """What `path` of a datablock points to; `owner` says whose it is."""
+        """Add the file that `path` of a datablock points to; `owner` names the datablock."""
         if not path or path == BUILTIN or getattr(block, "packed_file", None):
             return
         numbered = getattr(block, "is_sequence", False) or getattr(block, "source", "") == "SEQUENCE"
@@ -46,7 +46,7 @@ class Files:
 
 
 def image_lines(image: bpy.types.Image) -> Iterator[str]:
-    """What an image holds itself; to ask for more of one that is not loaded would load it."""
+    """Yield the lines of an image's own values; asking for more of an image that is not loaded would load it."""
     for packed in image.packed_files:
         yield f"packed {packed.view} {packed.tile_number} {packed_digest(packed.packed_file)}"
     if image.source == "GENERATED":

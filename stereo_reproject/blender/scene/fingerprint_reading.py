@@ -1,4 +1,4 @@
-"""A datablock as text, by what Blender tells of its types: all that may be seen, and the datablocks it points to."""
+"""A datablock as text, read by Blender's own descriptions of its types: all that may be seen, and its references."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ OF_THE_WINDOW = (bpy.types.Screen, bpy.types.WorkSpace, bpy.types.WindowManager,
 SORTED = ("nodes",)
 """Collections whose order is that of what was selected last."""
 OWNED = ("drawing",)
-"""What can be set to another and yet belongs to its struct."""
+"""Properties that can be set to another struct although theirs belongs to the owner."""
 BY_CURVES = "by curves"
 
 Key = tuple[str, str, str]
-"""What tells a datablock from all others: its kind, its name, and that of its library."""
+"""Identity of a datablock in a file: its kind, its name, and the name of its library."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to read of a type of struct, worked out once."""
+    """Properties to read of a type of struct, found once."""
 
     name: str
     scalars: tuple[str, ...]
     arrays: tuple[str, ...]
     paths: tuple[str, ...]
     pointers: tuple[tuple[str, bool], ...]
-    """With whether what is there belongs to the struct, and is not only pointed to."""
+    """Names of pointers, each with True where the struct pointed to belongs to this one."""
     collections: tuple[tuple[str, str], ...]
-    """With the type of the items."""
+    """Names of collections, each with the type of its items."""
     has_attributes: bool
     extra: Callable[[Any], Iterable[str]] | None
-    """Lines of what the properties do not tell, or tell one by one."""
+    """Function of the struct that returns lines of what the properties do not hold, or only item by item."""
     has_custom: bool
-    """Whether there may be custom properties, or before Blender 5 a geometry nodes modifier's inputs."""
+    """True where there may be custom properties, or before Blender 5 the inputs of a geometry nodes modifier."""
 
 
 def plan_of(struct: bpy.types.bpy_struct) -> Plan:
@@ -76,7 +76,7 @@ class Reader:
         self._plans: dict[int, Plan] = {}
 
     def read(self, block: bpy.types.ID) -> tuple[list[str], list[bpy.types.ID]]:
-        """Its lines, and the datablocks that it points to."""
+        """Return the lines of a datablock, and the datablocks that it points to."""
         reading = _Reading(self, block)
         reading.embedded("", block)
         return reading.lines, reading.references

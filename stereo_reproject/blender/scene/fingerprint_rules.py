@@ -1,4 +1,4 @@
-"""Which properties of Blender's datablocks cannot be seen in a picture, and which are only other words for others.
+"""Rules for properties of Blender's datablocks: those that cannot be seen in a picture, and those that repeat others.
 
 What Blender works out (matrices in the world, bounds, statistics) follows from what counts, and changes while it works.
 """
@@ -106,17 +106,17 @@ READ_ONLY_THAT_COUNT = {
     "VertexGroup": ("index",),
     "SplinePoint": ("co",),
 }
-"""What else cannot be set follows from what can."""
+"""Read-only properties that count, by type; all others follow from those that can be set."""
 
 GROUPS_OF_ADDONS = re.compile(r"cycles\w*|stereo_reproject|_RNA_UI")
 """Custom properties that are not the user's."""
 
 EXTENDED = (bpy.types.ID, bpy.types.ViewLayer, bpy.types.Bone, bpy.types.PoseBone, bpy.types.Node)
-"""What add-ons hang properties of their own on: an engine of the farm may not have the add-on."""
+"""Types to which add-ons give properties of their own: a Blender of the farm may not have the add-on."""
 
 
 def counts(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
-    """Whether this property of a struct may be seen in a picture."""
+    """Return whether a property of a struct may be seen in a picture."""
     name = prop.identifier
     if OF_NO_PICTURE.fullmatch(name) or getattr(prop, "is_deprecated", False):
         return False

@@ -1,4 +1,4 @@
-"""What a material's nodes call for, as far as they reach the output: unlinked sockets count with their values."""
+"""Effects of a material, from its nodes as far as they reach the output; unlinked sockets count with their values."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ...images.effects import Effect
 from .node_trees import WORLD_OUTPUTS, Groups, depends_on_camera, is_constant, is_fed, origin, upstream
 from .working import CYCLES
 
-SHARP = 0.25
-"""Roughness below which what a surface throws on others is called a caustic."""
+MAX_CAUSTIC_ROUGHNESS = 0.25
+"""Roughness below which a surface is taken to throw caustics."""
 
 NOTHING = Effect(0)
 
@@ -31,7 +31,7 @@ LEAVES: dict[str, tuple[Effect, str]] = {
     "ShaderNodeBsdfTranslucent": (NOTHING, "Color"),
     "ShaderNodeBackground": (NOTHING, "Color"),
 }
-"""What each closure calls for, and the socket that takes all of it away when it is black."""
+"""Effects of each closure, and the socket that takes all of it away when it is black."""
 
 PRINCIPLED = "ShaderNodeBsdfPrincipled"
 
@@ -48,9 +48,9 @@ VOLUME_SOURCES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Shading:
-    """What a shader calls for; sharp: which of GLOSSY and TRANSMISSION are smooth enough to throw caustics.
+    """Effects of a shader; sharp: those of GLOSSY and TRANSMISSION that are smooth enough to throw caustics.
 
-    displaced: whether the surface is moved by its shader, out of the bounds that Blender knows.
+    displaced: True where the shader moves the surface, out of the bounds that Blender knows.
     """
 
     effects: Effect = NOTHING
@@ -62,7 +62,8 @@ class Shading:
 
 
 def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shading:
-    """What the material calls for. Without nodes Cycles renders it plainly diffuse, EEVEE with its metal and gloss."""
+    """Return the effects of a material. Without nodes Cycles renders it plainly diffuse, EEVEE with its metal and
+    gloss."""
     if not uses_nodes(material):
         glossy = engine != CYCLES and (material.metallic > 0.0 or material.specular_intensity > 0.0)
         return Shading(Effect.GLOSSY if glossy else NOTHING)
@@ -91,16 +92,16 @@ class Shadings:
 
 
 def world_shading(world: bpy.types.World, engine: str = CYCLES) -> Effect:
-    """What the world calls for: what is seen in one direction is the same for both eyes, unless it knows the camera."""
+    """Return the effects of the world: both eyes see the same in one direction, unless the shader knows the camera."""
     output = _output(world, engine) if uses_nodes(world) else None
     if output is None:
         return NOTHING
-    tells = depends_on_camera([output.inputs["Surface"]], outputs=WORLD_OUTPUTS)
-    return (Effect.CAMERA_DEPENDENT if tells else NOTHING) | _volume(output.inputs["Volume"])
+    from_camera = depends_on_camera([output.inputs["Surface"]], outputs=WORLD_OUTPUTS)
+    return (Effect.CAMERA_DEPENDENT if from_camera else NOTHING) | _volume(output.inputs["Volume"])
 
 
 def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bool:
-    """Whether its look is that of its nodes."""
+    """Return whether the look of the datablock comes from its nodes."""
     # From 5.0 on nodes are always used, and asking is deprecated.
     return owner.node_tree is not None and (bpy.app.version >= (5, 0) or owner.use_nodes)
 
@@ -124,7 +125,7 @@ def _has_bump(output: bpy.types.Node) -> bool:
 
 
 def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: bool = False) -> Shading:
-    """What reaches the socket; weighted: how much of it is seen depends on the camera."""
+    """Return the effects of the shader that feeds a socket; weighted: True where its share depends on the camera."""
     source, groups = origin(socket, groups)
     if source is None or not source.is_output:
         return Shading()
@@ -134,9 +135,9 @@ def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: boo
     if node.bl_idname == "ShaderNodeAddShader":
         return _closure(node.inputs[0], groups, weighted=weighted) | _closure(node.inputs[1], groups, weighted=weighted)
     shading = _principled(node, groups) if node.bl_idname == PRINCIPLED else _leaf(node, groups)
-    tells = depends_on_camera(list(node.inputs), groups) or node.bl_idname == "ShaderNodeScript"
-    effects = Effect.CAMERA_DEPENDENT if tells else NOTHING
-    if weighted or tells:
+    from_camera = depends_on_camera(list(node.inputs), groups) or node.bl_idname == "ShaderNodeScript"
+    effects = Effect.CAMERA_DEPENDENT if from_camera else NOTHING
+    if weighted or from_camera:
         effects |= _directional_emission(node, groups, weighted)
     return shading | Shading(effects)
 
@@ -147,10 +148,10 @@ def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
         return _closure(first, groups, weighted=weighted)
     if is_constant(factor, groups, 1.0):
         return _closure(second, groups, weighted=weighted)
-    tells = depends_on_camera([factor], groups)
-    weighted = weighted or tells
+    from_camera = depends_on_camera([factor], groups)
+    weighted = weighted or from_camera
     parts = _closure(first, groups, weighted=weighted) | _closure(second, groups, weighted=weighted)
-    return parts | Shading(Effect.CAMERA_DEPENDENT if tells else NOTHING)
+    return parts | Shading(Effect.CAMERA_DEPENDENT if from_camera else NOTHING)
 
 
 def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
@@ -180,11 +181,11 @@ def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
     if roughness is None or is_fed(roughness, groups):
         return True
     source, _ = origin(roughness, groups)
-    return source is None or source.default_value < SHARP
+    return source is None or source.default_value < MAX_CAUSTIC_ROUGHNESS
 
 
 def _principled(node: bpy.types.Node, groups: Groups) -> Shading:
-    """Its layers, from the outermost inwards, as Cycles evaluates them: what has no weight is not there."""
+    """Return the effects of its layers, from the outermost inwards, as Cycles evaluates them."""
 
     def is_value(name: str, wanted: float) -> bool:
         return name in node.inputs and is_constant(node.inputs[name], groups, wanted)

@@ -27,7 +27,7 @@ UNRENDERED_USERS = (
 NODES_WITH_FILES = ("ShaderNodeTexIES", "ShaderNodeScript")
 
 Kind = tuple[str, str]
-"""Of datablocks: the word for one, and for several."""
+"""The word for one datablock of a kind, and for several."""
 
 Block = bpy.types.Image | bpy.types.VectorFont | bpy.types.Sound | bpy.types.CacheFile | bpy.types.Volume
 
@@ -125,7 +125,7 @@ def _lacks_picture(image: bpy.types.Image) -> bool:
 
 
 def _lacks_file(block: Block) -> bool:
-    """Whether the file is not there, or nothing of a sequence of files."""
+    """Return whether the file is missing, or all of a sequence of files."""
     if not block.filepath or block.filepath == BUILTIN or getattr(block, "packed_file", None):
         return False
     path = _absolute(block.filepath, block.library)
@@ -154,7 +154,7 @@ def _nodes_without_file() -> Iterator[str]:
 
 
 def _is_file(path: Path) -> bool:
-    """Whether a file is there; under a name that no drive can have there is none."""
+    """Return whether a file is there; under a name that no drive can have there is none."""
     with contextlib.suppress(OSError):
         return path.is_file()
     return False

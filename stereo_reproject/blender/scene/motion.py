@@ -1,4 +1,4 @@
-"""Where both eyes are in the frames around the one that is rendered, which motion vectors are measured against."""
+"""Cameras of both eyes in the frames around the rendered one, against which motion vectors are measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .working import evaluated, rendered_layer
 
 
 def vector_pass_asked_for(scene: bpy.types.Scene) -> bool:
-    """Whether a working scene's layer has the Vector pass; with motion blur on Blender renders none."""
+    """Return whether a working scene's layer has the Vector pass; with motion blur on Blender renders none."""
     return rendered_layer(scene).use_pass_vector and not scene.render.use_motion_blur
 
 

@@ -26,8 +26,8 @@ AS_CAMERA_RAYS_SEE = {
     "Transmission Depth": 0.0,
     "Portal Depth": 0.0,
 }
-"""Light Path where a camera ray meets a surface: the same for both eyes. What reflections and shadows are told instead
-belongs to the surface that reflects or is lit."""
+"""Outputs of Light Path where a camera ray meets a surface: the same for both eyes. Their values for reflections and
+shadows belong to the surface that reflects or is lit."""
 
 CAMERA_DEPENDENT_OUTPUTS: dict[str, tuple[str, ...] | None] = {
     "ShaderNodeLightPath": ("Ray Length", "Transparent Depth"),
@@ -40,14 +40,15 @@ CAMERA_DEPENDENT_OUTPUTS: dict[str, tuple[str, ...] | None] = {
     "ShaderNodeScript": None,
     "ShaderNodeShaderToRGB": None,
 }
-"""Nodes that tell a shader where it is seen from, and by which outputs (None: by all of them)."""
+"""Nodes from which a shader knows where it is seen from, and their outputs that say so (None: all of them)."""
 
 WORLD_OUTPUTS: dict[str, tuple[str, ...] | None] = {
     "ShaderNodeTexCoord": ("Camera", "Window"),
     "ShaderNodeCameraData": None,
     "ShaderNodeScript": None,
 }
-"""The same in a world, of which both eyes see the same in the same direction, whatever is made of that direction."""
+"""Outputs of nodes that depend on the camera in a world's shader, in which both eyes see the same in the same
+direction, whatever is made of that direction."""
 
 GROUPS = (bpy.types.ShaderNodeGroup, bpy.types.ShaderNodeCustomGroup)
 
@@ -115,7 +116,7 @@ def constant(socket: bpy.types.NodeSocket, groups: Groups = ()) -> Value | None:
 
 
 def is_constant(socket: bpy.types.NodeSocket, groups: Groups, wanted: float, *, slack: float = 1e-5) -> bool:
-    """Whether the socket is this number all over the surface (a colour: black for 0); 1e-5 is Cycles' own slack."""
+    """Return whether a socket is this number all over the surface (a colour: black for 0); Cycles' slack is 1e-5."""
     value = constant(socket, groups)
     if value is None:
         return False
@@ -125,7 +126,7 @@ def is_constant(socket: bpy.types.NodeSocket, groups: Groups, wanted: float, *, 
 
 
 def is_fed(socket: bpy.types.NodeSocket, groups: Groups = ()) -> bool:
-    """Whether a node feeds the socket."""
+    """Return whether a node feeds the socket."""
     source, _ = origin(socket, groups)
     return source is not None and source.is_output
 
@@ -151,7 +152,7 @@ def depends_on_camera(
     groups: Groups = (),
     outputs: dict[str, tuple[str, ...] | None] = CAMERA_DEPENDENT_OUTPUTS,
 ) -> bool:
-    """Whether what feeds the sockets may be something else for either eye at the same point."""
+    """Return whether the value of the sockets may differ between the eyes at the same point."""
     return any(_tells(source, outputs) for source, _ in upstream(sockets, groups))
 
 

@@ -1,4 +1,4 @@
-"""What in a scene reads its picture's size or the camera's lens: a packed render has others, and would look different.
+"""Parts of a scene that read its picture's size or the camera's lens: a packed render has others, and looks different.
 
 A driver reads the scene that is rendered only by a context property, by Python, or as the scene's own: one that names a
 scene reads the user's, which nothing changes, and one that names a camera reads the user's camera.
@@ -64,7 +64,7 @@ def _reads(driver: bpy.types.Driver, block: bpy.types.ID, scene: bpy.types.Scene
 
 
 def _path(target: bpy.types.DriverTarget, kind: str, block: bpy.types.ID, scene: bpy.types.Scene) -> str | None:
-    """What a variable of a driver of `block` reads of a working scene, as a path from it, or None."""
+    """Return the path in a working scene that a variable of a driver of `block` reads, or None."""
     if kind == "CONTEXT_PROP" or (kind == "SINGLE_PROP" and target.id == scene):
         return target.data_path
     own = kind == "SINGLE_PROP" and block == scene.camera and target.id == block

@@ -64,8 +64,10 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
 
 
 def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> dict[str, Camera]:
-    """Both eyes of an evaluated camera object, by view name: 'left' and 'right'. Raises BadInputError where one of them
-    sees nothing that numbers could tell apart."""
+    """Return both eyes of an evaluated camera object, by view name: 'left' and 'right'.
+
+    Raises BadInputError where the numbers of an eye are too coarse to tell its pixels apart.
+    """
     region = frame_region(render)
     eyes = {view: _eye(camera, render, region, view) for view in ("left", "right")}
     for view, eye in eyes.items():
@@ -75,7 +77,7 @@ def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -
 
 
 def _is_wide(eye: Camera) -> bool:
-    """Whether the pixels of its view plane lie apart, as far as numbers have digits."""
+    """Return whether the pixels of its view plane lie apart, as far as numbers have digits."""
     plane = eye.plane
     sides = ((plane.left, plane.right, eye.width), (plane.bottom, plane.top, eye.height))
     return all(
@@ -124,7 +126,7 @@ def camera_from_eye(data: bpy.types.Camera, view: str) -> NDArray[np.float64]:
 
 
 def _side(data: bpy.types.Camera, view: str) -> float:
-    """Where the eye is, in interocular distances from the camera, positive to the right."""
+    """Return the place of the eye in interocular distances from the camera, positive to the right."""
     by_pivot = {"LEFT": (0.0, 1.0), "RIGHT": (-1.0, 0.0), "CENTER": (-0.5, 0.5)}
     return by_pivot[data.stereo.pivot][view == "right"]
 

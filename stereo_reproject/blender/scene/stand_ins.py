@@ -1,4 +1,4 @@
-"""What a finished pair needs of a scene that was changed while the pair was rendered: a camera, and its view layers."""
+"""Stand-ins for parts of a scene that was changed while its pair was rendered: a camera, and its view layers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .working import camera_at
 
 
 def new_names(rendered: Sequence[str], then: Sequence[str], now: Sequence[str]) -> dict[str, str]:
-    """What the rendered view layers are called now, by their names then: a layer that is gone, in whose place among
-    all of the scene's stands one that was not there, was renamed. One that was deleted keeps its name."""
+    """Return the present names of the rendered view layers, by their names at the start. A layer that is gone, in whose
+    place among all of the scene's layers there is a new one, was renamed; a deleted one keeps its name."""
     names = {name: name for name in rendered}
     for name in rendered:
         place = then.index(name) if name in then else len(now)

@@ -1,4 +1,4 @@
-"""What the cameras of a working scene may see: objects and instances that meet the view of either eye.
+"""Objects and instances of a working scene that the cameras may see: those that meet the view of either eye.
 
 Whatever is in doubt counts as seen. Blender lets us look at the scene as the viewport evaluates it: what is switched
 off there and on in the render counts with all that it may bring along, wherever it is.
@@ -54,11 +54,11 @@ class Seen:
     catcher: bool = False
     holdout: bool = False
     bounded: bool = True
-    """Whether Blender's bounds of it hold all that is seen."""
+    """True where Blender's bounds of the object hold all that is seen of it."""
 
 
 def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings: Shadings) -> list[Seen]:
-    """What may be seen, each combination of object and materials once."""
+    """Return what may be seen, each combination of object and materials once."""
     layer = rendered_layer(scene)
     rendered = set(_rendered_objects(layer.layer_collection))
     # With the shutter open, what is out of view may come into it.
@@ -193,7 +193,7 @@ def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
 
 
 def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, ...]) -> Iterator[Seen]:
-    """Those of the objects whose box meets a view, and those without a box."""
+    """Return the objects whose box meets a view, and those without a box."""
     inside = np.ones(len(boxes), bool)
     bounded = [index for index, (_, box) in enumerate(boxes) if box is not None]
     if bounded and frustums:
@@ -207,7 +207,7 @@ def _differs_in_render(item: bpy.types.Object) -> bool:
 
 
 def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:
-    """What an object that the viewport does not show as the render does may bring into the picture."""
+    """Return what an object may bring into the picture that the viewport does not show as the render does."""
     for member in brought_along([item]):
         if member.type in SHOWN and member.visible_camera and not member.hide_render:
             yield _seen(member, None, layer, shadings)
@@ -228,7 +228,7 @@ def lens_of(scene: bpy.types.Scene) -> Lens:
 
 
 def aperture_radius(camera: bpy.types.Camera) -> float:
-    """Of an evaluated camera, in scene units, as Cycles sets it: 0 without depth of field."""
+    """Return the aperture's radius of an evaluated camera in scene units, as in Cycles: 0 without depth of field."""
     if not camera.dof.use_dof:
         return 0.0
     diameter = 1.0 if camera.type == "ORTHO" else camera.lens * 1e-3

@@ -1,4 +1,4 @@
-"""What a scene asks for that its pair does not have, or has otherwise than the user may think."""
+"""Warnings about parts of a scene that its pair lacks, or has otherwise than the user may think."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
 
 
 def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) -> list[str]:
-    """What the scene asks for that a stereo pair does not have yet: a line each."""
+    """Return a line for each part of the scene that a stereo pair does not have yet."""
     warnings = missing_libraries()
     if scene.render.use_compositing and has_compositor(scene):
         blocker = compositor_blocker(scene)
@@ -65,7 +65,7 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
 
 
 def _renders_strips(scene: bpy.types.Scene) -> bool:
-    """Whether Blender itself would render the scene's strips in place of the scene, by its own rule
+    """Return whether Blender would render the scene's strips in place of the scene, by its own rule
     (`RE_seq_render_active`)."""
     editor = scene.sequence_editor
     if not scene.render.use_sequencer or editor is None:

@@ -23,15 +23,15 @@ Block = TypeVar("Block", bound=bpy.types.ID)
 DRIVEN_SEED = "stereo_reproject_seed"
 """A working scene's property that has the driver of its seed."""
 
-SMALLEST = 4
-"""Pixels along a side: Blender renders nothing smaller."""
+MIN_SIDE_PX = 4
+"""Least pixels along a side: Blender renders nothing smaller."""
 
 
 def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scripts: bool = False) -> bpy.types.Scene:
-    """Load a .blend without its user interface, and without running its scripts unless told to.
+    """Load a .blend without its user interface, running its scripts only where `scripts` says so.
 
-    Its scene of that name, from the library of that name if it is linked; without one, the active scene. Raises
-    BadInputError.
+    Returns its scene of that name, from the library of that name if it is linked; without a name, the active scene.
+    Raises BadInputError.
     """
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
@@ -47,12 +47,12 @@ def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scrip
 
 
 def scene_key(scene: bpy.types.Scene) -> tuple[str, str | None]:
-    """What tells a scene from all others of a file: its name, and that of the library that it is linked from."""
+    """Return the identity of a scene in a file: its name, and the name of the library that it is linked from."""
     return scene.name, scene.library.name if scene.library else None
 
 
 def check_engine(scene: bpy.types.Scene) -> None:
-    """Raises BadInputError unless the scene renders with Cycles or EEVEE."""
+    """Raise BadInputError unless the scene renders with Cycles or EEVEE."""
     if scene.render.engine != CYCLES and scene.render.engine not in EEVEE:
         raise BadInputError(
             f"scene {scene.name!r} renders with {scene.render.engine}: set Cycles or EEVEE in Render properties"
@@ -78,7 +78,7 @@ def layers_to_render(scene: bpy.types.Scene) -> list[str]:
 
 
 def check_layers(scene: bpy.types.Scene) -> list[str]:
-    """The same. Raises BadInputError when there is none."""
+    """Return the view layers that Blender renders, in the scene's order. Raises BadInputError without any."""
     layers = layers_to_render(scene)
     if not layers:
         raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
@@ -172,7 +172,7 @@ class WorkingScenes:
 
 
 def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
-    """What the scene is to be rendered with. Raises BadInputError."""
+    """Return the engine that is to render the scene. Raises BadInputError."""
     if overrides.source_engine is None:
         check_engine(scene)
         engine = scene.render.engine
@@ -200,7 +200,7 @@ def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
 
 @contextmanager
 def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
-    """These properties of a scene, or of something in it, for a while; then as they were."""
+    """Change properties of a scene, or of something in it, for the body; then restore them."""
     kept = {name: getattr(owner, name) for name in values}
     try:
         for name, value in values.items():
@@ -239,7 +239,7 @@ def make_small(working: bpy.types.Scene, width: int) -> float:
     """
     render = working.render
     region = frame_region(render)
-    scale = max(min(width / region.width, 0.5), min(SMALLEST / min(region.width, region.height), 1.0))
+    scale = max(min(width / region.width, 0.5), min(MIN_SIDE_PX / min(region.width, region.height), 1.0))
     percentage = render.resolution_percentage / 100.0
     # Rounded up: a border must not lose its last pixels.
     render.resolution_x, render.resolution_y = (
@@ -268,10 +268,10 @@ def _standing(scene: bpy.types.Scene) -> tuple[int, float]:
 
 def _check_region(render: bpy.types.RenderSettings) -> None:
     region = frame_region(render)
-    if min(region.width, region.height) < SMALLEST:
+    if min(region.width, region.height) < MIN_SIDE_PX:
         raise BadInputError(
-            f"{region.width} x {region.height} pixels are to be rendered: at least {SMALLEST} x {SMALLEST} are needed;"
-            " check resolution, percentage and render border"
+            f"{region.width} x {region.height} pixels are to be rendered: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are"
+            " needed; check resolution, percentage and render border"
         )
 
 

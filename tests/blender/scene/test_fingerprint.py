@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.scene.file_digest import BLOCK, SAMPLES, file_digest
+from stereo_reproject.blender.scene.file_digest import BLOCK_BYTES, SAMPLED_BLOCKS, file_digest
 from stereo_reproject.blender.scene.fingerprint import (
     fingerprint_of,
     scene_fingerprint,
@@ -152,7 +152,7 @@ def test_asking_changes_nothing(scene):
 
 @pytest.mark.parametrize("place", [0, 1, -1])
 def test_a_long_file_is_known_by_samples(tmp_path, place):
-    content = np.zeros(BLOCK * SAMPLES * 2, np.uint8)
+    content = np.zeros(BLOCK_BYTES * SAMPLED_BLOCKS * 2, np.uint8)
     path = tmp_path / "long"
     content.tofile(path)
     before = file_digest(path)
