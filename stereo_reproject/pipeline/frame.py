@@ -180,8 +180,9 @@ def render_stereo_frame(
     composite, denoise_target, and account, which comes after the pair is finished and is not in the total. A watch
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
-    for a picture up to `SettingsTuning.small_picture_px`; findings are what other frames of the same animation have found.
-    Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
+    for a picture up to `SettingsTuning.small_picture_px`; findings are what other frames of the same animation have
+    found. Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render
+    fails.
     """
     watch = watch or Stopwatch(on_stage)
     findings = findings or SharedFindings()

@@ -25,9 +25,6 @@ BEING_REWORKED = {
     ("stereo_reproject/blender/commands/animation.py", "render_animation_files", FUNCTION),
     ("stereo_reproject/blender/commands/animation.py", "render_animation_files", PARAMETERS),
     ("stereo_reproject/blender/commands/frame_maker.py", "BlenderFrameMaker.__init__", PARAMETERS),
-    ("stereo_reproject/holes/reprojection.py", "reproject", PARAMETERS),
-    ("stereo_reproject/warp/composite.py", "passes_seen", PARAMETERS),
-    ("stereo_reproject/warp/quads.py", "_triangle", PARAMETERS),
 }
 """To be removed line by line as these rooms are reworked."""
 
