@@ -1,6 +1,7 @@
 """Pixels of several views, traced in one packed render: each is what a plain render of its view would show.
 
-Everything shines by itself, so that all noise is that of the pixel filter, the lens and the shutter.
+Where colours are compared everything shines by itself, so that all noise is that of the pixel filter, the lens and the
+shutter.
 """
 
 from dataclasses import replace
@@ -11,6 +12,8 @@ import pytest
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix
 
+from stereo_reproject.blender.engines.denoise import NORMAL
+from stereo_reproject.blender.engines.eevee import MEAN_DEPTH, renderer_of
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.engines.shared_render import turns_in_shutter
 from stereo_reproject.blender.scene.working import working_scene
@@ -19,6 +22,7 @@ from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import EYES, FINEST_FILTER, render_plain, rms
+from tests.render.test_eevee import EEVEE
 from tests.render.test_fill import (
     EDGE_PIXELS,
     NOISE,
@@ -42,8 +46,8 @@ SIZE = (48, 27)
 SAMPLES = 32
 
 
-def small_studio(folder, *changes):
-    scene = studio(folder, lit=False)
+def small_studio(folder, *changes, lit=False):
+    scene = studio(folder, lit=lit)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.cycles.samples = SAMPLES
     scene.camera.data.stereo.interocular_distance = 0.3
@@ -104,6 +108,7 @@ def sliding_camera(scene):
         (focused_by_each_eye,),
         (sliding_camera,),
         (turned_around, camera_in_the_world, near_clip_cuts),
+        (camera_in_fog,),
     ],
     ids=lambda changes: "_".join(change.__name__ for change in changes),
 )
@@ -136,7 +141,7 @@ def positions(scene):
 
 @pytest.mark.parametrize("changes", [(positions,), (turned_around, positions), (turned_around, camera_in_the_world)])
 def test_data_passes_are_those_of_each_eye(tmp_path, changes):
-    scene = small_studio(tmp_path, data_passes, *changes)
+    scene = small_studio(tmp_path, data_passes, *changes, lit=True)
     plain = render_plain(scene, tmp_path)
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, tmp_path)
@@ -268,3 +273,21 @@ def test_answers_come_in_the_order_of_the_requests(tmp_path):
     expected = [np.concatenate([right[some], right[few]]), left[few], right[~some]]
     for answer, wanted in zip(answers, expected, strict=True):
         np.testing.assert_allclose(answer, wanted, rtol=1e-4)
+
+
+def test_eevee_has_the_holes_of_both_eyes_traced_together(tmp_path, renders):
+    """By Cycles, and what it learns of them is that of each eye."""
+    scene = small_studio(tmp_path, turned_around, lit=True)
+    scene.cycles.filter_width = scene.render.filter_size = FINEST_FILTER
+    scene.render.engine, scene.cycles.samples = EEVEE, 1
+    with working_scene(scene, SceneOverrides()) as working, renderer_of(working, tmp_path) as renderer:
+        renders.clear()
+        together = traced(renderer, *EYES)
+        assert len(renders) == 1
+        apart = [traced(renderer, view)[0] for view in EYES]
+    for ours, alone in zip(together, apart, strict=True):
+        assert set(ours) == set(alone)
+        for name in (DEPTH_PASS, MEAN_DEPTH, NORMAL):
+            with np.errstate(invalid="ignore"):
+                differs = (np.abs(ours[name] - alone[name]) > PASS_VALUES) & (ours[name] != alone[name])
+            assert differs.any(axis=-1).mean() <= EDGE_PIXELS, name
