@@ -14,6 +14,8 @@ from mathutils import Euler, Matrix
 
 from stereo_reproject.blender.engines.denoise import NORMAL
 from stereo_reproject.blender.engines.eevee import MEAN_DEPTH, renderer_of
+from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.engines.shared_render import turns_in_shutter
 from stereo_reproject.blender.scene.working import working_scene
@@ -44,6 +46,9 @@ from tests.render.test_fill import (
 
 SIZE = (48, 27)
 SAMPLES = 32
+
+SAME_NOISE = 1e-4
+"""Difference of colours of the same rays, in single precision."""
 
 
 def small_studio(folder, *changes, lit=False):
@@ -291,3 +296,18 @@ def test_eevee_has_the_holes_of_both_eyes_traced_together(tmp_path, renders):
             with np.errstate(invalid="ignore"):
                 differs = (np.abs(ours[name] - alone[name]) > PASS_VALUES) & (ours[name] != alone[name])
             assert differs.any(axis=-1).mean() <= EDGE_PIXELS, name
+
+
+@pytest.mark.parametrize("changes", [(), (defocus, moving_object)])
+def test_an_eye_is_traced_alike_by_its_own_camera_and_by_the_other_eyes(tmp_path, changes):
+    """With the same noise: all that differs is the rounding of rays."""
+    scene = small_studio(tmp_path, *changes, lit=True)
+    scene.cycles.samples = 2
+    with working_scene(scene, SceneOverrides()) as working:
+        cameras = BlenderRenderer(working, tmp_path).cameras
+        pixels = PackedPixels(cameras["right"], np.argwhere(np.ones(SIZE[::-1], bool)))
+        own, other = (
+            trace_packed(working, view, cameras[view], [pixels], tmp_path, seed=1)[1][0][COLOUR_PASS] for view in EYES
+        )
+    assert np.ptp(own[:, 0]) > 0.1
+    assert np.mean(np.abs(own - other).max(axis=1) > SAME_NOISE) <= EDGE_PIXELS

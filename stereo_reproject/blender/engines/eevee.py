@@ -108,12 +108,12 @@ class EeveeRenderer(BlenderRenderer):
         return [self._with_mean_depth(*pair) for pair in zip(requests, traced, strict=True)]
 
     def _rendered(self, request: TraceRequest) -> Passes:
-        check_blenders(self.scene, request.view)
+        check_blenders(request.view)
         passes = trace_full(self.scene, request.view, request.pixels, self.folder, seed=self.seed)[1]
         return self._sky_marked(passes)
 
     def _behind_card(self, scene: bpy.types.Scene, request: TraceRequest) -> tuple[Rendered, Passes]:
-        check_blenders(scene, request.view)
+        check_blenders(request.view)
         rendered, passes = trace_card(scene, request.view, request.pixels, self.folder, seed=self._next_seed())
         return rendered, without_added_positions(scene, passes)
 

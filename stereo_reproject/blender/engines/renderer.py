@@ -15,6 +15,7 @@ from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from ...settings.frame import EYES
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
@@ -173,7 +174,7 @@ class BlenderRenderer:
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, by a render as large as the view for each of its masks."""
-        check_blenders(self.scene, request.view)
+        check_blenders(request.view)
         trace = {"card": trace_card, "full": trace_full}[method]
         apart = [
             trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks
@@ -190,9 +191,9 @@ def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
-def check_blenders(scene: bpy.types.Scene, view: str) -> None:
-    """Raise BadInputError where the view is not one that Blender renders itself."""
-    if view not in scene.render.views:
+def check_blenders(view: str) -> None:
+    """Raise BadInputError where the view is not one that Blender renders itself: an eye."""
+    if view not in EYES:
         raise BadInputError(f"view {view!r} is none of Blender's: it can be traced packed alone")
 
 
