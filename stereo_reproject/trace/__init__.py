@@ -1,1 +1,1 @@
-"""How pixels are traced: which way is the cheapest, how they are packed, and how samples lie in a pixel."""
+"""Tracing of single pixels: requests for them, the cheapest way to answer, packed pictures, and the pixel filter."""

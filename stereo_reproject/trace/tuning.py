@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TraceTuning:
-    """What fill methods are predicted to cost, and the layout of packed pictures."""
+    """Numbers by which the costs of fill methods are predicted and packed pictures are laid out."""
 
     packed_pixel_cost: float = 1.15
     """Cost of a packed pixel over one of the source: holes lie along edges and in corners, where paths are long."""

@@ -1,6 +1,7 @@
 """Pixels of several views, traced in one packed render: each is what a plain render of its view would show.
 
-Everything shines by itself, so that all noise is that of the pixel filter, the lens and the shutter.
+Where colours are compared everything shines by itself, so that all noise is that of the pixel filter, the lens and the
+shutter.
 """
 
 from dataclasses import replace
@@ -11,6 +12,10 @@ import pytest
 from bpy.app.handlers import persistent
 from mathutils import Euler, Matrix
 
+from stereo_reproject.blender.engines.denoise import NORMAL
+from stereo_reproject.blender.engines.eevee import MEAN_DEPTH, renderer_of
+from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.engines.shared_render import turns_in_shutter
 from stereo_reproject.blender.scene.working import working_scene
@@ -19,6 +24,7 @@ from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import EYES, FINEST_FILTER, render_plain, rms
+from tests.render.test_eevee import EEVEE
 from tests.render.test_fill import (
     EDGE_PIXELS,
     NOISE,
@@ -41,9 +47,12 @@ from tests.render.test_fill import (
 SIZE = (48, 27)
 SAMPLES = 32
 
+SAME_NOISE = 1e-4
+"""Difference of colours of the same rays, in single precision."""
 
-def small_studio(folder, *changes):
-    scene = studio(folder, lit=False)
+
+def small_studio(folder, *changes, lit=False):
+    scene = studio(folder, lit=lit)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.cycles.samples = SAMPLES
     scene.camera.data.stereo.interocular_distance = 0.3
@@ -104,6 +113,7 @@ def sliding_camera(scene):
         (focused_by_each_eye,),
         (sliding_camera,),
         (turned_around, camera_in_the_world, near_clip_cuts),
+        (camera_in_fog,),
     ],
     ids=lambda changes: "_".join(change.__name__ for change in changes),
 )
@@ -136,7 +146,7 @@ def positions(scene):
 
 @pytest.mark.parametrize("changes", [(positions,), (turned_around, positions), (turned_around, camera_in_the_world)])
 def test_data_passes_are_those_of_each_eye(tmp_path, changes):
-    scene = small_studio(tmp_path, data_passes, *changes)
+    scene = small_studio(tmp_path, data_passes, *changes, lit=True)
     plain = render_plain(scene, tmp_path)
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, tmp_path)
@@ -268,3 +278,36 @@ def test_answers_come_in_the_order_of_the_requests(tmp_path):
     expected = [np.concatenate([right[some], right[few]]), left[few], right[~some]]
     for answer, wanted in zip(answers, expected, strict=True):
         np.testing.assert_allclose(answer, wanted, rtol=1e-4)
+
+
+def test_eevee_has_the_holes_of_both_eyes_traced_together(tmp_path, renders):
+    """By Cycles, and what it learns of them is that of each eye."""
+    scene = small_studio(tmp_path, turned_around, lit=True)
+    scene.cycles.filter_width = scene.render.filter_size = FINEST_FILTER
+    scene.render.engine, scene.cycles.samples = EEVEE, 1
+    with working_scene(scene, SceneOverrides()) as working, renderer_of(working, tmp_path) as renderer:
+        renders.clear()
+        together = traced(renderer, *EYES)
+        assert len(renders) == 1
+        apart = [traced(renderer, view)[0] for view in EYES]
+    for ours, alone in zip(together, apart, strict=True):
+        assert set(ours) == set(alone)
+        for name in (DEPTH_PASS, MEAN_DEPTH, NORMAL):
+            with np.errstate(invalid="ignore"):
+                differs = (np.abs(ours[name] - alone[name]) > PASS_VALUES) & (ours[name] != alone[name])
+            assert differs.any(axis=-1).mean() <= EDGE_PIXELS, name
+
+
+@pytest.mark.parametrize("changes", [(), (defocus, moving_object)])
+def test_an_eye_is_traced_alike_by_its_own_camera_and_by_the_other_eyes(tmp_path, changes):
+    """With the same noise: all that differs is the rounding of rays."""
+    scene = small_studio(tmp_path, *changes, lit=True)
+    scene.cycles.samples = 2
+    with working_scene(scene, SceneOverrides()) as working:
+        cameras = BlenderRenderer(working, tmp_path).cameras
+        pixels = PackedPixels(cameras["right"], np.argwhere(np.ones(SIZE[::-1], bool)))
+        own, other = (
+            trace_packed(working, view, cameras[view], [pixels], tmp_path, seed=1)[1][0][COLOUR_PASS] for view in EYES
+        )
+    assert np.ptp(own[:, 0]) > 0.1
+    assert np.mean(np.abs(own - other).max(axis=1) > SAME_NOISE) <= EDGE_PIXELS

@@ -1,1 +1,1 @@
-"""Renders of a working scene: whole views, packed or masked holes, denoising, EEVEE."""
+"""Renders of a working scene by Blender: whole views, pixels traced packed or behind a card, denoising, EEVEE."""

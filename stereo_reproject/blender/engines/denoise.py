@@ -31,14 +31,14 @@ CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NOR
 
 @contextmanager
 def left_noisy(scene: bpy.types.Scene) -> Iterator[None]:
-    """A working scene rendered without denoising, with all that it takes to denoise its pictures afterwards."""
+    """Have a working scene rendered without denoising, with all that it takes to denoise its pictures afterwards."""
     layer = rendered_layer(scene)
     with changed(scene.cycles, use_denoising=False), changed(layer.cycles, denoising_store_passes=True):
         yield
 
 
 def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:
-    """The colours (H, W, 3), scene-linear, of pictures of one size without their noise; see `denoising.Denoise`.
+    """Return the colours (H, W, 3), scene-linear, of pictures of one size without their noise; see `denoising.Denoise`.
 
     scene is a working scene that Cycles renders, folder is private. Raises StereoReprojectError.
     """
@@ -70,7 +70,7 @@ def _layer_name(number: int) -> str:
 
 
 def _as_layers(pictures: Sequence[Passes]) -> tuple[dict[str, NDArray], dict[str, str]]:
-    """The channels of a file that has each picture as a view layer, and the texts that Cycles looks for in it.
+    """Return the channels of a file that has each picture as a view layer, and the texts that Cycles looks for in it.
 
     Cycles denoises its buffers, whose first row is the lowest, and asks for a pass that it has no use for here.
     """
@@ -92,7 +92,7 @@ def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np
 
 
 def guided_by(passes: Passes, *, keep: bool) -> Passes:
-    """A render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them.
+    """Return a render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them.
 
     Raises BadInputError where one is missing, which is how a full disk shows.
     """

@@ -25,15 +25,16 @@ from .packed_views import without_added_positions
 from .render import Rendered
 from .renderer import BlenderRenderer, check_blenders, cost_of, trace_full
 
-MOST_SAMPLES = 32
-"""Of a traced pixel: what is learned from the ring rests on features that have little noise, and it is a preview."""
+MAX_TRACED_SAMPLES = 32
+"""Samples of a traced pixel, at most: what is learned from the ring rests on features that have little noise, and it is
+a preview."""
 
-SKY = 0.99
-"""Share of the clip end's depth from which EEVEE shows sky, or what can hardly be told from it."""
+SKY_CLIP_END_SHARE = 0.99
+"""Share of the clip end's depth from which what EEVEE shows counts as the sky."""
 
 SPECULAR, MEAN_DEPTH = "Denoising Specular Albedo", "Denoising Depth"
 
-SEEN = ("Environment", "Emission", "Env", "Emit")
+DIRECT_LIGHT_PASSES = ("Environment", "Emission", "Env", "Emit")
 """Passes of the light that comes straight from what shines, as Blender 5 and as 4.5 name them."""
 
 
@@ -41,7 +42,7 @@ SEEN = ("Environment", "Emission", "Env", "Emit")
 def renderer_of(
     scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None
 ) -> Iterator[BlenderRenderer]:
-    """The renderer for a working scene, by its engine."""
+    """Yield the renderer for a working scene, by its engine."""
     if scene.render.engine == CYCLES:
         yield BlenderRenderer(scene, folder, user_scene=user_scene)
         return
@@ -77,19 +78,19 @@ class EeveeRenderer(BlenderRenderer):
         self._last: Rendered | None = None
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """The source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
+        """Render the source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
         passes, cost = super().render_source(view)
         return self._sky_marked(passes), cost
 
     def _sky_marked(self, passes: Passes) -> Passes:
         depth = passes[DEPTH_PASS]
-        return {**passes, DEPTH_PASS: np.where(depth >= SKY * self.lens.far, np.float32(np.inf), depth)}
+        return {**passes, DEPTH_PASS: np.where(depth >= SKY_CLIP_END_SHARE * self.lens.far, np.float32(np.inf), depth)}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         return self.cycles_blockers(deepest)
 
     def close(self) -> None:
-        """Take the tracing scene out again."""
+        """Remove the scene that traces, and what Cycles keeps of it."""
         scene = None if self._tracing is None else bpy.data.scenes.get(self._tracing)
         if scene is not None:
             # Frees what Cycles keeps between renders.
@@ -111,18 +112,18 @@ class EeveeRenderer(BlenderRenderer):
         return [self._with_mean_depth(*pair) for pair in zip(requests, traced, strict=True)]
 
     def _rendered(self, request: TraceRequest) -> Passes:
-        check_blenders(self.scene, request.view)
+        check_blenders(request.view)
         passes = trace_full(self.scene, request.view, request.pixels, self.folder, seed=self.seed)[1]
         return self._sky_marked(passes)
 
     def _behind_card(self, scene: bpy.types.Scene, request: TraceRequest) -> tuple[Rendered, Passes]:
-        check_blenders(scene, request.view)
+        check_blenders(request.view)
         rendered, passes = trace_card(scene, request.view, request.pixels, self.folder, seed=self._next_seed())
         return rendered, without_added_positions(scene, passes)
 
     def _with_mean_depth(self, request: TraceRequest, passes: Passes) -> Passes:
-        """The passes with mean depths in place of the mean of the rays' lengths from where they are clipped, which is
-        what Cycles gives."""
+        """Return the passes with mean depths in place of what Cycles gives: mean lengths of rays from where they are
+        clipped."""
         rows, columns = np.nonzero(request.pixels)
         slant = ray_length_per_depth(self.cameras[request.view], columns + 0.5, rows + 0.5)
         mean_depth = passes[MEAN_DEPTH] / np.reshape(slant, (-1, 1)) + self.lens.near
@@ -134,7 +135,7 @@ class EeveeRenderer(BlenderRenderer):
 
     def traced_features(self, passes: Passes) -> Traced:
         nothing = np.zeros_like(passes[ALBEDO])
-        seen = sum((passes[name] for name in SEEN if name in passes), nothing)
+        seen = sum((passes[name] for name in DIRECT_LIGHT_PASSES if name in passes), nothing)
         albedo = _numbers(passes[ALBEDO] - seen)
         depth = passes[DEPTH_PASS][:, 0]
         known = np.isfinite(depth) & (depth > 0.0)
@@ -163,7 +164,10 @@ class EeveeRenderer(BlenderRenderer):
         return unmatched_materials(self.scene, self.cameras.values())
 
     def _tracing_scene(self) -> bpy.types.Scene:
-        """The copy that Cycles renders, made when it is first asked for; by name, as `working_scene` holds its own."""
+        """Return the copy that Cycles renders, made when it is first asked for.
+
+        Found by name, as `working_scene` holds its own.
+        """
         if self._tracing is None:
             copy = self.scene.copy()
             self._tracing = copy.name
@@ -176,7 +180,7 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
     cycles = scene.cycles
     scene.render.engine = CYCLES
     scene.driver_remove("cycles.seed")
-    cycles.samples = min(cycles.samples, MOST_SAMPLES)
+    cycles.samples = min(cycles.samples, MAX_TRACED_SAMPLES)
     cycles.use_denoising = False
     # EEVEE knows nothing of it.
     cycles.film_exposure = 1.0

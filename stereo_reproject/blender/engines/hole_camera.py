@@ -1,4 +1,4 @@
-"""The packed fill: one small render whose pixels are the target's holes, side by side (see hole_camera.osl)."""
+"""The packed fill: one small render whose pixels are wanted pixels of views, side by side (see hole_camera.osl)."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from ..scene.working import changed, evaluated
 from .packed_views import PackedPixels, numbers_of_others, seen_from_view, switch_on_positions, without_added_positions
 from .render import Rendered, render_views
 
-UPWARDS_FROM = (5, 0, 0)
+TEXTURES_UPWARDS_FROM_VERSION = (5, 0, 0)
 """Version of Blender from which textures in OSL are expected to have t upwards; the shader looks for itself."""
 
 BOX_OFFSETS = "offsets[2] = {0.0, 1.0}"
-"""What stands in the shader for the pixel filter's offsets."""
+"""Text of the shader that the pixel filter's offsets are put in place of."""
 
 NO_OTHERS = "others[1] = {0.0}"
-"""What stands in the shader for the views other than the rendered one."""
+"""Text of the shader that the numbers of views other than the rendered one are put in place of."""
 
-COMPILED_SHADERS = 8
-"""Shaders that are kept: in an animation, one with several views may be another in each frame."""
+MAX_KEPT_SHADERS = 8
+"""Compiled shaders that are kept: in an animation, one with several views may be another in each frame."""
 
 PACKED_SAMPLING = {"pixel_filter_type": "BOX", "scrambling_distance": 1.0, "auto_scrambling_distance": False}
-"""How Cycles samples a packed picture. The shader filters pixels itself; and a shorter scrambling distance has pixels
-share their random numbers: both traces of a probe would have one noise, and seem to have none."""
+"""Cycles' settings while it renders a packed picture. The shader filters pixels itself; and a shorter scrambling
+distance has pixels share their random numbers: both traces of a probe would have one noise, and seem to have none."""
 
-OF_RENDER = (
+PACKED_RENDER_SETTINGS = (
     "resolution_x",
     "resolution_y",
     "resolution_percentage",
@@ -55,23 +55,26 @@ OF_RENDER = (
 )
 """Render settings that a packed picture has of its own."""
 
-OF_CAMERA = ("type", "custom_mode", "shift_x", "shift_y", "stereo.convergence_mode")
+PACKED_CAMERA_SETTINGS = ("type", "custom_mode", "shift_x", "shift_y", "stereo.convergence_mode")
 """Properties of the camera's data that are others in it."""
 
-OTHERS = frozenset(
+PACKED_SETTINGS = frozenset(
     (
-        *(f"render.{name}" for name in OF_RENDER),
-        *(f"camera.data.{name}" for name in OF_CAMERA),
+        *(f"render.{name}" for name in PACKED_RENDER_SETTINGS),
+        *(f"camera.data.{name}" for name in PACKED_CAMERA_SETTINGS),
         *(f"cycles.{name}" for name in PACKED_SAMPLING),
     )
 )
-"""All of them, as drivers name them."""
+"""Paths from the scene of all settings that a packed render changes, as drivers name them."""
 
 SHADER = Path(__file__).with_name("hole_camera.osl")
 
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
-    """Why holes cannot be traced packed, or None. `deepest` is the greatest finite depth that an eye has seen."""
+    """Say why pixels of these views cannot be traced packed, or return None.
+
+    deepest is the greatest finite depth that a view has shown, in scene units.
+    """
     without_osl = missing_osl_cameras(scene)
     if without_osl is not None:
         return without_osl
@@ -91,18 +94,18 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
         # A custom camera's rays end at that distance, a perspective camera's at that depth.
         "surfaces reach the camera's clip end": deepest * max(map(_corner, eyes)) > camera.clip_end,
     }
-    return next((reason for reason, blocks in checks.items() if blocks), None) or what_reads(scene, OTHERS)
+    return next((reason for reason, blocks in checks.items() if blocks), None) or what_reads(scene, PACKED_SETTINGS)
 
 
 def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
-    """Why Cycles cannot render an OSL camera on the scene's device, whatever it shows, or None."""
+    """Say why Cycles cannot render an OSL camera on the scene's device, whatever it shows, or return None."""
     if not _has_osl():
         return "this Blender is built without OSL"
     return None if _device_has_osl(scene) else "the device has no OSL cameras (only CPU and OptiX do)"
 
 
 def _corner(eye: Camera) -> float:
-    """How much longer the ray to the farthest corner of the view plane is than its depth."""
+    """Return the length of the ray to the farthest corner of the view plane at unit depth."""
     plane = eye.plane
     reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
     return float(np.linalg.norm((reach_x, reach_y, 1.0)))
@@ -228,7 +231,7 @@ def _packed(
 
 @contextmanager
 def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
-    """The working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
+    """Yield the working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
 
     Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
     """
@@ -248,7 +251,7 @@ def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
 
 
 def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
-    """What `plain`, the evaluated camera, is in the frame that is rendered; nothing of it is animated any more."""
+    """Give the packed lens the values of `plain`, the evaluated one, in the rendered frame, and no animation."""
     packed.animation_data_clear()
     for name in ("clip_start", "clip_end", "lens"):
         setattr(packed, name, getattr(plain, name))
@@ -267,7 +270,7 @@ def _set_camera(
     table: Path,
     bytecode: str,
 ) -> Iterator[None]:
-    """The camera as the hole camera, for a while."""
+    """Make the lens the packed camera's for a while."""
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
@@ -281,7 +284,7 @@ def _set_camera(
         float((plane.top - plane.bottom) / target.height),
         0.0,
     )
-    parameters["upwards"] = 1.0 if bpy.app.version >= UPWARDS_FROM else 0.0
+    parameters["upwards"] = 1.0 if bpy.app.version >= TEXTURES_UPWARDS_FROM_VERSION else 0.0
     parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = aperture_radius(packed)
     mode = packed.stereo.convergence_mode
@@ -293,7 +296,7 @@ def _set_camera(
         yield
 
 
-@lru_cache(maxsize=COMPILED_SHADERS)
+@lru_cache(maxsize=MAX_KEPT_SHADERS)
 def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str:
     """Return the camera's shader with this pixel filter and these views, compiled by the Blender that runs it.
 

@@ -25,11 +25,12 @@ from ..scene.rig import camera_from_eye, stereo_cameras
 from ..scene.working import evaluated, focus_distance, rendered_layer
 from .render import Rendered, render_views
 
-NAME = "Stereo Reproject mask"
+CARD_NAME = "Stereo Reproject mask"
+"""Name of the card's object, mesh and material."""
 
 
 def card_blocker(scene: bpy.types.Scene) -> str | None:
-    """Why holes cannot be traced behind a card, or None."""
+    """Say why pixels cannot be traced behind a card, or return None."""
     if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
         return "a material override would replace the card's material"
     if uses_output("ShaderNodeLightPath", "Transparent Depth"):
@@ -46,7 +47,7 @@ def card_blocker(scene: bpy.types.Scene) -> str | None:
 def trace_card(
     scene: bpy.types.Scene, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
-    """Trace the target pixels where `pixels` (H, W) is set; their passes as (N, C), in the mask's order."""
+    """Trace the pixels of the view that are set in `pixels` (H, W); returns the render, and their passes (N, C)."""
     support = filter_support(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
     opening = dilate(pixels, int(np.ceil(0.5 * support)))
     with tempfile.TemporaryDirectory(dir=folder) as tables:
@@ -61,9 +62,9 @@ def trace_card(
 @contextmanager
 def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
     image = bpy.data.images.load(str(mask))
-    mesh = bpy.data.meshes.new(NAME)
-    material = bpy.data.materials.new(NAME)
-    card = bpy.data.objects.new(NAME, mesh)
+    mesh = bpy.data.meshes.new(CARD_NAME)
+    material = bpy.data.materials.new(CARD_NAME)
+    card = bpy.data.objects.new(CARD_NAME, mesh)
     most, fewest = scene.cycles.transparent_max_bounces, scene.cycles.min_transparent_bounces
     try:
         image.colorspace_settings.name = "Non-Color"
@@ -89,7 +90,7 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
 
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:
-    """The target's view plane, at a depth at which each pixel's rays meet: the focus, or just behind the near clip."""
+    """Build the view's plane at a depth at which each pixel's rays meet: in focus, or just behind the near clip."""
     camera = evaluated(scene.camera, scene)
     eye = stereo_cameras(camera, scene.render)[view]
     depth = focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
@@ -117,7 +118,7 @@ def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> Non
 
 
 def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
-    """Parented to the camera, so that it moves along while the shutter is open; seen by camera rays alone."""
+    """Hang the card on the camera, so that both move while the shutter is open; show it to camera rays alone."""
     camera = evaluated(scene.camera, scene)
     card.parent = scene.camera
     scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))

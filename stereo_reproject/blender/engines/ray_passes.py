@@ -1,4 +1,4 @@
-"""What Cycles tells of the way that a pixel's rays take, for thin things and mirrors: passes.OF_SOURCE."""
+"""Passes about the way that a pixel's rays take, for thin things and mirrors: `OF_SOURCE` in `images/passes`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ NORMAL, ROUGHNESS = "Normal", "Denoising Roughness"
 SWITCHES = {"use_pass_glossy_color": GLOSSY_COLOUR, "use_pass_normal": NORMAL}
 """Properties of a view layer, and the passes that they switch on."""
 
-OURS = "stereo_reproject_"
-"""What begins the properties of a working scene's layer that say which of them were not the user's."""
+ADDED_PREFIX = "stereo_reproject_"
+"""Beginning of the names of properties of a working scene's layer that mark switches as not the user's."""
 
 
 class RayPasses:
-    """Of a working scene whose renders have what guides a denoiser. Switches on what is missing."""
+    """Passes about rays of a working scene whose renders have passes to guide a denoiser. Switches on those missing."""
 
     def __init__(self, scene: bpy.types.Scene, *, glossy: bool) -> None:
         layer = rendered_layer(scene)
@@ -28,12 +28,12 @@ class RayPasses:
         # They stay on, in the next frames of an animation too: with other passes, Cycles would begin anew.
         for switch in SWITCHES if glossy else ():
             if not getattr(layer, switch):
-                layer[OURS + switch] = True
+                layer[ADDED_PREFIX + switch] = True
                 setattr(layer, switch, True)
-        self._added = {name for switch, name in SWITCHES.items() if OURS + switch in layer}
+        self._added = {name for switch, name in SWITCHES.items() if ADDED_PREFIX + switch in layer}
 
     def of(self, rendered: Passes) -> Passes:
-        """What a render's passes, as Blender has them, tell of the rays, by our names."""
+        """Return those of a render's passes that are about its rays, by our names."""
         if not self._follows:
             return {}
         ours = {
@@ -45,5 +45,5 @@ class RayPasses:
         return {name: rendered[theirs] for name, theirs in ours.items() if theirs in rendered}
 
     def without_added(self, passes: Passes) -> Passes:
-        """The passes without those that were switched on."""
+        """Return the passes without those that were switched on."""
         return {name: image for name, image in passes.items() if name not in self._added}

@@ -18,7 +18,7 @@ from ..scene.working import CYCLES, changed, rendered_layer
 
 @dataclass(frozen=True)
 class Rendered:
-    """Passes by view name; seconds of the render call, and those of it that Cycles spent on syncing the scene.
+    """A finished render call: passes by view name, seconds of the call, and those of it that Cycles spent on the sync.
 
     attributes are the texts in the header of the file that Blender wrote.
     """
@@ -72,30 +72,30 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
 
 
 def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
-    """Blender's render operator, for this scene; what the operator returns. By `how`, write_still or animation."""
+    """Call Blender's render operator for this scene, with write_still or animation by `how`; returns its result."""
     # Told a scene by name it would take the local one where a linked one has the same, and the context's frame.
     with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
         return set(bpy.ops.render.render(**how))
 
 
 def output_path(path: Path) -> str:
-    """The path as an output path of Blender's, which takes {...} for a template."""
+    """Return the path as an output path of Blender's, which takes {...} for a template."""
     return str(path).replace("{", "{{").replace("}", "}}")
 
 
 def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
-    """Render settings with which files are written to an output path, whatever is there or switched off."""
+    """Return render settings with which files are written to an output path, whatever is there or switched off."""
     files = {"filepath": path, "use_overwrite": True, "use_placeholder": False}
     return {**files, "save_output": True} if hasattr(render, "save_output") else files
 
 
 def cycles_seconds(attributes: Mapping[str, str], layer: str, part: str) -> float:
-    """Seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
+    """Return the seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
     return _seconds(attributes.get(f"cycles.{layer}.{part}_time", ""))
 
 
 def _seconds(text: str) -> float:
-    """'01:02.50', as Cycles writes a duration, in seconds; 0 for anything else."""
+    """Return the seconds of a duration as Cycles writes it, '01:02.50'; 0 for anything else."""
     total = 0.0
     for part in text.split(":"):
         try:

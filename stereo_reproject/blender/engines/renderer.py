@@ -16,6 +16,7 @@ from ...images.effects import Effect
 from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...pipeline.matched_tracing import LightMatcher
+from ...settings.frame import EYES
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
@@ -43,7 +44,7 @@ from .time_limit import (
     without_time_limit,
 )
 
-FILL_SEED = 1_000_003
+TRACE_SEED_STEP = 1_000_003
 """Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
 
 
@@ -63,7 +64,7 @@ class BlenderRenderer:
 
     @property
     def warnings(self) -> list[str]:
-        """What is to be said of the scene for being rendered this way."""
+        """Warnings about the scene for being rendered this way, a line each."""
         return []
 
     def __init__(
@@ -94,13 +95,13 @@ class BlenderRenderer:
             self._rays = RayPasses(scene, glossy=bool(self.plan.called_for & Effect.GLOSSY))
         self._traces = 0
         self.samples_rendered: int | None = None
-        """Of the source, where the scene has a time limit."""
+        """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
-        """Why those cannot be told, if they cannot: then nothing is traced."""
+        """Reason why those samples cannot be told, if they cannot: then nothing is traced."""
 
     @property
     def view_dependent(self) -> tuple[str, ...]:
-        """What may look different from each eye, in words."""
+        """Things that may look different from each eye, in words."""
         return self.plan.view_dependent
 
     def _noisy(self) -> AbstractContextManager[None]:
@@ -113,7 +114,7 @@ class BlenderRenderer:
         return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """The source eye, whole, with the passes of effects and materials if eyes may see any of them differently."""
+        """Render the source eye, whole, with passes of effects and materials if eyes may see any differently."""
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
@@ -140,7 +141,7 @@ class BlenderRenderer:
         return {**self._as_asked_for(passes), **known}, cost_of(rendered)
 
     def _as_asked_for(self, passes: Passes) -> Passes:
-        """The passes without the materials' cryptomatte, if the user has not asked for it."""
+        """Return the passes without the materials' cryptomatte, if the user has not asked for it."""
         if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
             return passes
         return {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
@@ -151,14 +152,17 @@ class BlenderRenderer:
         return self.cycles_blockers(deepest)
 
     def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
-        """`fill_blockers` of whatever traces the scene with Cycles."""
+        """Return why Cycles cannot trace the scene by a method, or None, by method; deepest as for `fill_blockers`."""
         return {
             "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        """Trace all requests by one method, as `Tracer` says."""
+        """Trace all requests by one method, as `Tracer` describes.
+
+        Packed pixels of several views are traced in as few renders as is exact, others view by view.
+        """
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
         with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
@@ -174,8 +178,8 @@ class BlenderRenderer:
         return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
-        """The passes (N, C) of a request, by a render as large as the view for each of its masks."""
-        check_blenders(self.scene, request.view)
+        """Return the passes (N, C) of a request, by a render as large as the view for each of its masks."""
+        check_blenders(request.view)
         trace = {"card": trace_card, "full": trace_full}[method]
         apart = [
             trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks
@@ -183,29 +187,29 @@ class BlenderRenderer:
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
 
     def _next_seed(self) -> int:
-        """A seed that no render of this frame has had: noise that is there already must not come twice."""
+        """Return a seed that no render of this frame has had: noise that is there already must not come twice."""
         self._traces += 1
-        return shifted_seed(self.seed, FILL_SEED * self._traces)
+        return shifted_seed(self.seed, TRACE_SEED_STEP * self._traces)
 
 
 def cost_of(rendered: Rendered) -> SourceCost:
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
-def check_blenders(scene: bpy.types.Scene, view: str) -> None:
-    """Raise BadInputError where the view is not one that Blender renders itself."""
-    if view not in scene.render.views:
+def check_blenders(view: str) -> None:
+    """Raise BadInputError where the view is not one that Blender renders itself: an eye."""
+    if view not in EYES:
         raise BadInputError(f"view {view!r} is none of Blender's: it can be traced packed alone")
 
 
 def trace_full(
     scene: bpy.types.Scene, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
-    """A plain render of the view, and its passes as (N, C) of the pixels that are set in `pixels` (H, W)."""
+    """Render the view whole; returns the render, and the passes (N, C) of the pixels set in `pixels` (H, W)."""
     rendered = render_views(scene, (view,), folder, seed=seed)
     return rendered, {name: image[pixels] for name, image in rendered.views[view].items()}
 
 
 def shifted_seed(seed: int, by: int) -> int:
-    """Another seed that Blender's property takes."""
+    """Return another seed, from 0 to 2^31 - 1 as Blender's property takes it."""
     return (seed + by) % (1 << 31)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...images.passes import Passes
+from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
 from ..scene.effects import is_animated, shader_nodes, uses_output
@@ -44,7 +45,7 @@ def trace_together(
 ) -> tuple[list[Rendered], list[Passes]]:
     """Trace all requests packed, in as few renders as is exact; returns the renders, and each request's passes (N, C).
 
-    cameras has those of the requests' views by name, Blender's own views included; volumes are the corners (8, 3) of
+    cameras has those of the requests' views by name, both eyes included; volumes are the corners (8, 3) of
     boxes around the scene's. Raises BadInputError for a view that is not Blender's where it could not be right.
     """
     renders: list[Rendered] = []
@@ -70,12 +71,11 @@ def _renders(
     asked: Sequence[str],
 ) -> list[tuple[str, list[int]]]:
     """Return the renders that it takes: the view that Blender renders, and the numbers of the requests traced in it."""
-    blenders = [view.name for view in scene.render.views]
-    rendered = next((view for view in asked if view in blenders), blenders[0])
+    rendered = next((view for view in asked if view in EYES), EYES[0])
     if not asked or set(asked) == {rendered}:
         return [(rendered, list(range(len(asked))))] if asked else []
     reason = why_apart(scene, cameras[rendered], [cameras[view] for view in asked], volumes)
-    elsewhere = [view for view in asked if view not in blenders]
+    elsewhere = [view for view in asked if view not in EYES]
     if reason and elsewhere:
         raise BadInputError(f"view {elsewhere[0]!r} cannot be traced: {reason}")
     if not reason and not turns_in_shutter(scene):
@@ -83,7 +83,7 @@ def _renders(
     by_view: dict[str, list[int]] = {}
     for number, view in enumerate(asked):
         # Views that Blender does not have move with the one that it renders, as parts of a rigid rig.
-        by_view.setdefault(view if view in blenders else rendered, []).append(number)
+        by_view.setdefault(view if view in EYES else rendered, []).append(number)
     return list(by_view.items())
 
 
@@ -94,9 +94,13 @@ def why_apart(
 
     Rays do not depend on that camera, but some of what is made of them does. volumes are boxes' corners (8, 3).
     """
+    layer = rendered_layer(scene).cycles
+    follows = getattr(layer, "denoising_pass_follow_reflections", True)
     checks = {
         "the Vector pass is that of Cycles' own camera": vector_pass_asked_for(scene),
         "the Mist pass is that of Cycles' own camera": rendered_layer(scene).use_pass_mist,
+        # Else that pass is of the rays' lengths.
+        "the Denoising Depth pass is that of Cycles' own camera": layer.denoising_store_passes and not follows,
         "a shader reads where the camera is": any(uses_output(*output) for output in CAMERA_OUTPUTS)
         or any(map(_may_read_camera, shader_nodes())),
         # Of its own camera alone Cycles asks whether its rays begin in a volume.

@@ -22,14 +22,14 @@ from ..scene.working import CYCLES, changed, rendered_layer
 from .render import Rendered, cycles_seconds
 
 COUNTS = "Debug Sample Count"
-OURS = "stereo_reproject_sample_count"
-"""Property of a working scene's view layer: that it was us who switched the sample count on."""
+ADDED_COUNTS = "stereo_reproject_sample_count"
+"""Property of a working scene's view layer that marks its sample count as not asked for by the user."""
 
-HEADER_SECONDS = 0.02
+HEADER_ROUNDING_SECONDS = 0.02
 """Error of the seconds in a file's header, which have two decimals."""
 
-LEAST_THRESHOLD = 0.001
-"""Of adaptive sampling where Cycles chooses the threshold by the samples."""
+MIN_ADAPTIVE_THRESHOLD = 0.001
+"""Threshold of adaptive sampling, at least, where Cycles chooses it by the number of samples."""
 
 UNCOUNTED = "the time limit ended the source after a number of samples that cannot be told"
 TILED = "the time limit ends each tile of a large picture after samples of its own"
@@ -44,22 +44,23 @@ def count_samples(scene: bpy.types.Scene) -> None:
     switch_on_cryptomatte(scene)
     layer = rendered_layer(scene)
     if scene.cycles.use_adaptive_sampling and not layer.cycles.pass_debug_sample_count:
-        layer.cycles.pass_debug_sample_count = layer[OURS] = True
+        layer.cycles.pass_debug_sample_count = layer[ADDED_COUNTS] = True
 
 
 def without_counts(scene: bpy.types.Scene, passes: Passes) -> Passes:
-    """The passes without the sample count, if the user has not asked for it."""
-    return {name: image for name, image in passes.items() if name != COUNTS or OURS not in rendered_layer(scene)}
+    """Return the passes without the sample count, if the user has not asked for it."""
+    added = ADDED_COUNTS in rendered_layer(scene)
+    return {name: image for name, image in passes.items() if not (added and name == COUNTS)}
 
 
 def samples_rendered(scene: bpy.types.Scene, rendered: Rendered, view: str) -> int | None:
-    """The samples that a render with a time limit came to: those that were asked for where it was not reached.
+    """Return the samples that a render with a time limit came to: those that were asked for where it was not reached.
 
     None where they cannot be told.
     """
     name = rendered_layer(scene).name
     asked = _of_subset(scene.cycles, int(rendered.attributes.get(f"cycles.{name}.samples", scene.cycles.samples)))
-    if cycles_seconds(rendered.attributes, name, "render") < scene.cycles.time_limit - HEADER_SECONDS:
+    if cycles_seconds(rendered.attributes, name, "render") < scene.cycles.time_limit - HEADER_ROUNDING_SECONDS:
         return asked
     if is_tiled(scene):
         return None
@@ -69,7 +70,7 @@ def samples_rendered(scene: bpy.types.Scene, rendered: Rendered, view: str) -> i
 
 
 def is_tiled(scene: bpy.types.Scene) -> bool:
-    """Whether Cycles renders the picture in several tiles."""
+    """Return whether Cycles renders the picture in several tiles."""
     region = frame_region(scene.render)
     return scene.cycles.use_auto_tile and max(region.width, region.height) > scene.cycles.tile_size
 
@@ -79,7 +80,7 @@ def why_uncounted(scene: bpy.types.Scene) -> str:
 
 
 def _of_subset(cycles: bpy.types.PropertyGroup, samples: int) -> int:
-    """How many of so many samples are rendered: all, or those of the subset that the user has chosen."""
+    """Return how many of so many samples are rendered: all, or those of the subset that the user has chosen."""
     if not cycles.use_sample_subset:
         return samples
     return max(min(cycles.sample_offset + cycles.sample_subset_length, samples) - cycles.sample_offset, 0)
@@ -87,7 +88,7 @@ def _of_subset(cycles: bpy.types.PropertyGroup, samples: int) -> int:
 
 @contextmanager
 def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[None]:
-    """A scene rendered without its time limit, but with so many samples: the first of those that it asks for.
+    """Have a scene rendered without its time limit, but with so many samples: the first of those that it asks for.
 
     So a pixel has the samples that it would have had if the limit had ended it then, to the bit.
     """
@@ -102,7 +103,7 @@ def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[
 
 
 def _samples_asked_for(scene: bpy.types.Scene) -> int:
-    """Samples of the rendered view layer, which may have a number of its own."""
+    """Return the samples of the rendered view layer, which may have a number of its own."""
     cycles, own = scene.cycles, rendered_layer(scene).samples
     if own <= 0 or cycles.use_layer_samples == "IGNORE":
         return cycles.samples
@@ -110,10 +111,10 @@ def _samples_asked_for(scene: bpy.types.Scene) -> int:
 
 
 def _threshold(cycles: bpy.types.PropertyGroup, asked: int, samples: int) -> float:
-    """The threshold of adaptive sampling that makes a subset of so many samples stop where all of them would.
+    """Return the threshold of adaptive sampling that makes a subset of so many samples stop where all of them would.
 
     Cycles lowers it for a subset by the root of its share of the samples.
     """
-    threshold = cycles.adaptive_threshold or max(LEAST_THRESHOLD, 1.0 / asked)
+    threshold = cycles.adaptive_threshold or max(MIN_ADAPTIVE_THRESHOLD, 1.0 / asked)
     before = max(_of_subset(cycles, asked), 1)
     return min(threshold * math.sqrt(before / min(samples, before)), 1.0)
