@@ -12,6 +12,7 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.metrics import border_step, tone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.tuning import PipelineTuning
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
@@ -150,14 +151,17 @@ def test_eevee_does_not_denoise(room, tmp_path):
 
 
 def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.match", lambda _picture, traced, *_, **__: traced.colour)
+    monkeypatch.setattr(
+        "stereo_reproject.pipeline.matched_tracing.match", lambda _picture, traced, *_, **__: traced.colour
+    )
     frame, plain = render(room, tmp_path)
     assert seam(frame.eyes["right"][COLOUR_PASS], plain, frame.reasons > 0) > WITHOUT
     assert frame.correction.mean < 0.05
 
 
 def test_the_second_eye_of_a_simple_scene_is_eevees_own(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.AT_ONCE", 1000.0)
+    long_enough = PipelineTuning(min_seconds_to_hand_over=1000.0)
+    monkeypatch.setattr("stereo_reproject.pipeline.tuning.TUNING", long_enough)
     frame, plain = render(room, tmp_path, "auto")
     assert frame.fill.method == "full"
     assert frame.fill.reason.startswith("a second EEVEE render")
