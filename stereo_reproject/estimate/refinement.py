@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..holes.silhouettes import ALIKE
+from ..holes.tuning import TUNING as HOLE_TUNING
 from ..images.metrics import TILE
 from .probes import TileEvidence
 
@@ -108,7 +108,7 @@ def choose_tiles(
     free = ~measured.refined
     if not measured.frame_noise:
         # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
-        return free & (measured.excess > ALIKE**2 * measured.pixels)
+        return free & (measured.excess > HOLE_TUNING.unseen_difference**2 * measured.pixels)
     likely = _likely(measured, NEIGHBOURS)[0]
     # Where nothing is likely to be gained, nothing is: what a lone probe says of its own tile is for the estimate.
     candidates = np.nonzero(free & (likely > 0.0))[0]

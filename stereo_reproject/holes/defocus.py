@@ -9,16 +9,7 @@ from ..images.contrast import Contrast
 from ..views.camera import Camera, PerspectiveCamera
 from ..views.frustum import Lens
 from ..warp.discontinuities import DepthDiscontinuities
-from .silhouettes import ALIKE
-
-SMALLEST = 1.0
-"""Radius of a circle of confusion, in pixels, from which an edge is more than a silhouette."""
-
-RADII = (2, 4, 8, 16, 32, 64, 128)
-"""Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
-
-MISPLACED = 0.5
-"""Share of the step in disparity by which what is seen through a blurred edge is off: it is warped with either side."""
+from .tuning import TUNING
 
 
 def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[np.float32]:
@@ -29,7 +20,7 @@ def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[n
     pixels_per_slope = max(camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom))
     with np.errstate(divide="ignore", invalid="ignore"):
         blur = lens.aperture * np.abs(1.0 / depth - 1.0 / lens.focus) * pixels_per_slope
-    return np.nan_to_num(blur, nan=0.0, posinf=RADII[-1]).astype(np.float32)
+    return np.nan_to_num(blur, nan=0.0, posinf=TUNING.blur_reach_pixels[-1]).astype(np.float32)
 
 
 def blurred_edges(
@@ -47,19 +38,19 @@ def blurred_edges(
     colour from a pixel to the next. What the eye sees there is off by up to half of the step, and so the colour by that
     much of its gradient. tolerance is in standard deviations of the noise.
     """
-    edges = steps.mask(threshold) & (radius >= SMALLEST)
+    edges = steps.mask(threshold) & (radius >= TUNING.least_blur_pixels)
     if not edges.any():
         return edges
     step = np.where(edges, np.minimum(_largest_step(steps), 2.0 * radius), 0.0)
     reached = np.zeros_like(step)
     below = 0.0
-    for reach in RADII:
-        among = (radius > below) & ((radius <= reach) if reach != RADII[-1] else True)
+    for reach in TUNING.blur_reach_pixels:
+        among = (radius > below) & ((radius <= reach) if reach != TUNING.blur_reach_pixels[-1] else True)
         if (edges & among).any():
             reached = np.maximum(reached, _spread(np.where(among, step, 0.0), reach))
         below = reach
-    error = (MISPLACED * reached * gradient) ** 2
-    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, ALIKE**2))
+    error = (TUNING.misplaced_share * reached * gradient) ** 2
+    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, TUNING.unseen_difference**2))
 
 
 def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:

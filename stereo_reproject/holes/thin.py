@@ -24,22 +24,7 @@ from ..views.camera import (
     target_px_from_source_px,
 )
 from ..warp.forward import Warp
-
-THRESHOLD = 0.1
-"""Pixels in the other eye by which the mean of the samples puts a pixel nearer than the first one does."""
-
-THIN = 1
-"""Pixels: what holds a square of this reach is a surface."""
-
-LEAST_COVERED = 0.1
-"""Share of a pixel that something thin is taken to cover at least, and so how near it may be: less hardly shows."""
-
-NEAR, FEW = 3, 1.0 / 3.0
-"""Pixels each way among which those of a wire are few, and what share of them that is: two wires that cross have two
-sevenths."""
-
-FARTHEST = 8
-"""Pixels, at most, by which it is looked for aside."""
+from .tuning import TUNING
 
 
 def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -47,7 +32,8 @@ def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     is open) or a thicket, of which probes tell."""
     if not pixels.any():
         return pixels
-    return pixels & (count_within(pixels, NEAR) <= FEW * (2 * NEAR + 1) ** 2)
+    reach = TUNING.isolated_reach_pixels
+    return pixels & (count_within(pixels, reach) <= TUNING.isolated_share * (2 * reach + 1) ** 2)
 
 
 def target_pixels(
@@ -92,14 +78,15 @@ def thin_things(
         nearness = camera.nearness_from_depth(np.maximum(behind - before / covered, clip_start + 1e-6))
         return (nearness - camera.nearness_from_depth(behind)) * disparity_per_nearness(camera, other)
 
-    found = moves(1.0) > THRESHOLD
+    found = moves(1.0) > TUNING.thin_step_pixels
     # Nothing is known beyond the frame, and to 4.5 a sample of the sky is one right before the camera.
-    surfaces = ~dilate(~np.pad(found, THIN), THIN)[THIN:-THIN, THIN:-THIN]
-    found &= ~dilate(surfaces, THIN + 1) & ~edges & ~dilate(~surface, 1)
-    reach = np.where(found, np.minimum(np.ceil(moves(LEAST_COVERED)), FARTHEST), 0.0)
+    thick = TUNING.surface_reach_pixels
+    surfaces = ~dilate(~np.pad(found, thick), thick)[thick:-thick, thick:-thick]
+    found &= ~dilate(surfaces, thick + 1) & ~edges & ~dilate(~surface, 1)
+    reach = np.where(found, np.minimum(np.ceil(moves(TUNING.least_covered_share)), TUNING.max_search_pixels), 0.0)
     result = found.copy()
     to_the_left = target_from_source(camera, other)[0, 3] < 0.0
-    for aside in range(1, FARTHEST + 1):
+    for aside in range(1, TUNING.max_search_pixels + 1):
         moved = reach >= aside
         if to_the_left:
             result[:, :-aside] |= moved[:, aside:]

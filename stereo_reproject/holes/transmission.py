@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast
-
-SURELY = 2.0
-"""How many times what is allowed the error must be likely to be: how far behind things are is a guess, and probes tell
-of the rest."""
+from .tuning import TUNING
 
 
 def transmission_parallax(
@@ -36,4 +33,6 @@ def transmission_parallax(
     farthest = np.min(disparity, where=known, initial=np.inf)
     moved = np.where(known, disparity - farthest, 0.0)
     error = np.minimum((moved * gradient) ** 2, 2.0 * contrast.signal)
-    return glass & known & (error > SURELY * (limit**2 - 1.0) * 2.0 * np.maximum(contrast.noise, unseen**2))
+    return (
+        glass & known & (error > TUNING.error_margin * (limit**2 - 1.0) * 2.0 * np.maximum(contrast.noise, unseen**2))
+    )

@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-TURNED = 2.0
-"""How many times as far as between eyes that look the same way a point moves between eyes that are toed in, at most."""
+from .tuning import TUNING
 
 Array = NDArray[np.floating]
 Vector = tuple[Array, Array, Array]
@@ -209,7 +208,7 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     if not isinstance(source, PerspectiveCamera) or not isinstance(target, PerspectiveCamera):
         return estimate
     # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.
-    limit = TURNED * float(_px_per_unit(target).max()) * baseline
+    limit = TUNING.max_toe_in_factor * float(_px_per_unit(target).max()) * baseline
     return min(estimate, limit) if np.isfinite(estimate) else limit
 
 

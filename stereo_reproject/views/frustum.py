@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera, OrthographicCamera
+from .tuning import TUNING
 
-NEAREST = 1e-6
+LEAST_DEPTH = 1e-6
 """Depth up to which a corner counts as behind the camera: its place in the picture cannot be told."""
-
-PIXELS_BEYOND = 4.0
-"""Pixels that count as seen beyond the frame's edge: the reach of any usual pixel filter, and rounding."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +30,8 @@ class Frustum:
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
         plane = camera.plane
-        beyond_x = PIXELS_BEYOND * (plane.right - plane.left) / camera.width
-        beyond_y = PIXELS_BEYOND * (plane.top - plane.bottom) / camera.height
+        beyond_x = TUNING.frame_margin_pixels * (plane.right - plane.left) / camera.width
+        beyond_y = TUNING.frame_margin_pixels * (plane.top - plane.bottom) / camera.height
         radius = lens.aperture
         # A ray from the lens's rim through a point in focus is this much off its centre's ray, for each unit of depth.
         slope = radius / lens.focus if radius > 0.0 else 0.0
@@ -76,12 +74,12 @@ def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[
         local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
         if not isinstance(camera, OrthographicCamera) and _encloses_origin(local):
             continue
-        if (local[:, 2] >= -NEAREST).any():
+        if (local[:, 2] >= -LEAST_DEPTH).any():
             return np.ones_like(result)
         x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
         low, high = (np.array([bound(x), bound(y)]) for bound in (np.min, np.max))
-        left, top = np.clip(low - PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
-        right, bottom = np.clip(high + PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
+        left, top = np.clip(low - TUNING.frame_margin_pixels, 0, result.shape[::-1]).astype(int)
+        right, bottom = np.clip(high + TUNING.frame_margin_pixels, 0, result.shape[::-1]).astype(int)
         result[top:bottom, left:right] = True
     return result
 

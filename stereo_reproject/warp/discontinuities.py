@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, disparity_per_nearness
-from .scanline import LARGEST
-
-TEAR = 1.0
-"""Step in disparity, in pixels, at which a surface is torn rather than stretched."""
+from .scanline import LARGEST_NEARNESS
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -27,6 +25,10 @@ class DepthDiscontinuities:
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
+
+    def torn(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return where a surface is torn between two pixels: right (H, W - 1) and down (H - 1, W)."""
+        return self.right > TUNING.tear_pixels, self.down > TUNING.tear_pixels
 
     def mask(self, threshold: float) -> NDArray[np.bool_]:
         """(H, W): the pixels of every 2 x 2 block that a step above `threshold` runs through.
@@ -54,7 +56,7 @@ def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> N
     """The same of the nearness (H, W) that `camera` sees."""
     with np.errstate(over="ignore", invalid="ignore"):
         disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
-    return np.clip(disparity, -LARGEST, LARGEST, out=disparity)
+    return np.clip(disparity, -LARGEST_NEARNESS, LARGEST_NEARNESS, out=disparity)
 
 
 def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:

@@ -29,15 +29,8 @@ from ..views.parallax import ARC_MINUTE
 from ..views.view import View
 from .forward import Warp
 from .rendered_view import RenderedView
-from .scanline import MAX_STRETCH
+from .tuning import TUNING
 from .warped_view import WarpedView
-
-SAME_POINT_PIXELS = 1.0
-"""Pixels in a source between the place that it was looked up at and the place of the nearest point, up to which it
-shows that point: as much as a surface may stretch from a pixel to the next before it is torn."""
-
-LEAST_GAIN = 0.02
-"""Share by which a later source's expected error must be smaller than an earlier one's: rounding changes no source."""
 
 
 def merge_views(
@@ -91,7 +84,7 @@ def best_source(
     for number, (warp, camera) in enumerate(zip(warps, cameras, strict=True)):
         answers = np.where(any_clean, clean[number], shown[number])
         error = np.where(answers, expected_error(warp, camera, target), np.inf)
-        better = error < (1.0 - LEAST_GAIN) * best
+        better = error < (1.0 - TUNING.least_gain_share) * best
         np.copyto(best, error, where=better)
         index[better] = number
     return index
@@ -108,7 +101,7 @@ def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Cam
         with np.errstate(invalid="ignore"):
             apart = np.hypot(x - warp.x[rows], y - warp.y[rows])
         # NaN, of a point behind the source, is no such place.
-        result[rows] |= covered & (apart <= SAME_POINT_PIXELS)
+        result[rows] |= covered & (apart <= TUNING.same_point_pixels)
     return result
 
 
@@ -142,7 +135,7 @@ def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
 
 
 def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (H, W) target pixels for one source pixel, by area, from 1 to MAX_STRETCH.
+    """Return (H, W) target pixels for one source pixel, by area, from 1 to max_stretch.
 
     By how far the place in the source moves from a target pixel to the next in its row and column: to the nearer of the
     two neighbours, since a step in depth lies before the other.
@@ -151,7 +144,7 @@ def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float
     down_x, down_y = (part.T for part in _step_across(x.T, y.T))
     area = np.abs(across_x * down_y - across_y * down_x)
     # A pixel without a neighbour tells nothing of its stretch.
-    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / MAX_STRETCH, 1.0)).astype(np.float32)
+    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / TUNING.max_stretch, 1.0)).astype(np.float32)
 
 
 def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -12,19 +12,15 @@ from numpy.typing import NDArray
 from ..images import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, target_px_from_source_px
-from .grid import CELL, Grid, lattice_depth
-from .scanline import EDGE_TOLERANCE, MAX_STRETCH
+from .grid import CELL_QUADS, Grid, lattice_depth
+from .tuning import TUNING
 
-CHUNK = 192
+CHUNK_CELLS = 192
 """Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""
 
 ALL = slice(None)
 
-AS_NEAR = 2.0**-16
-"""Of a nearness: where a coarse quad and a fine one meet, both are of one surface, and which is nearer is rounding's to
-say. What is nearer by less than this is not."""
-
-LARGEST_AREA = 1e12
+LARGEST_AREA_PIXELS = 1e12
 """Square pixels: what is larger is so by rounding."""
 
 
@@ -93,16 +89,19 @@ def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDAr
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
     """The cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
     all_rows, all_columns = np.nonzero(~grid.subdivided)
-    for start in range(0, all_rows.size, CHUNK):
-        top, left = all_rows[start : start + CHUNK] * CELL, all_columns[start : start + CHUNK] * CELL
-        bottom = np.minimum(top + CELL, grid.height + 1)
-        right = np.minimum(left + CELL, grid.width + 1)
+    for start in range(0, all_rows.size, CHUNK_CELLS):
+        top, left = (
+            all_rows[start : start + CHUNK_CELLS] * CELL_QUADS,
+            all_columns[start : start + CHUNK_CELLS] * CELL_QUADS,
+        )
+        bottom = np.minimum(top + CELL_QUADS, grid.height + 1)
+        right = np.minimum(left + CELL_QUADS, grid.width + 1)
         i = np.stack([top, bottom], axis=-1)[:, :, None]
         j = np.stack([left, right], axis=-1)[:, None, :]
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         one = (top.size, 1, 1)
         x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
-        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, EDGE_TOLERANCE))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, TUNING.edge_tolerance))
 
 
 def _fine_quads(
@@ -110,17 +109,17 @@ def _fine_quads(
 ) -> Iterator[_Quads]:
     """The quads of the subdivided cells, some cells at a time, without those that are torn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
-    span = np.arange(CELL + 1)
+    span = np.arange(CELL_QUADS + 1)
     left_out = _left_out(vertices, torn, source, target)
-    left_out |= (~grid.subdivided).repeat(CELL, axis=0).repeat(CELL, axis=1)
+    left_out |= (~grid.subdivided).repeat(CELL_QUADS, axis=0).repeat(CELL_QUADS, axis=1)
     beside = dilate(left_out, 1)
     one = np.array(1, np.int64)
-    for start in range(0, all_rows.size, CHUNK):
-        i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
-        j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
+    for start in range(0, all_rows.size, CHUNK_CELLS):
+        i = all_rows[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, :, None]
+        j = all_columns[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, None, :]
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
-        margin = np.where(beside[first_i, first_j], EDGE_TOLERANCE, 0.0)
+        margin = np.where(beside[first_i, first_j], TUNING.edge_tolerance, 0.0)
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
 
 
@@ -154,7 +153,7 @@ class _Surface:
         self.preferred: NDArray[np.float32] | None = None
 
     def prefer_what_is_drawn(self) -> None:
-        """To what will be drawn, and is nearer by less than AS_NEAR."""
+        """To what will be drawn, and is nearer by less than same_nearness_share."""
         self.preferred = self.nearness.copy()
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
@@ -197,7 +196,7 @@ class _Surface:
         x = _of(quads.source_x, chosen).take(quad) + u * _of(size_x, quad)
         x[hides] = np.nan
         y = _of(quads.source_y, chosen).take(quad) + v * _of(size_y, quad)
-        inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
+        inside = np.flatnonzero(least >= -TUNING.edge_tolerance)
         self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
@@ -209,7 +208,7 @@ class _Surface:
         nearness = nearness.astype(np.float32, copy=False)
         nearer = nearness > self.nearness.take(pixel)
         if self.preferred is not None:
-            nearer &= nearness - np.float32(AS_NEAR) * np.abs(nearness) > self.preferred.take(pixel)
+            nearer &= nearness - np.float32(TUNING.same_nearness_share) * np.abs(nearness) > self.preferred.take(pixel)
         waiting = np.flatnonzero(nearer)
         while waiting.size:
             pixel, nearness, x, y = (values.take(waiting) for values in (pixel, nearness, x, y))
@@ -317,8 +316,8 @@ def _triangle(
     ux, uy = corner_x[along_u] - corner_x[origin], corner_y[along_u] - corner_y[origin]
     vx, vy = corner_x[along_v] - corner_x[origin], corner_y[along_v] - corner_y[origin]
     determinant = ux * vy - uy * vx
-    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA)
-    hides = (determinant < 0.0) | (determinant >= MAX_STRETCH * area)
+    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA_PIXELS)
+    hides = (determinant < 0.0) | (determinant >= TUNING.max_stretch * area)
     inverse = np.where(known, 1.0 / np.where(known, determinant, 1.0), np.nan)
     dx, dy = x - corner_x[origin], y - corner_y[origin]
     u = np.array([(dx * vy - dy * vx) * inverse, vy * inverse, -vx * inverse])

@@ -22,26 +22,16 @@ from numpy.typing import NDArray
 
 from ..images.bands import bands
 from ..views.camera import Camera, OrthographicCamera, target_from_source
-from .grid import CELL, Grid
+from .grid import CELL_QUADS, Grid
+from .tuning import TUNING
 
-MAX_STRETCH = 2.5
-"""An interval that covers more target pixels than this holds too little to fill them: it is left a hole."""
-
-EDGE_TOLERANCE = 1e-3
-"""How far, in quads or intervals, a pixel centre may lie outside of one and still be covered: neighbours share their
-corners, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
-
-BROAD = 32
-"""Pixels: what is wider and has nothing to show makes holes of all that it covers, whether it is nearer or not: where
-depth goes to and fro by so much from one pixel to the next, the order costs more than it tells."""
-
-FARTHEST = 1e6
+FARTHEST_PIXELS = 1e6
 """Pixels: what moves further is outside any picture, and its place still a number that integers hold."""
 
-LARGEST = 1e38
+LARGEST_NEARNESS = 1e38
 """Of nearness: half a float32's range, so that two of them have a difference."""
 
-SAME = 1e-12
+SAME_SHARE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -60,14 +50,14 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
     # So much is lost of the difference between two places that are far from the world's origin.
     lost = 8.0 * np.finfo(np.float64).eps * float(np.abs(source.world_from_camera[:3, 3]).max())
     aside, moved[1:3, 3] = np.abs(moved[1:3, 3]), 0.0
-    if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME):
+    if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME_SHARE):
         return None
-    if aside.max() > SAME + lost:
+    if aside.max() > SAME_SHARE + lost:
         return None
     one, other = source.plane, target.plane
     rows = (one.bottom, one.top, source.height) == (other.bottom, other.top, target.height)
     size, other_size = (one.right - one.left) / source.width, (other.right - other.left) / target.width
-    if not rows or not np.isclose(size, other_size, rtol=SAME, atol=0.0):
+    if not rows or not np.isclose(size, other_size, rtol=SAME_SHARE, atol=0.0):
         return None
     offset, baseline = (one.left - other.left) / size, float(transform[0, 3]) / size
     return (
@@ -88,7 +78,7 @@ def warp_rows(
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
     for cells in _alike(~grid.subdivided):
         # Lattice row i is the picture's row i - 1.
-        lattice = np.arange(max(cells.start * CELL, 1), min(cells.stop * CELL, height + 1))
+        lattice = np.arange(max(cells.start * CELL_QUADS, 1), min(cells.stop * CELL_QUADS, height + 1))
         coarse = ~grid.subdivided[cells.start]
         chain = _RowSegments(coarse, grid.width, width, shift)
         for part in bands((lattice.size, width)):
@@ -116,10 +106,12 @@ def _corners(depth: NDArray, source: Camera, chain: _RowSegments, lattice: NDArr
 
     def near(lines: NDArray) -> NDArray[np.float32]:
         with np.errstate(over="ignore"):
-            return np.clip(source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST, LARGEST)
+            return np.clip(
+                source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST_NEARNESS, LARGEST_NEARNESS
+            )
 
-    cell = lattice // CELL
-    edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL, height + 1)
+    cell = lattice // CELL_QUADS
+    edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL_QUADS, height + 1)
     above = cell - cell[0]
     down = ((lattice - edges[above]) / (edges[above + 1] - edges[above])).astype(np.float32)[:, None]
     flat = column[chain.flat]
@@ -141,9 +133,9 @@ class _RowSegments:
     def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: RowDisparity) -> None:
         self._width, self._shift = width, shift
         lattice = np.arange(columns + 2, dtype=np.int32)
-        in_coarse = coarse.repeat(CELL)[: columns + 1]
+        in_coarse = coarse.repeat(CELL_QUADS)[: columns + 1]
         self.coarse = coarse
-        self.corner = lattice[np.append(~in_coarse | (lattice[:-1] % CELL == 0), True)]
+        self.corner = lattice[np.append(~in_coarse | (lattice[:-1] % CELL_QUADS == 0), True)]
         after = np.append(in_coarse, in_coarse[-1])[self.corner]
         before = np.insert(in_coarse, 0, in_coarse[0])[self.corner]
         self.flat = before & after
@@ -164,7 +156,7 @@ class _RowSegments:
         undrawn = np.zeros(stretched.shape, bool)
         if torn is not None:
             undrawn[:, self._tearable] = torn[:, self._torn_column]
-        nearest = self._nearest(moved, undrawn, stretched < MAX_STRETCH * self._length)
+        nearest = self._nearest(moved, undrawn, stretched < TUNING.max_stretch * self._length)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
@@ -201,7 +193,7 @@ class _RowSegments:
         with np.errstate(over="ignore", invalid="ignore"):
             moved = near * np.float32(self._shift.per_nearness) + np.float32(self._shift.offset)
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
-        return np.fmax(np.fmin(moved, FARTHEST, out=moved), -FARTHEST, out=moved)
+        return np.fmax(np.fmin(moved, FARTHEST_PIXELS, out=moved), -FARTHEST_PIXELS, out=moved)
 
     def _nearest(
         self, moved: NDArray[np.float32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
@@ -225,7 +217,7 @@ class _RowSegments:
         start, stop = (np.clip(ends, 0, self._width) for ends in self._ends(first, moved, torn))
         shown = tight & ~torn & (stop > start)
         low, wide = np.minimum(start, stop), np.where(torn, 0, np.abs(stop - start))
-        broad = ~shown & (wide > BROAD)
+        broad = ~shown & (wide > TUNING.broad_pixels)
         hidden = _within(low, wide, broad, self._width)
         wide = np.where(broad, 0, wide).ravel()
         low += (np.arange(height, dtype=np.int32) * self._width)[:, None]
@@ -251,10 +243,10 @@ class _RowSegments:
         """
         start, stop = first[:, :-1].copy(), first[:, 1:].copy()
         row, column = np.nonzero(torn[:, 1:])
-        corner = moved[row, column + 1] + np.float32(EDGE_TOLERANCE)
+        corner = moved[row, column + 1] + np.float32(TUNING.edge_tolerance)
         stop[row, column] = np.floor(corner) + self._before[column + 1] + 1.0
         row, column = np.nonzero(torn[:, :-1])
-        corner = moved[row, column + 1] - np.float32(EDGE_TOLERANCE)
+        corner = moved[row, column + 1] - np.float32(TUNING.edge_tolerance)
         start[row, column + 1] = np.ceil(corner) + self._before[column + 1]
         return start, stop
 

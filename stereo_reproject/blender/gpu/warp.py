@@ -29,21 +29,21 @@ from ...views.camera import (
 from ...views.view import View
 from ...warp import warper
 from ...warp.composite import passes_seen
-from ...warp.discontinuities import TEAR
 from ...warp.forward import Warp
-from ...warp.grid import CELL, Grid, build_grid
+from ...warp.grid import CELL_QUADS, Grid, build_grid
 from ...warp.options import WarpOptions
 from ...warp.rendered_view import RenderedView
 from ...warp.scanline import RowDisparity, row_disparity_of
+from ...warp.tuning import TUNING as WARP_TUNING
 from ...warp.warped_view import WarpedView
 from ...warp.warper import DEFAULTS, Warper
 from .context import in_silence, started
 from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, uploaded
 
-NOTHING, LOWEST = -1, -(2**31)
+NO_INTERVAL_KEY, NO_QUAD_KEY = -1, -(2**31)
 """Keys that are less than any that an owner has, of intervals and of nearness."""
 
-SAME_COLOUR, SAME_COVERAGE = 1e-3, 0.01
+MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
 """What may be between the GPU and numpy in the trial, in colour, and as a share of the few pixels there."""
 
 
@@ -106,7 +106,7 @@ def _fits(source: RenderedView, target: View) -> bool:
 def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> WarpedView:
     """Return the warped view. Raises NoRoomError where something does not fit, and what a driver raises."""
     camera, other = source.camera, target.camera
-    grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=TEAR)
+    grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=WARP_TUNING.tear_pixels)
     shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
     try:
         shaders.create("cut", _size(camera))
@@ -160,7 +160,7 @@ def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, shift: RowDi
     width, height = _size(source)
     shaders.create("corner", (width + 2, height))
     shaders.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
-    shaders.create("owner", _size(target), fill=NOTHING)
+    shaders.create("owner", _size(target), fill=NO_INTERVAL_KEY)
     key_way = (width, -1) if shift.per_nearness > 0.0 else (0, 1)
     shaders.run("intervals", (width + 1, height), key_way=key_way)
     shaders.run("places", _size(target), key_way=key_way)
@@ -174,10 +174,15 @@ def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
     shaders.create("vertex", (width + 2, height + 2))
     shaders.run("vertices", (width + 2, height + 2), **moves)
     for name in ("owner", "drawn"):
-        shaders.create(name, _size(target), fill=LOWEST)
+        shaders.create(name, _size(target), fill=NO_QUAD_KEY)
     broad = shaders.create("broad", (1, 1), fill=0)
     for to_settle in (0, 1):
-        shaders.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
+        shaders.run(
+            "draw",
+            (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS)),
+            quad_span=CELL_QUADS,
+            to_settle=to_settle,
+        )
         shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
     shaders.run("settled", _size(target))
     if downloaded(broad).any():
@@ -259,8 +264,8 @@ def _agrees(yaw: float, interpolation: str) -> bool:
     options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
     ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
     both = ours.warp.covered & numpys.warp.covered
-    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
-    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE
+    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > MAX_TRIAL_DIFFERENCE
+    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= MAX_TRIAL_SHARE
 
 
 def _trial(yaw: float) -> tuple[RenderedView, View]:
