@@ -20,7 +20,7 @@ CHUNK_WINDOWS = 1 << 11
 
 
 def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> NDArray[np.bool_]:
-    """(H, W): pixels within `radius` of a step in disparity above `threshold` pixels."""
+    """Return (H, W) the pixels within `radius` pixels of a step in disparity above `threshold` pixels."""
     if radius <= 0:
         return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)
     return dilate(steps.mask(threshold), radius - 1)
@@ -29,9 +29,9 @@ def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> 
 def differing(
     band: NDArray[np.bool_], disparity: NDArray, colour: NDArray, *, tolerance: float, unknown: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """The pixels of `band` (H, W) around which the near and the far side differ in colour.
+    """Return (H, W) the pixels of `band` (H, W) around which the near and the far side differ in colour.
 
-    disparity (H, W) tells the sides apart: what is nearer than the middle of the window's range is near. colour
+    disparity (H, W) tells the sides apart: pixels above the middle of the window's range are near. colour
     (H, W, 4) is scene-linear. tolerance is in standard deviations of a side's own pixels, which hold the noise; the
     error of the two means is taken out. Pixels whose window holds one of `unknown` (H, W) stay in.
     """
@@ -53,7 +53,10 @@ def differing(
 
 
 def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
-    """(K, N): places in a flattened (H, W) of those that are looked at around each; beyond the border, those at it."""
+    """Return (K, N) the places, in a flattened (H, W), of the K pixels of the window around each of N pixels.
+
+    Beyond the picture's border they are those of the border.
+    """
     height, width = shape
     down, right = _window()
     rows, columns = np.divmod(pixels, width)
@@ -61,7 +64,7 @@ def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
 
 
 def _window() -> tuple[NDArray, NDArray]:
-    """Offsets of every other pixel around the edge pixel, as on a chessboard: its two sides are well sampled."""
+    """Return the window's offsets down and right (K,): every other pixel, as on a chessboard, which is enough."""
     span = np.arange(-TUNING.side_window_pixels, TUNING.side_window_pixels + 1)
     down, right = (offset.ravel() for offset in np.meshgrid(span, span, indexing="ij"))
     chosen = (down + right) % 2 == 0
@@ -69,8 +72,10 @@ def _window() -> tuple[NDArray, NDArray]:
 
 
 def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
-    """(N,): colour (K, N, C) and disparity (K, N) of N windows of K pixels; the windows lie along the arrays' rows, for
-    whose sums numpy needs them long."""
+    """Return (N,) the windows whose near and far side differ in colour.
+
+    colour (K, N, C) and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows fastest.
+    """
     middle = 0.5 * (disparity.min(axis=0) + disparity.max(axis=0))
     near = (disparity > middle).astype(np.float32)
     far = 1.0 - near

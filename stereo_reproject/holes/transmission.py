@@ -1,6 +1,6 @@
-"""What is seen through a surface: it is warped with that surface, and so it is off where it lies far behind.
+"""Transmission parallax: things seen through a surface are warped with that surface, and are off if they lie behind.
 
-How far behind is not known; it is nowhere farther than the farthest surface in sight, or the sky.
+Their depth is not known; it is nowhere greater than that of the farthest surface in sight, or of the sky.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ def transmission_parallax(
     limit: float,
     unseen: float,
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels of transmissive surfaces whose noise ratio is surely above `limit` when they are warped.
+    """Return (H, W) pixels of transmissive surfaces whose noise ratio, if they were warped, is surely above `limit`.
 
-    glass (H, W) is where they are, disparity (H, W) that of the surfaces in pixels, gradient (H, W) the change of
-    colour from a pixel to the next. What is seen is off by up to the gradient for each pixel that it moves against its
-    surface, and by no more than two points of the picture around differ. Noise less than `unseen` is taken for that.
+    glass (H, W): pixels of such surfaces. disparity (H, W): that of the surfaces, in pixels. gradient (H, W): the
+    change of colour from a pixel to the next. The colour is off by up to the gradient for each pixel that the things
+    behind move against the surface, and by no more than two points of the picture around differ. Noise, as a standard
+    deviation, counts as `unseen` at least.
     """
     known = np.isfinite(disparity)
     if not (glass & known).any():

@@ -21,7 +21,7 @@ CELL_QUADS = 16
 
 @dataclass(frozen=True)
 class Grid:
-    """subdivided (R, C): which cells are split to native resolution. width, height: the source's size in pixels."""
+    """The grid's cells: subdivided (R, C) are those that are drawn quad by quad. width, height: the source's pixels."""
 
     subdivided: NDArray[np.bool_]
     width: int
@@ -33,7 +33,7 @@ class Grid:
 
     @property
     def triangles(self) -> int:
-        """Two for each coarse cell, two for each quad of a subdivided one."""
+        """The number of triangles: two for each coarse cell, two for each quad of a subdivided one."""
         rows = np.minimum(CELL_QUADS, self.height + 1 - CELL_QUADS * np.arange(self.subdivided.shape[0]))
         columns = np.minimum(CELL_QUADS, self.width + 1 - CELL_QUADS * np.arange(self.subdivided.shape[1]))
         quads = np.where(self.subdivided, rows[:, None] * columns[None, :], 1)
@@ -41,17 +41,21 @@ class Grid:
 
 
 def lattice_depth(depth: NDArray) -> NDArray:
-    """depth (H, W) with its border repeated: (16 R + 1, 16 C + 1), vertex (i, j) at pixel position (j - .5, i - .5)."""
+    """Return the depth (H, W) at the grid's vertices (16 R + 1, 16 C + 1), beyond the border that of the border.
+
+    Vertex (i, j) stands at pixel position (j - 0.5, i - 0.5).
+    """
     height, width = depth.shape
     rows, columns = -(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)
     return np.pad(depth, ((1, rows * CELL_QUADS - height), (1, columns * CELL_QUADS - width)), mode="edge")
 
 
 def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float, most: float = float("inf")) -> Grid:
-    """Subdivide the cells whose depths differ by more than `threshold` arc minutes of binocular parallax.
+    """Return the grid, with the cells subdivided whose depths differ by more than `threshold` arc minutes of parallax.
 
-    Or by more than `most` pixels of it: a long lens makes many of a minute, and so does what is nearer than the eyes
-    are to each other; and where the perspective of eyes that are toed in bends by a tenth of that. depth is (H, W),
+    Cells whose depths differ by more than `most` pixels of disparity are subdivided too: a long lens makes many pixels
+    of an arc minute, and so does a surface that is nearer than the cameras are to each other. So are cells in which the
+    perspective of cameras that are toed in bends by a share of `most`. depth is (H, W),
     +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are subdivided too, so
     that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
     """
@@ -79,13 +83,16 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
 
 
 def _disparity_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
-    """In pixels."""
+    """Return (R, C) the difference in disparity, in pixels, between the depths near and far (R, C)."""
     near, far = (source.nearness_from_depth(depth.astype(np.float64)) for depth in (near, far))
     return (near - far) * disparity_per_nearness(source, target)
 
 
 def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
-    """(R, C) pixels between where the middles of the cells go and the middles of their diagonals; depth is a cell's."""
+    """Return (R, C) the pixels by which the perspective bends each cell, if it is flat and has this depth (R, C).
+
+    That is the distance in the target between the middle of a cell and the middles of its two diagonals.
+    """
     i, j = (CELL_QUADS * np.arange(count) - 0.5 for count in depth.shape)
 
     def goes_to(right: int, down: int) -> NDArray:
@@ -99,7 +106,7 @@ def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
 
 
 def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
-    """Least and greatest depth of each cell's 17 x 17 vertices; NaN where one is not known."""
+    """Return (R, C) the least and the greatest depth of each cell's 17 x 17 vertices; NaN where one is unknown."""
     height, width = depth.shape
     cells = [-(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)]
     result = []

@@ -38,14 +38,17 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Images:
-    """What mirrors show: (H, W) the source's pixels that do, and the depth at which its image stands, +inf for sky."""
+    """The images in a source's flat mirrors: mirrors (H, W) are its pixels; depth (H, W) is that of the image.
+
+    +inf where the mirror shows the sky; elsewhere than in mirrors it is the source's own depth.
+    """
 
     mirrors: NDArray[np.bool_]
     depth: NDArray[np.float32]
 
 
 def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: float) -> Images | None:
-    """What mirrors show, None where none is seen or where the passes do not tell.
+    """Return the images in mirrors; None where no mirror is seen or the passes do not tell.
 
     source holds depth, the materials and passes.OF_SOURCE, of which the roughness may be missing.
     """
@@ -81,7 +84,9 @@ def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: 
 def _flat(
     normal: NDArray[np.float32], mirrors: NDArray[np.bool_], behind: NDArray, camera: PerspectiveCamera
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels of flat parts of the mirrors (H, W): flat enough for an image so far `behind` (H, W), in depths.
+    """Return (H, W) the pixels of the mirrors (H, W) that are flat.
+
+    Flat enough, that is, for an image so far behind them: `behind` (H, W), in depths of the mirror.
 
     Over a step of the tangent t to either side the normal (H, W, 3) of a ball of the radius r, d away, turns by
     2 t d / r. A part is as long as two steps along both axes: so a mirror's bevelled edge is none.
@@ -104,9 +109,10 @@ def _flat(
 
 
 def seen_in_both(source: Passes, images: Images, once: Warp, again: Warp) -> tuple[NDArray[np.bool_], ...]:
-    """(H, W) each: where a warp shows a mirror of the source, and where another shows the same one.
+    """Return (H, W) the pixels in which the map `once` shows a mirror, and those in which `again` shows the same one.
 
-    As far as materials and normals tell: where two mirrors meet, the image in the one would be seen in the other.
+    Materials and normals tell whether it is the same: where two mirrors meet, the image in the one would be seen in
+    the other.
     """
     mask = images.mirrors[..., None].astype(np.float32)
     within = lookup(mask, again.x, again.y)[..., 0] >= TUNING.least_mirror_weight

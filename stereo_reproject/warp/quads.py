@@ -27,7 +27,10 @@ LARGEST_AREA_PIXELS = 1e12
 def draw_quads(
     depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """x, y and nearness of a `forward.Warp`; torn (H + 1, W + 1) are quads that are not drawn in a subdivided cell."""
+    """Return x, y and nearness of a `forward.Warp`, each (H, W).
+
+    torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
+    """
     vertices = lattice_depth(depth)
     # Beyond the frame's outer ring there is nothing.
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
@@ -48,13 +51,13 @@ _Corners = tuple[NDArray, NDArray, NDArray]
 
 @dataclass(frozen=True)
 class _Quads:
-    """The n x n quads of each of C cells, and where their corners go.
+    """The n x n quads of each of C cells, with the places of their corners in the target.
 
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
     (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
-    quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
-    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
-    first has it, and where one of them is a coarse cell, both do.
+    quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels beyond its corners by which a quad may
+    cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn,
+    the first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray
@@ -68,7 +71,10 @@ class _Quads:
     margin: NDArray
 
     def corners(self, chosen: NDArray[np.int64]) -> _Corners:
-        """(2, 2, K) of x, y and nearness, first index down, second right; chosen (K,) are flat indices of quads."""
+        """Return x, y and nearness (2, 2, K) of the corners of chosen quads (K,), which are flat indices.
+
+        The first index counts corners down, the second to the right.
+        """
         cells, count, _ = self.drawn.shape
         lattice = np.arange(self.x.size).reshape(cells, count + 1, count + 1)
         first = lattice[:, :-1, :-1].ravel().take(chosen)
@@ -87,7 +93,7 @@ def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDAr
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
-    """The cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
+    """Yield the cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
     all_rows, all_columns = np.nonzero(~grid.subdivided)
     for start in range(0, all_rows.size, CHUNK_CELLS):
         top, left = (
@@ -107,7 +113,7 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
 def _fine_quads(
     vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera, grid: Grid
 ) -> Iterator[_Quads]:
-    """The quads of the subdivided cells, some cells at a time, without those that are torn."""
+    """Yield the quads of the subdivided cells, some cells at a time; those that are torn are not drawn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL_QUADS + 1)
     left_out = _left_out(vertices, torn, source, target)
@@ -124,7 +130,7 @@ def _fine_quads(
 
 
 def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """(h, w): the quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    """Return (h, w) quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
     i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
     # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
     depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
@@ -137,12 +143,12 @@ def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target
 
 
 _Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
-"""Of each quad that covers any pixel centre: its index, the first column and row of those, how many columns and rows
-there are, and how many rows were drawn before."""
+"""The quads that cover any pixel centre (K,): their indices, the first column and row of those centres, the numbers of
+columns and rows, and the number of rows that were drawn before."""
 
 
 class _Surface:
-    """The target's depth buffer, and with it the source position of what won."""
+    """The target's depth buffer, with the source position of the nearest point of each pixel."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.height, self.width = shape
@@ -153,7 +159,7 @@ class _Surface:
         self.preferred: NDArray[np.float32] | None = None
 
     def prefer_what_is_drawn(self) -> None:
-        """To what will be drawn, and is nearer by less than same_nearness_share."""
+        """Prefer what is drawn by now to what will be drawn and is nearer by less than same_nearness_share."""
         self.preferred = self.nearness.copy()
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
@@ -164,12 +170,12 @@ class _Surface:
         return self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape)
 
     def draw(self, quads: _Quads) -> None:
-        """Two triangles per quad, cut along the diagonal from top right to bottom left."""
+        """Draw two triangles per quad, cut along the diagonal from top right to bottom left."""
         for boxes in _boxes(quads, self.width, self.height):
             self._fill(quads, boxes)
 
     def _fill(self, quads: _Quads, boxes: _Boxes) -> None:
-        """Every step over all boxes.
+        """Fill the pixels in these boxes, step by step over all boxes.
 
         The steps stand in one function because each hands its arrays to the next: split up, they would be passed
         around by the dozen.
@@ -200,7 +206,7 @@ class _Surface:
         self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
-        """Depth test by repeated writing: whoever is still nearer than what stands there writes again.
+        """Store the nearest candidate of each pixel, by repeated writing: whatever is still nearer writes again.
 
         A few rounds over ever fewer candidates; each is a plain scatter, which numpy does faster than `minimum.at` or
         a sort.
@@ -223,14 +229,14 @@ class _Surface:
 
 
 def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
-    """(K,): what the chosen quads have of one of `_Quads`'s (C, n, n)."""
+    """Return (K,) the values (C, n, n) of `_Quads` that the chosen quads (K,) have; a single value as it is."""
     return values.ravel().take(chosen) if values.ndim else values
 
 
 def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
-    """(C, n, n): first pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size.
+    """Return (C, n, n) the first pixel whose centre lies in each quad's half-open range, and the number of them.
 
-    Of corners (C, n + 1, n + 1); NaN: none.
+    corners (C, n + 1, n + 1): their places along one axis, of pixels 0 to size; a quad with a NaN has no pixel.
     """
     low = np.minimum(corners[:, :-1], corners[:, 1:])
     high = np.maximum(corners[:, :-1], corners[:, 1:])
@@ -244,10 +250,10 @@ def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArr
 
 
 def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
-    """The quads' boxes that hold pixel centres, in their order, some at a time: of some `bands.PIXELS` pixels.
+    """Yield the boxes of quads that hold pixel centres, in their order, about `bands.PIXELS` pixels at a time.
 
-    What is larger by itself comes in some rows at a time: near the plane in which the target's camera stands, a quad
-    may cover the whole picture. All of its parts count from its own first row, and so say the same to the bit.
+    A quad that is larger by itself comes some rows at a time: near the plane in which the target's camera stands, a
+    quad may cover the whole picture. All of its parts count from its own first row, and so agree to the bit.
     """
     left, count_x = _centres_within(quads.x, width, quads.margin)
     top, count_y = _centres_within(quads.y, height, quads.margin)
@@ -271,7 +277,10 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
 
 
 def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Every (quad, pixel) pair, as the quad's index and the pixel's offset; of each quad from row `drawn` on."""
+    """Return all pairs of a quad and a pixel in its box: the quad's index, and the pixel's offsets right and down.
+
+    Rows of a quad count from `drawn` on.
+    """
     count = count_x * count_y
     quad = np.repeat(np.arange(count.size), count)
     rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
@@ -285,17 +294,20 @@ def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDA
 
 @dataclass(frozen=True)
 class _Triangle:
-    """Barycentric u, v and nearness as (value at the first centre, change per pixel right, per pixel down), (3, Q)."""
+    """Triangles: barycentric u, v and nearness (3, Q), at the first centre and by change per pixel right and down."""
 
     u: NDArray
     v: NDArray
     nearness: NDArray
     hides: NDArray[np.bool_]
-    """(Q,): turned away or overstretched: it holds nothing to show, but what is behind it is not seen."""
+    """(Q,) triangles that are turned away or overstretched: they show nothing, but hide what is behind them."""
 
 
 def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
-    """The upper left and the lower right half of quads with these corners (2, 2, K), from the centre x, y (K,) on."""
+    """Return the upper left and the lower right half of quads with these corners (2, 2, K).
+
+    x, y (K,): the first pixel centre of each. area (K,): that in the source, in pixels.
+    """
     return (
         _triangle(corners, ((0, 0), (0, 1), (1, 0)), (x, y), area),
         _triangle(corners, ((1, 1), (1, 0), (0, 1)), (x, y), area),

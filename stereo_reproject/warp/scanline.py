@@ -1,4 +1,4 @@
-"""The forward warp of a rectified pair, whose rows stay rows: the grid is then a chain of corners in each row.
+"""The forward warp of a rectified pair, whose rows match: the grid is then row segments, between the corners in a row.
 
 Both eyes look the same way and stand side by side, as all but those that are toed in. A row of target pixel centres is
 a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner columns, one
@@ -36,14 +36,14 @@ SAME_SHARE = 1e-12
 
 @dataclass(frozen=True)
 class RowDisparity:
-    """How far, in pixels to the right, a point moves: offset + per_nearness * its nearness."""
+    """The row disparity of a rectified pair: a point moves offset + per_nearness * nearness pixels to the right."""
 
     offset: float
     per_nearness: float
 
 
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
-    """The shift of a rectified pair; None of any other."""
+    """Return the row disparity of a rectified pair, whose rows match; None for any other pair."""
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
@@ -68,9 +68,9 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
 
 
 def warp_rows(
-    depth: NDArray, source: Camera, width: int, shift: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, width: int, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Source x (H, width) in pixels, NaN where nothing lands, and nearness (H, width), -inf there.
+    """Return the source x (H, width) in pixels, NaN where nothing lands, and the nearness (H, width), -inf there.
 
     depth (H, W) as for `forward.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
     """
@@ -80,29 +80,29 @@ def warp_rows(
         # Lattice row i is the picture's row i - 1.
         lattice = np.arange(max(cells.start * CELL_QUADS, 1), min(cells.stop * CELL_QUADS, height + 1))
         coarse = ~grid.subdivided[cells.start]
-        chain = _RowSegments(coarse, grid.width, width, shift)
+        segments = _RowSegments(coarse, grid.width, width, disparity)
         for part in bands((lattice.size, width)):
             rows = slice(lattice[part][0] - 1, lattice[part][-1])
             undrawn = None if coarse.all() else torn[rows] & torn[rows.start + 1 : rows.stop + 1]
-            x[rows], nearness[rows] = chain.warp(_corners(depth, source, chain, lattice[part]), undrawn)
+            x[rows], nearness[rows] = segments.warp(_corners(depth, source, segments, lattice[part]), undrawn)
     return x, nearness
 
 
 def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
-    """The rows of cells (R, C), one by one, but as many as are wholly coarse together."""
+    """Yield the rows of cells (R, C): those that are wholly coarse together, all others one by one."""
     whole = coarse.all(axis=1)
     ends = np.flatnonzero(~(whole[1:] & whole[:-1])) + 1
     for start, stop in itertools.pairwise([0, *ends.tolist(), len(whole)]):
         yield slice(start, stop)
 
 
-def _corners(depth: NDArray, source: Camera, chain: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
-    """(h, K + 1): nearness of the corners in these rows (h,) of the lattice.
+def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
+    """Return (h, K + 1) the nearness of the corners in these rows (h,) of the lattice.
 
-    Those at which only coarse cells meet have theirs from the cells' first and last row, linearly.
+    At a corner where only coarse cells meet it is linear between the cells' first and last row.
     """
     height, width = depth.shape
-    column = np.clip(chain.corner - 1, 0, width - 1)
+    column = np.clip(segments.corner - 1, 0, width - 1)
 
     def near(lines: NDArray) -> NDArray[np.float32]:
         with np.errstate(over="ignore"):
@@ -114,24 +114,25 @@ def _corners(depth: NDArray, source: Camera, chain: _RowSegments, lattice: NDArr
     edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL_QUADS, height + 1)
     above = cell - cell[0]
     down = ((lattice - edges[above]) / (edges[above + 1] - edges[above])).astype(np.float32)[:, None]
-    flat = column[chain.flat]
+    flat = column[segments.flat]
     line = near(depth[np.clip(edges - 1, 0, height - 1)[:, None], flat])
     between = line[above] * (1.0 - down) + line[above + 1] * down
     if flat.size == column.size:
         return between
     result = near(depth[lattice[0] - 1 : lattice[-1]].take(column, axis=1))
-    result[:, chain.flat] = between
+    result[:, segments.flat] = between
     return result
 
 
 class _RowSegments:
-    """The corners of a band of cells, drawn into rows of `width` target pixels; coarse (C,) are its coarse cells.
+    """The segments between the corners of a row of cells, drawn into rows of `width` target pixels.
 
-    corner (K + 1,) are their columns in the lattice; flat (K + 1,) those at which no subdivided cell ends.
+    coarse (C,): the row's coarse cells. corner (K + 1,): the corners' columns in the lattice. flat (K + 1,): corners at
+    which no subdivided cell ends.
     """
 
-    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: RowDisparity) -> None:
-        self._width, self._shift = width, shift
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowDisparity) -> None:
+        self._width, self._disparity = width, disparity
         lattice = np.arange(columns + 2, dtype=np.int32)
         in_coarse = coarse.repeat(CELL_QUADS)[: columns + 1]
         self.coarse = coarse
@@ -149,8 +150,11 @@ class _RowSegments:
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
     def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
-        """near (h, K + 1) and torn (h, W + 1), of corners and of the lattice's intervals, to source x and nearness
-        (h, width). Without torn none is."""
+        """Return the source x and the nearness (h, width) of the target pixels.
+
+        near (h, K + 1): nearness of the corners. torn (h, W + 1): the lattice's intervals that are not drawn; None
+        where all are.
+        """
         moved = self._moved(near)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
         undrawn = np.zeros(stretched.shape, bool)
@@ -163,8 +167,11 @@ class _RowSegments:
             return self._looked_up(nearest, table, bounded=torn is not None)
 
     def _looked_up(self, nearest: NDArray[np.int32], table: NDArray, *, bounded: bool) -> tuple[NDArray, NDArray]:
-        """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
-        pixel, nearness there, and its change per source pixel. bounded is whether a centre may lie beside an interval.
+        """Return the source x and the nearness (h, width), by the nearest intervals (h, width).
+
+        These are places in the table (h, K, 4), which has, for each interval, the disparity of its first corner, source
+        pixels per target pixel, the nearness there, and its change per source pixel. bounded: True where a centre may
+        lie beside an interval.
         """
         empty = nearest < 0
         found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
@@ -184,24 +191,24 @@ class _RowSegments:
         return x, along
 
     def _reach(self, nearest: NDArray[np.int32], height: int) -> NDArray[np.float32] | np.float32:
-        """The length of the intervals (h, width), by their places in a table of so many rows."""
+        """Return the length of the intervals (h, width), by their places in a table of this height."""
         if self._longest == 1.0:
             return self._longest
         return np.tile(self._length, height).take(nearest, mode="clip")
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = near * np.float32(self._shift.per_nearness) + np.float32(self._shift.offset)
+            moved = near * np.float32(self._disparity.per_nearness) + np.float32(self._disparity.offset)
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
         return np.fmax(np.fmin(moved, FARTHEST_PIXELS, out=moved), -FARTHEST_PIXELS, out=moved)
 
     def _nearest(
         self, moved: NDArray[np.float32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
     ) -> NDArray[np.int32]:
-        """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
-        none, or what is nearest has nothing to show: it is seen from its other side, or not tight but overstretched.
+        """Return (h, width) the nearest of the intervals (h, K) that cover a pixel, counted over all rows.
 
-        moved (h, K + 1) is how far the corners do. What is torn covers nothing.
+        -1 where there is none, or where the nearest shows nothing: it is seen from its other side, or overstretched,
+        which is any that is not tight. moved (h, K + 1): the corners' disparities. A torn interval covers nothing.
         """
         height = torn.shape[0]
         first = (np.ceil(moved) + self._before).astype(np.int32)
@@ -225,7 +232,7 @@ class _RowSegments:
         place = (low.ravel() - ahead).repeat(wide)
         place += np.arange(place.size)
         interval = interval.repeat(wide)
-        if self._shift.per_nearness > 0.0:
+        if self._disparity.per_nearness > 0.0:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
         # Of several that are written to one place the last one stands.
@@ -237,7 +244,7 @@ class _RowSegments:
     def _ends(
         self, first: NDArray[np.int32], moved: NDArray[np.float32], torn: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """(h, K): the first pixel of each interval, and the one after its last.
+        """Return (h, K) the first pixel of each interval, and the one after its last.
 
         A centre on a corner belongs to the interval after it; beside what is torn, to the one that is left.
         """
@@ -252,7 +259,7 @@ class _RowSegments:
 
 
 def _within(low: NDArray, wide: NDArray, chosen: NDArray[np.bool_], width: int) -> NDArray[np.bool_] | None:
-    """(h, width): the pixels that the chosen intervals (h, K) cover, from `low` on and so `wide`; None without any."""
+    """Return (h, width) pixels that the chosen intervals (h, K) cover, `wide` many from `low` on; None without any."""
     row, column = np.nonzero(chosen)
     if row.size == 0:
         return None
