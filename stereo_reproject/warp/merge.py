@@ -63,7 +63,7 @@ def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:
 
 
 def merged_flags(flags: Sequence[NDArray[np.uint16]], warp: Warp) -> NDArray[np.uint16]:
-    """Return (H, W) the `Reason` flags of each pixel's own source; where no source lands, why none does."""
+    """Return (H, W) the `Reason` flags of each pixel's own source; DISOCCLUDED or OUTSIDE where no source lands."""
     result = of_chosen(warp.source, flags)
     unseen = ~warp.covered
     disoccluded = np.any([each[unseen] & Reason.DISOCCLUDED.bit for each in flags], axis=0)
@@ -91,7 +91,7 @@ def best_source(
 
 
 def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """Return (H, W) where a source shows the point of this nearness (H, W), or is itself the one that is so near."""
+    """Return (H, W) True where a source shows the point of the nearest nearness (H, W), to a tolerance."""
     result = warp.covered & (warp.nearness == nearest)
     for rows in bands(result.shape):
         place_rows, columns = np.mgrid[rows.start + 0.5 : rows.stop, 0.5 : result.shape[1]]
@@ -106,7 +106,7 @@ def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Cam
 
 
 def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return (H, W) how large an error of a lookup is to be expected, to compare sources by: angle times stretch.
+    """Return (H, W) the error to be expected of a lookup, to compare sources by: angle times stretch.
 
     The angle, in radians, counts as an arc minute at least, which nobody sees.
     """
@@ -137,8 +137,8 @@ def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
 def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (H, W) target pixels for one source pixel, by area, from 1 to max_stretch.
 
-    By how far the place in the source moves from a target pixel to the next in its row and column: to the nearer of the
-    two neighbours, since a step in depth lies before the other.
+    It follows from the distance between the places in the source of a target pixel and its neighbours in row and
+    column. Of the two neighbours in each the nearer place counts, since a step in depth lies before the other.
     """
     across_x, across_y = _step_across(x, y)
     down_x, down_y = (part.T for part in _step_across(x.T, y.T))
@@ -148,7 +148,7 @@ def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float
 
 
 def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return (H, W) twice: how x and y change from a pixel to the next in its row, or from the last, if that is less.
+    """Return (H, W) the changes of x and y from a pixel to the next in its row, or from the last, if that is nearer.
 
     NaN where neither neighbour has a place.
     """
