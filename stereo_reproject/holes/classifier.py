@@ -36,7 +36,7 @@ PINHOLE = Lens()
 
 @dataclass(frozen=True)
 class Optics:
-    """What passes do not tell of a scene: the lens of both views, and where volumes are.
+    """Facts of a scene that its passes do not tell: the lens of both views, and the places of volumes.
 
     volumes: corners (8, 3), in the world, of a box around each volume; infinite for a volume that is everywhere.
     """

@@ -16,7 +16,7 @@ from ..warp.discontinuities import DepthDiscontinuities
 from .tuning import TUNING
 
 CHUNK_WINDOWS = 1 << 11
-"""Windows looked at together: their pixels stay in a processor's cache."""
+"""Windows that are compared together: their pixels stay in a processor's cache."""
 
 
 def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> NDArray[np.bool_]:

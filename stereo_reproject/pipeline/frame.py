@@ -31,7 +31,7 @@ from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoi
 from ..warp.grid import Grid
 from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
-from ..warp.stage import choose_stage, takes
+from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
 from .effect_costs import EffectCost, accounts
 from .matched_eye import LightMatcher, MatchedEye
@@ -276,9 +276,9 @@ def _warper(
     run: Callable[[Warper], object],
 ) -> Warper:
     def is_faster(gpu: Warper) -> bool:
-        return precedent.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
+        return precedent.gpu_is_faster(lambda: seconds_taken(run, gpu) < seconds_taken(run, NUMPY))
 
-    return choose_stage(settings.warp, camera.width * camera.height, renderer.gpu, is_faster)
+    return choose_warper(settings.warp, camera.width * camera.height, renderer.gpu, is_faster)
 
 
 def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:

@@ -15,7 +15,10 @@ ARC_MINUTE = np.pi / (180.0 * 60.0)
 
 
 def parallax_angle(depth: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """Return the angle theta(z) = 2 atan(ipd / 2z), in radians, under which both eyes see a depth z; 0 for +inf."""
+    """Return the angle, in radians, between both eyes' lines of sight to a point at these depths; 0 for depth +inf.
+
+    theta(z) = 2 atan(d / 2z), with d the interocular distance (paper, equation 1).
+    """
     return 2.0 * np.arctan2(0.5 * interocular_distance, np.asarray(depth, np.float64))
 
 

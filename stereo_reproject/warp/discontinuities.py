@@ -48,12 +48,12 @@ class DepthDiscontinuities:
 
 
 def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the disparity, in pixels and up to a constant, of the depth (H, W) that `camera` sees."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of depth (H, W)."""
     return disparity_of_nearness(camera.nearness_from_depth(depth), camera, other)
 
 
 def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the disparity, in pixels and up to a constant, of the nearness (H, W) that `camera` sees."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of nearness (H, W)."""
     with np.errstate(over="ignore", invalid="ignore"):
         disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
     return np.clip(disparity, -LARGEST_NEARNESS, LARGEST_NEARNESS, out=disparity)

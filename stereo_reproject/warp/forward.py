@@ -34,12 +34,12 @@ class Warp:
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """(H, W) target pixels on which anything landed."""
+        """The target pixels (H, W) on which anything landed."""
         return self.nearness > -np.inf
 
     @property
     def source(self) -> NDArray[np.uint8]:
-        """(H, W) number of the source that each pixel comes from, in the order of the sources; 0 where nothing landed.
+        """The number of each pixel's source (H, W), in the order of the sources; 0 where nothing landed.
 
         Of one source it takes no memory, and cannot be written.
         """
@@ -90,8 +90,8 @@ def sub_pixel_features(
     fall between two of the target's pixel centres.
     """
     torn = torn_quads(cut_right, cut_down, depth)
-    around = np.pad(torn, 1, constant_values=True)
-    across, down = around[1:-1, :-2] & around[1:-1, 2:], around[:-2, 1:-1] & around[2:, 1:-1]
+    padded = np.pad(torn, 1, constant_values=True)
+    across, down = padded[1:-1, :-2] & padded[1:-1, 2:], padded[:-2, 1:-1] & padded[2:, 1:-1]
     return _all_four(torn | across | down) & ~np.isnan(depth)
 
 

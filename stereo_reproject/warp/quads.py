@@ -21,7 +21,7 @@ CHUNK_CELLS = 192
 ALL = slice(None)
 
 LARGEST_AREA_PIXELS = 1e12
-"""Square pixels: what is larger is so by rounding."""
+"""Area of a triangle, in square pixels of the target, above which it is a rounding error."""
 
 
 def draw_quads(

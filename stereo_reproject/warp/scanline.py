@@ -26,12 +26,13 @@ from .grid import CELL_QUADS, Grid
 from .tuning import TUNING
 
 FARTHEST_PIXELS = 1e6
-"""Pixels: what moves further is outside any picture, and its place still a number that integers hold."""
+"""Disparity beyond which it is held: a point that moves further is outside any picture, and integers hold its place."""
 
 LARGEST_NEARNESS = 1e38
-"""Of nearness: half a float32's range, so that two of them have a difference."""
+"""Nearness beyond which it is held: less than half a float32's range, so that two of them have a difference."""
 
 SAME_SHARE = 1e-12
+"""Relative difference between numbers of two cameras up to which they are the same: rounding of double precision."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
 
 
 def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
-    """Return (h, K + 1) the nearness of the corners in these rows (h,) of the lattice.
+    """Return (h, K + 1) the nearness of the segments' corners in these rows (h,) of the lattice of vertices.
 
     At a corner where only coarse cells meet it is linear between the cells' first and last row.
     """

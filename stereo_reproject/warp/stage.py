@@ -9,7 +9,7 @@ from .tuning import TUNING
 from .warper import NUMPY, Warper
 
 
-def choose_stage(
+def choose_warper(
     asked: str, pixels: int, gpu: Callable[[], Warper | None], is_faster: Callable[[Warper], bool]
 ) -> Warper:
     """Return the warper that was asked for, one of `settings.frame.WARPS`; NumPy's where no GPU works, without a word.
@@ -22,7 +22,7 @@ def choose_stage(
     return NUMPY if found is None or (asked == "auto" and not is_faster(found)) else found
 
 
-def takes(run: Callable[[Warper], object], warper: Warper) -> float:
+def seconds_taken(run: Callable[[Warper], object], warper: Warper) -> float:
     """Return the seconds that `run` takes with this warper."""
     start = time.perf_counter()
     run(warper)

@@ -29,9 +29,9 @@ DEFAULTS = WarpOptions()
 
 @dataclass(frozen=True)
 class Warper:
-    """A way to warp: NumPy on a processor's core, or a GPU, whose name `device` is.
+    """A way to warp views: with NumPy, or on a GPU.
 
-    warp_view warps one source into the target.
+    warp_view: the function that warps one source into the target. device: the GPU's name; None for NumPy.
     """
 
     warp_view: Callable[[RenderedView, View, WarpOptions], WarpedView]

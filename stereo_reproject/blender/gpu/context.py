@@ -13,10 +13,10 @@ import bpy
 import gpu
 
 EGL_OPENGL_API, EGL_NONE, EGL_PLATFORM_SURFACELESS = 0x30A2, 0x3038, 0x31DD
-PIXELS = (0x3033, 0x0001, 0x3040, 0x0008, EGL_NONE)
+CONFIG_ATTRIBUTES = (0x3033, 0x0001, 0x3040, 0x0008, EGL_NONE)
 """EGL_SURFACE_TYPE: EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE: EGL_OPENGL_BIT."""
 
-VERSION = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
+CONTEXT_ATTRIBUTES = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
 """EGL_CONTEXT_MAJOR_VERSION and MINOR_VERSION, those that Blender asks for, EGL_CONTEXT_OPENGL_PROFILE_MASK: core."""
 
 
@@ -59,8 +59,10 @@ def _makes_context(egl: ctypes.CDLL, address: int | None) -> bool:
     display, config, found = ctypes.c_void_p(address), ctypes.c_void_p(), ctypes.c_int()
     if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(EGL_OPENGL_API):
         return False
-    egl.eglChooseConfig(display, _numbers(PIXELS), ctypes.byref(config), 1, ctypes.byref(found))
-    context = ctypes.c_void_p(egl.eglCreateContext(display, config, None, _numbers(VERSION)) if found.value else None)
+    egl.eglChooseConfig(display, _numbers(CONFIG_ATTRIBUTES), ctypes.byref(config), 1, ctypes.byref(found))
+    context = ctypes.c_void_p(
+        egl.eglCreateContext(display, config, None, _numbers(CONTEXT_ATTRIBUTES)) if found.value else None
+    )
     if context:
         egl.eglDestroyContext(display, context)
     return bool(context)

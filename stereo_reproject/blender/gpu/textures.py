@@ -82,7 +82,10 @@ class ShaderRun:
             self.textures.pop(name, None)
 
     def run(self, name: str, size: tuple[int, int], *, layers: int = 1, **constants: Constant) -> None:
-        """Run a shader on each of (width, height) places, as many times as there are layers."""
+        """Run the shader of this name once for each of (width, height) places, in each of so many layers.
+
+        constants take the place of the run's own.
+        """
         program, compiled = PROGRAMS[name], shader(name)
         compiled.bind()
         for sampler in program.samplers:

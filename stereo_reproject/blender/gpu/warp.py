@@ -129,7 +129,7 @@ def _size(camera: Camera) -> tuple[int, int]:
 
 
 def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
-    """Return what all shaders are given; the depth (H, W, 1) and the grid are among it."""
+    """Return the resources of all shaders of one warp: constants, the source's depth (H, W, 1) and the grid."""
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
         "source_size": _size(source),
