@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..holes.silhouettes import ALIKE
+from ..holes.tuning import TUNING as HOLE_TUNING
 from .evidence import TileEvidence
 from .expected_excess import (
     CONFIDENCE_95_SIGMAS,
@@ -41,7 +41,7 @@ def choose_tiles(
     free = ~evidence.refined
     if not evidence.frame_noise:
         # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
-        return free & (evidence.excess > ALIKE**2 * evidence.pixels)
+        return free & (evidence.excess > HOLE_TUNING.unseen_difference**2 * evidence.pixels)
     margin = tuned().promise_margin_sigmas if margin_sigmas is None else margin_sigmas
     expected = expected_excess(evidence, tuned().frame_reach_tiles)[0]
     # Where no gain is expected, there is none: what a lone probe says of its own tile is for the estimate.

@@ -20,29 +20,23 @@ from ..settings.accuracy import Accuracy
 from ..views.camera import PerspectiveCamera, see_the_same
 from ..views.frustum import Lens, covered_by
 from ..views.view import View
-from ..warp.discontinuities import TEAR, DepthDiscontinuities, disparity_of, disparity_of_nearness, disparity_steps
+from ..warp.discontinuities import DepthDiscontinuities, disparity_of, disparity_of_nearness, disparity_steps
 from ..warp.forward import Warp, sub_pixel_features
 from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .silhouettes import differing, edge_band
-from .thin import THRESHOLD, isolated, target_pixels, thin_things
+from .thin import isolated, target_pixels, thin_things
 from .transmission import transmission_parallax
-
-TOUCHED = 0.02
-"""Share of a looked-up colour that may come from a pixel that should not be looked up."""
-
-FUR = 3
-"""Pixels each way within which nothing but hair makes it fur: as far as an edge's sides are looked at."""
-
+from .tuning import TUNING
 
 PINHOLE = Lens()
 
 
 @dataclass(frozen=True)
 class Optics:
-    """What passes do not tell of a scene: the lens of both views, and where volumes are.
+    """Facts of a scene that its passes do not tell: the lens of both views, and the places of volumes.
 
     volumes: corners (8, 3), in the world, of a box around each volume; infinite for a volume that is everywhere.
     """
@@ -96,7 +90,9 @@ class HoleClassifier:
         answered = reasons == 0
         blurred = self._source_silhouettes(accuracy) | self._thin_things(accuracy)
         target = _TargetEdges(self, warped)
-        edges = target.silhouettes(reasons, accuracy) | touches(blurred, warp.x, warp.y, share=TOUCHED)
+        edges = target.silhouettes(reasons, accuracy) | touches(
+            blurred, warp.x, warp.y, share=TUNING.max_flagged_weight
+        )
         edges |= self._sub_pixel_features(warp, blurred, accuracy)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
             edges &= ~_within_fur(warped)
@@ -106,7 +102,9 @@ class HoleClassifier:
                 reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source.passes:
             masked = self.source.passes[MASKED_PASS][..., 0] > 0.0
-            reasons[answered & touches(masked, warp.x, warp.y, share=TOUCHED)] |= Reason.VIEW_DEPENDENT.bit
+            reasons[answered & touches(masked, warp.x, warp.y, share=TUNING.max_flagged_weight)] |= (
+                Reason.VIEW_DEPENDENT.bit
+            )
         invalid = self.source.invalid
         if invalid is not None and invalid.any():
             # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
@@ -128,7 +126,8 @@ class HoleClassifier:
     def _sub_pixel_features(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
         """Return (H, W) target pixels on and beside which features land that have next to no area in the grid."""
         depth = self.source.depth
-        alone = sub_pixel_features(depth, cut_right=self.steps.right > TEAR, cut_down=self.steps.down > TEAR)
+        cut_right, cut_down = self.steps.torn()
+        alone = sub_pixel_features(depth, cut_right=cut_right, cut_down=cut_down)
         landed = target_pixels(isolated(alone) & blurred, depth, self.source.camera, self.target.camera, warp)
         return dilate(landed, accuracy.silhouette_radius)
 
@@ -139,7 +138,7 @@ class HoleClassifier:
         if length is None or not tell:
             return np.zeros(depth.shape, bool)
         camera = cast("PerspectiveCamera", self.source.camera)
-        edges = self.steps.mask(min(accuracy.silhouette_step, THRESHOLD))
+        edges = self.steps.mask(min(accuracy.silhouette_step, TUNING.thin_step_pixels))
         near = self.optics.lens.near
         return thin_things(length[..., 0], depth, camera, self.target.camera, edges=edges, clip_start=near)
 
@@ -162,7 +161,7 @@ def _within_fur(warped: WarpedView) -> NDArray[np.bool_]:
     There every pixel has an edge beside it, and most have hair of the same look on both sides: probes find the others.
     """
     strands = _strands(warped.passes)
-    return strands & ~dilate(warped.warp.covered & ~strands, FUR) if strands.any() else strands
+    return strands & ~dilate(warped.warp.covered & ~strands, TUNING.fur_pixels) if strands.any() else strands
 
 
 class _TargetEdges:

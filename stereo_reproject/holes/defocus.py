@@ -9,27 +9,18 @@ from ..images.contrast import Contrast
 from ..views.camera import Camera, PerspectiveCamera
 from ..views.frustum import Lens
 from ..warp.discontinuities import DepthDiscontinuities
-from .silhouettes import ALIKE
-
-SMALLEST = 1.0
-"""Radius of a circle of confusion, in pixels, from which an edge is more than a silhouette."""
-
-RADII = (2, 4, 8, 16, 32, 64, 128)
-"""Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
-
-MISPLACED = 0.5
-"""Share of the step in disparity by which what is seen through a blurred edge is off: it is warped with either side."""
+from .tuning import TUNING
 
 
 def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[np.float32]:
-    """(H, W) radius in pixels of the blur of a point at `depth` (H, W), from the lens's aperture; 0 without one."""
+    """Return (H, W) the radius, in pixels, of the blur of points at `depth` (H, W); 0 without an aperture."""
     if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
         return np.zeros(depth.shape, np.float32)
     plane = camera.plane
     pixels_per_slope = max(camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom))
     with np.errstate(divide="ignore", invalid="ignore"):
         blur = lens.aperture * np.abs(1.0 / depth - 1.0 / lens.focus) * pixels_per_slope
-    return np.nan_to_num(blur, nan=0.0, posinf=RADII[-1]).astype(np.float32)
+    return np.nan_to_num(blur, nan=0.0, posinf=TUNING.blur_reach_pixels[-1]).astype(np.float32)
 
 
 def blurred_edges(
@@ -41,29 +32,29 @@ def blurred_edges(
     threshold: float,
     tolerance: float,
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels that an edge's blur reaches and whose colour is off by more than the noise when it is warped.
+    """Return (H, W) pixels that an edge's blur reaches and whose warped colour is off by more than the noise.
 
-    steps are those in disparity; radius (H, W) that of the blur at the nearer side; gradient (H, W) the change of
-    colour from a pixel to the next. What the eye sees there is off by up to half of the step, and so the colour by that
-    much of its gradient. tolerance is in standard deviations of the noise.
+    steps: those in disparity, an edge being one above threshold pixels. radius (H, W): that of the blur at the nearer
+    side, in pixels. gradient (H, W): the change of colour from a pixel to the next. A point seen there is off by up to
+    half of the step, and so the colour by that much of its gradient. tolerance: in standard deviations of the noise.
     """
-    edges = steps.mask(threshold) & (radius >= SMALLEST)
+    edges = steps.mask(threshold) & (radius >= TUNING.least_blur_pixels)
     if not edges.any():
         return edges
     step = np.where(edges, np.minimum(_largest_step(steps), 2.0 * radius), 0.0)
     reached = np.zeros_like(step)
     below = 0.0
-    for reach in RADII:
-        among = (radius > below) & ((radius <= reach) if reach != RADII[-1] else True)
+    for reach in TUNING.blur_reach_pixels:
+        among = (radius > below) & ((radius <= reach) if reach != TUNING.blur_reach_pixels[-1] else True)
         if (edges & among).any():
             reached = np.maximum(reached, _spread(np.where(among, step, 0.0), reach))
         below = reach
-    error = (MISPLACED * reached * gradient) ** 2
-    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, ALIKE**2))
+    error = (TUNING.misplaced_share * reached * gradient) ** 2
+    return (reached > 0.0) & (error > np.maximum(tolerance**2 * contrast.noise, TUNING.unseen_difference**2))
 
 
 def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
-    """(H, W): the largest step to one of the four neighbours, or from one of them to its own."""
+    """Return (H, W) the largest step to one of the four neighbours, or from one of them to a neighbour of its own."""
     height, width = steps.right.shape[0], steps.down.shape[1]
     result = np.zeros((height, width), np.float32)
     result[:, :-1] = steps.right
@@ -74,7 +65,7 @@ def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
 
 
 def _spread(image: NDArray, reach: int) -> NDArray:
-    """(H, W): the largest value within `reach` pixels, in a square."""
+    """Return (H, W) the largest value of an image (H, W) within `reach` pixels, in a square."""
     for axis in (0, 1):
         result, have = np.moveaxis(image, axis, 0), 0
         while have < reach:
@@ -85,7 +76,7 @@ def _spread(image: NDArray, reach: int) -> NDArray:
 
 
 def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
-    """The rows of the image `shift` further down (up, if negative); `fill` where there are none."""
+    """Return the image with its rows moved down by `shift` (up, if negative); `fill` where there are none."""
     result = np.full_like(image, fill)
     if abs(shift) < len(image):
         result[max(shift, 0) : len(image) + min(shift, 0)] = image[max(-shift, 0) : len(image) + min(-shift, 0)]
@@ -93,7 +84,7 @@ def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
 
 
 def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:
-    """(H, W): of the pixels around each, the blur of the nearest, which is the one of larger disparity (H, W)."""
+    """Return (H, W) the blur of the nearest of each pixel and its four neighbours: the one of largest disparity."""
     near = np.where(np.isfinite(disparity), disparity, -np.inf)
     nearest, result = near.copy(), blur.copy()
     for axis in (0, 1):
@@ -105,10 +96,10 @@ def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.flo
 
 
 def in_focus(steps: DepthDiscontinuities, blur: NDArray[np.float32]) -> DepthDiscontinuities:
-    """The steps, less where they lie out of focus.
+    """Return the steps, made smaller where they lie out of focus.
 
-    Depth is that of one ray through the lens: where blur (H, W) is the circle of confusion's radius, it belongs to a
-    point up to so many pixels away, and the slope of a surface makes steps of it.
+    A depth is that of one ray through the lens. It belongs to a point up to as many pixels away as the circle of
+    confusion's radius, blur (H, W), so the slope of a surface makes steps of it.
     """
     if not blur.any():
         return steps

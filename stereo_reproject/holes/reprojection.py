@@ -58,7 +58,7 @@ class JudgedView:
 
     @cached_property
     def reasons(self) -> NDArray[np.uint16]:
-        """(H, W) `Reason` flags of the pixels to be traced."""
+        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere."""
         return self.reasons_at(self.accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
@@ -96,7 +96,7 @@ class Reprojection:
 
     @cached_property
     def reasons(self) -> NDArray[np.uint16]:
-        """(H, W) `Reason` flags of the pixels to be traced."""
+        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere."""
         return self._merged([view.reasons for view in self.views], self.views[0].accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:

@@ -12,6 +12,7 @@ from ..images.passes import COLOUR_PASS
 from ..settings.accuracy import Accuracy
 from ..views.camera import Camera, PerspectiveCamera, disparity_per_nearness, target_from_source
 from ..warp.discontinuities import disparity_steps
+from ..warp.scanline import LARGEST_NEARNESS
 from ..warp.warped_view import WarpedView
 from .silhouettes import differing, edge_band
 
@@ -30,7 +31,9 @@ def seams(warped: WarpedView, sources: Sequence[Camera], target: Camera, accurac
         border[there] |= differs
     covered = warped.warp.covered
     largest = np.float32(max(_largest_disparity_per_nearness(target, source) for source in sources))
-    disparity = np.where(covered, warped.warp.nearness, np.nan) * largest
+    with np.errstate(over="ignore"):
+        disparity = np.where(covered, warped.warp.nearness, np.float32(np.nan)) * largest
+    disparity = np.clip(disparity, -LARGEST_NEARNESS, LARGEST_NEARNESS)
     band = edge_band(disparity_steps(disparity), threshold=accuracy.silhouette_step, radius=radius)
     band &= dilate(border, radius)
     colour = warped.passes[COLOUR_PASS]
@@ -38,10 +41,10 @@ def seams(warped: WarpedView, sources: Sequence[Camera], target: Camera, accurac
 
 
 def _largest_disparity_per_nearness(target: Camera, source: Camera) -> float:
-    """Return the pixels that a point moves for one unit of nearness, wherever it is in the picture.
+    """Return the largest number of pixels that a point may move for one unit of nearness, anywhere in the picture.
 
-    For perspective cameras that of a source which stands aside: one that stands ahead moves the middle by nothing, and
-    what is around it.
+    For perspective cameras it is that of a source beside the target, as far away as this one: a source that stands
+    ahead moves the middle of the picture by nothing, but the rest of it.
     """
     if not isinstance(target, PerspectiveCamera) or not isinstance(source, PerspectiveCamera):
         return disparity_per_nearness(target, source)

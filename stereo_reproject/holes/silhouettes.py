@@ -13,22 +13,14 @@ from ..images.bands import bands
 from ..images.masks import dilate
 from ..images.metrics import tone
 from ..warp.discontinuities import DepthDiscontinuities
+from .tuning import TUNING
 
-WINDOW = 3
-"""Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
-
-FEWEST = 4
-"""Pixels that a side must have in the window for its colour to be known."""
-
-CHUNK = 1 << 11
-"""Windows looked at together: their pixels stay in a processor's cache."""
-
-ALIKE = 1e-3
-"""Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
+CHUNK_WINDOWS = 1 << 11
+"""Windows that are compared together: their pixels stay in a processor's cache."""
 
 
 def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> NDArray[np.bool_]:
-    """(H, W): pixels within `radius` of a step in disparity above `threshold` pixels."""
+    """Return (H, W) the pixels within `radius` pixels of a step in disparity above `threshold` pixels."""
     if radius <= 0:
         return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)
     return dilate(steps.mask(threshold), radius - 1)
@@ -37,9 +29,9 @@ def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> 
 def differing(
     band: NDArray[np.bool_], disparity: NDArray, colour: NDArray, *, tolerance: float, unknown: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """The pixels of `band` (H, W) around which the near and the far side differ in colour.
+    """Return (H, W) the pixels of `band` (H, W) around which the near and the far side differ in colour.
 
-    disparity (H, W) tells the sides apart: what is nearer than the middle of the window's range is near. colour
+    disparity (H, W) tells the sides apart: pixels above the middle of the window's range are near. colour
     (H, W, 4) is scene-linear. tolerance is in standard deviations of a side's own pixels, which hold the noise; the
     error of the two means is taken out. Pixels whose window holds one of `unknown` (H, W) stay in.
     """
@@ -49,8 +41,8 @@ def differing(
     texels, depths, gaps = colour.reshape(band.size, -1), disparity.ravel(), unknown.ravel()
     for rows in bands(band.shape):
         pixels = np.flatnonzero(band[rows]) + rows.start * band.shape[1]
-        for start in range(0, pixels.size, CHUNK):
-            chosen = pixels[start : start + CHUNK]
+        for start in range(0, pixels.size, CHUNK_WINDOWS):
+            chosen = pixels[start : start + CHUNK_WINDOWS]
             window = _window_around(chosen, band.shape)
             differs = gaps.take(window).any(axis=0)
             known = np.flatnonzero(~differs)
@@ -61,7 +53,10 @@ def differing(
 
 
 def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
-    """(K, N): places in a flattened (H, W) of those that are looked at around each; beyond the border, those at it."""
+    """Return (K, N) the places, in a flattened (H, W), of the K pixels of the window around each of N pixels.
+
+    Beyond the picture's border they are those of the border.
+    """
     height, width = shape
     down, right = _window()
     rows, columns = np.divmod(pixels, width)
@@ -69,21 +64,23 @@ def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
 
 
 def _window() -> tuple[NDArray, NDArray]:
-    """Offsets of every other pixel around the edge pixel, as on a chessboard: its two sides are well sampled."""
-    span = np.arange(-WINDOW, WINDOW + 1)
+    """Return the window's offsets down and right (K,): every other pixel, as on a chessboard, which is enough."""
+    span = np.arange(-TUNING.side_window_pixels, TUNING.side_window_pixels + 1)
     down, right = (offset.ravel() for offset in np.meshgrid(span, span, indexing="ij"))
     chosen = (down + right) % 2 == 0
     return down[chosen], right[chosen]
 
 
 def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
-    """(N,): colour (K, N, C) and disparity (K, N) of N windows of K pixels; the windows lie along the arrays' rows, for
-    whose sums numpy needs them long."""
+    """Return (N,) the windows whose near and far side differ in colour.
+
+    colour (K, N, C) and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows fastest.
+    """
     middle = 0.5 * (disparity.min(axis=0) + disparity.max(axis=0))
     near = (disparity > middle).astype(np.float32)
     far = 1.0 - near
     count_near, count_far = near.sum(axis=0), far.sum(axis=0)
-    known = (count_near >= FEWEST) & (count_far >= FEWEST)
+    known = (count_near >= TUNING.least_side_pixels) & (count_far >= TUNING.least_side_pixels)
     of_near, of_far = np.maximum(count_near, 1.0), np.maximum(count_far, 1.0)
     difference, variance_near, variance_far = (np.zeros(near.shape[1], np.float32) for _ in range(3))
     for channel in np.moveaxis(tone(colour), -1, 0):
@@ -92,5 +89,5 @@ def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDAr
         variance_near += ((channel - mean_near) ** 2 * near).sum(axis=0) / (3.0 * np.maximum(of_near - 1.0, 1.0))
         variance_far += ((channel - mean_far) ** 2 * far).sum(axis=0) / (3.0 * np.maximum(of_far - 1.0, 1.0))
     explained = variance_near / of_near + variance_far / of_far
-    allowed = np.maximum(tolerance**2 * np.minimum(variance_near, variance_far), ALIKE**2)
+    allowed = np.maximum(tolerance**2 * np.minimum(variance_near, variance_far), TUNING.unseen_difference**2)
     return (difference - explained > allowed) | ~known

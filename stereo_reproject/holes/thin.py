@@ -1,12 +1,12 @@
-"""What is about as thin as a pixel, or thinner: a cord, a wire, a blade of grass.
+"""Things about as thin as a pixel, or thinner: a cord, a wire, a blade of grass.
 
-Where its pixels have its depth and it is one of them wide, it has no area in the grid; but where it lands is known.
+One that is a pixel wide, and whose pixels have its depth, has no area in the grid; but where it lands is known.
 
-Where it is thinner: a pixel's depth is its first sample's, its colour is all samples'. Where the first one misses what
-is thin and near, its colour is warped with the depth of what is behind it, to the wrong place, with a contrast that
-shows. What Cycles gives a denoiser for depth is the mean of all samples: there it is nearer, and in a few pixels side
-by side. A surface that mirrors is farther away in that, and one that mirrors little light may be nearer as a whole:
-that is not thin.
+Thinner ones: a pixel's depth is that of its first sample, its colour is that of all samples. Where the first sample
+misses the thin thing, its colour is warped with the depth of the surface behind, to the wrong place, with a contrast
+that shows. The depth that Cycles gives a denoiser is the mean of all samples: there such pixels are nearer than by
+their first sample, a few of them side by side. A surface that mirrors is farther away in that mean, and one that
+mirrors little light may be nearer as a whole: that is not thin.
 """
 
 from __future__ import annotations
@@ -24,38 +24,26 @@ from ..views.camera import (
     target_px_from_source_px,
 )
 from ..warp.forward import Warp
-
-THRESHOLD = 0.1
-"""Pixels in the other eye by which the mean of the samples puts a pixel nearer than the first one does."""
-
-THIN = 1
-"""Pixels: what holds a square of this reach is a surface."""
-
-LEAST_COVERED = 0.1
-"""Share of a pixel that something thin is taken to cover at least, and so how near it may be: less hardly shows."""
-
-NEAR, FEW = 3, 1.0 / 3.0
-"""Pixels each way among which those of a wire are few, and what share of them that is: two wires that cross have two
-sevenths."""
-
-FARTHEST = 8
-"""Pixels, at most, by which it is looked for aside."""
+from .tuning import TUNING
 
 
 def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Those of (H, W) around which there are few: where there are many, depth is noise (of what moves while the shutter
-    is open) or a thicket, of which probes tell."""
+    """Return (H, W) those of the pixels (H, W) around which there are few others.
+
+    Where there are many, depth is noise, as with motion blur, or a thicket: there probes find the errors.
+    """
     if not pixels.any():
         return pixels
-    return pixels & (count_within(pixels, NEAR) <= FEW * (2 * NEAR + 1) ** 2)
+    reach = TUNING.isolated_reach_pixels
+    return pixels & (count_within(pixels, reach) <= TUNING.isolated_share * (2 * reach + 1) ** 2)
 
 
 def target_pixels(
     pixels: NDArray[np.bool_], depth: NDArray[np.float32], source: Camera, target: Camera, warp: Warp
 ) -> NDArray[np.bool_]:
-    """(H, W): target pixels in which the centres of these source `pixels` (H, W) land, where nothing hides them.
+    """Return (H, W) target pixels in which the centres of these source `pixels` (H, W) land, where nothing hides them.
 
-    depth (H, W) is the source's; `warp` is what has landed beside them.
+    depth (H, W) is the source's; `warp` is the map of what was drawn, which may hide them.
     """
     result = np.zeros(warp.nearness.shape, bool)
     rows, columns = np.nonzero(pixels)
@@ -77,29 +65,30 @@ def thin_things(
     edges: NDArray[np.bool_],
     clip_start: float,
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels of `camera` in which something thin is nearer than their depth (H, W) says.
+    """Return (H, W) pixels of `camera` in which something thin is nearer than their depth (H, W) says.
 
-    And those beside each over which that moves in the other eye, away from what is behind it. length (H, W) is the
-    mean length of the rays' way from where they are clipped (passes.LENGTH_PASS); edges (H, W) are pixels that mix what
-    lies on the two sides of a step in depth, and are known for that.
+    With them come the pixels beside, over which it moves in the other view, away from the surface behind it.
+    length (H, W): the mean length of the rays from where they are clipped (passes.LENGTH_PASS). edges (H, W): pixels
+    that mix the two sides of a step in depth, and are flagged for that.
     """
     behind = depth.astype(np.float64)
     surface = np.isfinite(behind)
     before = np.where(surface, behind - depth_from_ray_length(camera, length, clip_start), 0.0)
 
     def moves(covered: float) -> NDArray[np.float64]:
-        """Pixels by which what covers so much of a pixel moves from what is behind it."""
+        """Return (H, W) pixels by which a thing that covers this share of a pixel moves from the surface behind it."""
         nearness = camera.nearness_from_depth(np.maximum(behind - before / covered, clip_start + 1e-6))
         return (nearness - camera.nearness_from_depth(behind)) * disparity_per_nearness(camera, other)
 
-    found = moves(1.0) > THRESHOLD
+    found = moves(1.0) > TUNING.thin_step_pixels
     # Nothing is known beyond the frame, and to 4.5 a sample of the sky is one right before the camera.
-    surfaces = ~dilate(~np.pad(found, THIN), THIN)[THIN:-THIN, THIN:-THIN]
-    found &= ~dilate(surfaces, THIN + 1) & ~edges & ~dilate(~surface, 1)
-    reach = np.where(found, np.minimum(np.ceil(moves(LEAST_COVERED)), FARTHEST), 0.0)
+    thick = TUNING.surface_reach_pixels
+    surfaces = ~dilate(~np.pad(found, thick), thick)[thick:-thick, thick:-thick]
+    found &= ~dilate(surfaces, thick + 1) & ~edges & ~dilate(~surface, 1)
+    reach = np.where(found, np.minimum(np.ceil(moves(TUNING.least_covered_share)), TUNING.max_search_pixels), 0.0)
     result = found.copy()
     to_the_left = target_from_source(camera, other)[0, 3] < 0.0
-    for aside in range(1, FARTHEST + 1):
+    for aside in range(1, TUNING.max_search_pixels + 1):
         moved = reach >= aside
         if to_the_left:
             result[:, :-aside] |= moved[:, aside:]

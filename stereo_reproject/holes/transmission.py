@@ -1,6 +1,6 @@
-"""What is seen through a surface: it is warped with that surface, and so it is off where it lies far behind.
+"""Transmission parallax: things seen through a surface are warped with that surface, and are off if they lie behind.
 
-How far behind is not known; it is nowhere farther than the farthest surface in sight, or the sky.
+Their depth is not known; it is nowhere greater than that of the farthest surface in sight, or of the sky.
 """
 
 from __future__ import annotations
@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast
-
-SURELY = 2.0
-"""How many times what is allowed the error must be likely to be: how far behind things are is a guess, and probes tell
-of the rest."""
+from .tuning import TUNING
 
 
 def transmission_parallax(
@@ -24,11 +21,12 @@ def transmission_parallax(
     limit: float,
     unseen: float,
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels of transmissive surfaces whose noise ratio is surely above `limit` when they are warped.
+    """Return (H, W) pixels of transmissive surfaces whose noise ratio, if they were warped, is surely above `limit`.
 
-    glass (H, W) is where they are, disparity (H, W) that of the surfaces in pixels, gradient (H, W) the change of
-    colour from a pixel to the next. What is seen is off by up to the gradient for each pixel that it moves against its
-    surface, and by no more than two points of the picture around differ. Noise less than `unseen` is taken for that.
+    glass (H, W): pixels of such surfaces. disparity (H, W): that of the surfaces, in pixels. gradient (H, W): the
+    change of colour from a pixel to the next. The colour is off by up to the gradient for each pixel that the things
+    behind move against the surface, and by no more than two points of the picture around differ. Noise, as a standard
+    deviation, counts as `unseen` at least.
     """
     known = np.isfinite(disparity)
     if not (glass & known).any():
@@ -36,4 +34,6 @@ def transmission_parallax(
     farthest = np.min(disparity, where=known, initial=np.inf)
     moved = np.where(known, disparity - farthest, 0.0)
     error = np.minimum((moved * gradient) ** 2, 2.0 * contrast.signal)
-    return glass & known & (error > SURELY * (limit**2 - 1.0) * 2.0 * np.maximum(contrast.noise, unseen**2))
+    return (
+        glass & known & (error > TUNING.error_margin * (limit**2 - 1.0) * 2.0 * np.maximum(contrast.noise, unseen**2))
+    )

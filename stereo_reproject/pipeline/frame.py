@@ -35,7 +35,7 @@ from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoi
 from ..warp.grid import Grid
 from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
-from ..warp.stage import choose_stage, takes
+from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
 from .effect_costs import EffectCost, effect_costs
 from .matched_tracing import LightMatcher, MatchedTracing
@@ -270,12 +270,12 @@ def _warp_source(
     )
 
     def is_faster(gpu: Warper) -> bool:
-        return findings.gpu_is_faster(lambda: takes(run, gpu) < takes(run, NUMPY))
+        return findings.gpu_is_faster(lambda: seconds_taken(run, gpu) < seconds_taken(run, NUMPY))
 
     def run(warper: Warper) -> object:
         return warp(warper=warper).reasons
 
-    warper = choose_stage(settings.warp, target.camera.width * target.camera.height, renderer.gpu, is_faster)
+    warper = choose_warper(settings.warp, target.camera.width * target.camera.height, renderer.gpu, is_faster)
     return warp(warper=warper), warper.device
 
 

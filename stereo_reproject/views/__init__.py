@@ -1,1 +1,4 @@
-"""Cameras as rays and projections, and how two of them see depth differently. Needs numpy alone."""
+"""Views of a scene: cameras as rays and projections, their motion, and how two of them see a depth differently.
+
+Takes view planes, poses and lenses, as numbers; gives places in pixels, depths and disparities. Needs NumPy alone.
+"""

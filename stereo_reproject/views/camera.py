@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-TURNED = 2.0
-"""How many times as far as between eyes that look the same way a point moves between eyes that are toed in, at most."""
+from .tuning import TUNING
 
 Array = NDArray[np.floating]
 Vector = tuple[Array, Array, Array]
@@ -32,7 +31,7 @@ class ViewPlane:
 
 
 class Camera(Protocol):
-    """What the warp asks of a camera; `width` and `height` are in pixels, `world_from_camera` is rigid, (4, 4)."""
+    """A camera model: its two maps, its size in pixels, and its pose `world_from_camera` (4, 4), which is rigid."""
 
     @property
     def width(self) -> int: ...
@@ -47,19 +46,19 @@ class Camera(Protocol):
     def world_from_camera(self) -> Array: ...
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
-        """Origin and direction, in camera space, of the rays through pixel positions (x, y)."""
+        """Return origin and direction, in camera space, of the rays through pixel positions (x, y)."""
         ...
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
-        """Pixel position (x, y) and depth of the homogeneous camera-space points; NaN where there is none."""
+        """Return the pixel position (x, y) and depth of homogeneous camera-space points; NaN where there is none."""
         ...
 
     def nearness_from_depth(self, depth: Array) -> Array:
-        """A function of depth that grows towards the camera and is linear over the picture on any plane."""
+        """Return the nearness: it grows towards the camera, and is linear over the picture on any plane."""
         ...
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        """The inverse of `nearness_from_depth`."""
+        """Return the depth: the inverse of `nearness_from_depth`."""
         ...
 
 
@@ -136,19 +135,19 @@ class OrthographicCamera(_PlanarCamera):
 
 
 def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
-    """How much longer the way to what is seen at pixel positions (x, y) is than its depth."""
+    """Return the length of the rays through pixel positions (x, y), for one unit of depth."""
     _, direction = camera.ray_from_px(x, y)
     return np.sqrt(sum(np.square(part) for part in direction))
 
 
 def depth_from_ray_length(camera: Camera, length: Array, clip_start: float) -> Array:
-    """The depth (H, W) of what is so far (H, W) along the pixels' rays from where they are clipped."""
+    """Return the depth (H, W) of points at this length (H, W) along the pixels' rays, from where these are clipped."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     return length / ray_length_per_depth(camera, x, y) + clip_start
 
 
 def target_from_source(source: Camera, target: Camera) -> Array:
-    """The transform (4, 4) from source camera space to target camera space, free of the world's own offset.
+    """Return the transform (4, 4) from source camera space to target camera space, free of the world's own offset.
 
     Rigid for most cameras; Blender leaves the axes of one with a sheared parent as they are.
     """
@@ -160,7 +159,7 @@ def target_from_source(source: Camera, target: Camera) -> Array:
 
 
 def see_the_same(source: Camera, target: Camera) -> bool:
-    """Whether both cameras stand in the same place and look the same way: without an interocular distance."""
+    """Return whether both cameras have the same place, direction and view plane: then nothing moves between them."""
     same_place = np.allclose(target_from_source(source, target), np.eye(4), rtol=0.0, atol=1e-12)
     return same_place and source.plane == target.plane
 
@@ -168,10 +167,9 @@ def see_the_same(source: Camera, target: Camera) -> bool:
 def target_px_from_source_px(
     source: Camera, target: Camera, x: Array, y: Array, depth: Array
 ) -> tuple[Array, Array, Array]:
-    """Where the surface points seen at source pixel positions (x, y) and `depth` appear in the target.
+    """Return the target pixel positions x, y and depths of points seen at source positions x, y and `depth`.
 
-    x, y and depth broadcast; depth may be +inf. Returns target x, y in pixels and target depth, NaN where a point
-    lies behind the target camera.
+    x, y and depth broadcast; depth may be +inf. The result is NaN where a point lies behind the target camera.
     """
     transform = target_from_source(source, target)
     origin, direction = source.ray_from_px(np.asarray(x, np.float64), np.asarray(y, np.float64))
@@ -189,7 +187,7 @@ def target_px_from_source_px(
 
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
-    """Pixels that a point moves in the target for one unit of source nearness, taken at the middle of the picture.
+    """Return the pixels that a point moves in the target for one unit of source nearness, at the middle of the picture.
 
     Exact for rigs whose image planes coincide, a first-order estimate for toe-in: good enough to judge how large a
     step in depth is, which is all that it is used for.
@@ -209,11 +207,11 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     if not isinstance(source, PerspectiveCamera) or not isinstance(target, PerspectiveCamera):
         return estimate
     # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.
-    limit = TURNED * float(_px_per_unit(target).max()) * baseline
+    limit = TUNING.max_toe_in_factor * float(_px_per_unit(target).max()) * baseline
     return min(estimate, limit) if np.isfinite(estimate) else limit
 
 
 def _px_per_unit(camera: Camera) -> Array:
-    """(2,) pixels per unit of the view plane, across and down."""
+    """Return (2,) the pixels per unit of the view plane, across and down."""
     plane = camera.plane
     return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])

@@ -1,4 +1,4 @@
-"""What a camera may see of a box: its view as a set of half spaces, widened for a lens that is not a point."""
+"""The space that a camera may see, as half spaces: tells which boxes are in view."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera, OrthographicCamera
+from .tuning import TUNING
 
-NEAREST = 1e-6
+LEAST_DEPTH = 1e-6
 """Depth up to which a corner counts as behind the camera: its place in the picture cannot be told."""
-
-PIXELS_BEYOND = 4.0
-"""Pixels that count as seen beyond the frame's edge: the reach of any usual pixel filter, and rounding."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Depths between which a camera sees, and for depth of field its aperture's radius and the depth in focus."""
+    """The depths between which a camera sees, and for depth of field the aperture's radius and the depth in focus.
+
+    All in scene units. An aperture of 0 is a pinhole.
+    """
 
     near: float = 0.0
     far: float = float("inf")
@@ -28,12 +29,12 @@ class Lens:
 
 
 class Frustum:
-    """The view of one camera, as half spaces in the world."""
+    """The space that one camera may see, as half spaces in the world, widened by the radius of the lens."""
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
         plane = camera.plane
-        beyond_x = PIXELS_BEYOND * (plane.right - plane.left) / camera.width
-        beyond_y = PIXELS_BEYOND * (plane.top - plane.bottom) / camera.height
+        beyond_x = TUNING.frame_margin_pixels * (plane.right - plane.left) / camera.width
+        beyond_y = TUNING.frame_margin_pixels * (plane.top - plane.bottom) / camera.height
         radius = lens.aperture
         # A ray from the lens's rim through a point in focus is this much off its centre's ray, for each unit of depth.
         slope = radius / lens.focus if radius > 0.0 else 0.0
@@ -54,18 +55,18 @@ class Frustum:
         self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
 
     def may_meet(self, corners: NDArray) -> NDArray[np.bool_]:
-        """(...): False only where all corners (..., N, 3), in the world, of a convex body are beyond one side."""
+        """Return (...) False only where all corners (..., N, 3), in the world, of a convex body are beyond one side."""
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
         return ~outside.all(axis=-2).any(axis=-1)
 
 
 def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
-    """(H, W): the pixels that the bounds of the boxes' corners (8, 3) in the world cover.
+    """Return (H, W) the pixels that boxes in the world may cover, by rectangles around their corners (8, 3).
 
-    Corners are in the order of Blender's `bound_box`. All, if one that is in view reaches behind the camera. None, of
-    one that may be anywhere or that a perspective camera is inside of: it does not tell where in the picture anything
-    is.
+    Corners are in the order of Blender's `bound_box`. A box that is in view and reaches behind the camera covers all
+    pixels. A box that is infinite, or that has a perspective camera inside, covers none: it does not tell where in the
+    picture anything is.
     """
     result = np.zeros((camera.height, camera.width), bool)
     frustum = Frustum(camera, lens)
@@ -76,18 +77,18 @@ def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[
         local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
         if not isinstance(camera, OrthographicCamera) and _encloses_origin(local):
             continue
-        if (local[:, 2] >= -NEAREST).any():
+        if (local[:, 2] >= -LEAST_DEPTH).any():
             return np.ones_like(result)
         x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
         low, high = (np.array([bound(x), bound(y)]) for bound in (np.min, np.max))
-        left, top = np.clip(low - PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
-        right, bottom = np.clip(high + PIXELS_BEYOND, 0, result.shape[::-1]).astype(int)
+        left, top = np.clip(low - TUNING.frame_margin_pixels, 0, result.shape[::-1]).astype(int)
+        right, bottom = np.clip(high + TUNING.frame_margin_pixels, 0, result.shape[::-1]).astype(int)
         result[top:bottom, left:right] = True
     return result
 
 
 def _encloses_origin(corners: NDArray) -> bool:
-    """Whether the origin lies in a box with these corners (8, 3); a flat box has no inside."""
+    """Return whether the origin lies in a box with these corners (8, 3); a flat box has no inside."""
     sides = (corners[[4, 3, 1]] - corners[0]).T
     if np.linalg.matrix_rank(sides) < 3:
         return False

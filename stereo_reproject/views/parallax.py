@@ -15,12 +15,15 @@ ARC_MINUTE = np.pi / (180.0 * 60.0)
 
 
 def parallax_angle(depth: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """theta(z) = 2 atan(ipd / 2z), in radians; 0 for depth +inf."""
+    """Return the angle, in radians, between both eyes' lines of sight to a point at these depths; 0 for depth +inf.
+
+    theta(z) = 2 atan(d / 2z), with d the interocular distance (paper, equation 1).
+    """
     return 2.0 * np.arctan2(0.5 * interocular_distance, np.asarray(depth, np.float64))
 
 
 def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """theta(near) - theta(far), in radians, without the cancellation that the plain difference suffers.
+    """Return theta(near) - theta(far), in radians, without the cancellation of a plain difference.
 
     near and far are depths (...), 0 < near <= far <= +inf. The addition theorem of the arc tangent turns the
     difference of two nearly equal angles into one angle whose numerator is the depth difference itself. NaN depths
@@ -41,7 +44,7 @@ def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float
 
 @dataclass(frozen=True)
 class ScreenParallax:
-    """Where the right eye sees a point minus where the left one does, positive behind the screen.
+    """The horizontal shift of a point, its place in the right eye minus that in the left: positive behind the screen.
 
     depth is in scene units, +inf for the sky; the rest in pixels, and in percent of the frame's width.
     """
@@ -51,14 +54,14 @@ class ScreenParallax:
     percent: float
 
     def width_on(self, screen_width: float) -> float:
-        """The distance between a point's two pictures on a screen as wide as that, in its unit."""
+        """Return the distance between the point's two pictures on a screen of this width, in the width's unit."""
         return 0.01 * self.percent * screen_width
 
 
 def parallax_at(left: Camera, right: Camera, depth: float, frame_width: int) -> ScreenParallax:
-    """The parallax of a depth in the middle of the picture; with toe-in it differs towards the sides.
+    """Return the parallax of a depth in the middle of the picture; with toe-in it differs towards the sides.
 
-    frame_width is that of the whole frame in pixels, of which the cameras may show a part.
+    frame_width: width of the whole frame in pixels, of which the cameras may show a part.
     """
     x, y = np.array(0.5 * left.width), np.array(0.5 * left.height)
     right_x, _, _ = target_px_from_source_px(left, right, x, y, np.array(depth))
@@ -69,9 +72,9 @@ def parallax_at(left: Camera, right: Camera, depth: float, frame_width: int) -> 
 def visible_parallax(
     left: Camera, right: Camera, depth: NDArray, frame_width: int
 ) -> tuple[ScreenParallax, ScreenParallax] | None:
-    """The parallax of the nearest and of the farthest of the depths (H, W) that are seen; None without any.
+    """Return the parallax of the nearest and of the farthest depth (H, W) that is seen; None without any.
 
-    What is no depth (0, negative, NaN) is passed over.
+    Values that are no depth (0, negative, NaN) are passed over.
     """
     # The sky of parallel rays has no place on the screen when the eyes are turned.
     seen = depth[(depth > 0.0) & (np.isfinite(depth) | (not isinstance(left, OrthographicCamera)))]
@@ -82,5 +85,5 @@ def visible_parallax(
 
 
 def is_wider_than_eyes(parallax: ScreenParallax, screen_width: float, eye_distance: float) -> bool:
-    """Whether a viewer's eyes would have to turn outwards; both lengths in one unit."""
+    """Return whether a viewer's eyes would have to turn outwards; both lengths in one unit."""
     return parallax.width_on(screen_width) > eye_distance

@@ -1,4 +1,4 @@
-"""The target eye put together: warped where the warp has the answer, traced where it has none."""
+"""The target's passes: looked up in the source by the map of a warp, and replaced where they were traced."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ def passes_seen(
 def _target_position(
     position: NDArray[np.float32], depth: NDArray[np.float32], warp: Warp, target: Camera
 ) -> NDArray[np.float32]:
-    """(H, W, 3): the points in the world that the target's pixel centres see at this depth (H, W).
+    """Return (H, W, 3) the points in the world that the target's pixel centres see at this depth (H, W).
 
-    Where there is none, what Blender has there: the source's own (H, W, 3).
+    Where there is no depth it is the position that Blender gives there: the source's own (H, W, 3).
     """
     rows, columns = np.mgrid[0.5 : depth.shape[0], 0.5 : depth.shape[1]]
     origin, direction = target.ray_from_px(columns, rows)
@@ -86,10 +86,10 @@ def _target_position(
 
 
 def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """(H, W): the source's own depth (H, W, 1) where the warp says, as the target sees it.
+    """Return (H, W) the source's depth (H, W, 1), looked up by the map and converted to the target's.
 
-    Not the warp's nearness, which a coarse cell has from its corners alone. Nearness is what may be interpolated: it is
-    linear on any plane.
+    The map's own nearness is that of a coarse cell's corners, and less exact. What is interpolated is nearness, which
+    is linear on any plane.
     """
     with np.errstate(over="ignore"):
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
@@ -110,7 +110,7 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
 
 
 def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:
-    """`warped` (H, W, C), with the pixels of `holes` (H, W) replaced by `traced` (N, C), in the mask's order."""
+    """Return `warped` (H, W, C) with the pixels of `holes` (H, W) replaced by `traced` (N, C), in the mask's order."""
     result: Passes = {}
     for name, image in warped.items():
         result[name] = image.copy()
@@ -130,13 +130,14 @@ def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:
 
 
 def count_pixels(found: Mapping[str, NDArray[np.bool_]]) -> int:
-    """Pixels in any of the masks."""
+    """Return the number of pixels that are in any of the masks."""
     return int(np.any([*found.values()], axis=0).sum()) if found else 0
 
 
 def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
-    """The passes with NaN and infinities set to 0, and (H, W) where one that decides had any; depth keeps its
-    infinities.
+    """Return the passes with NaN and infinities set to 0, and a mask (H, W) of where one that decides had any.
+
+    Depth keeps its infinities.
 
     Nothing else follows from a pass that does not decide (`passes.decides`): a whole surface may have an AOV that is no
     number, and another trace of it would be none either.

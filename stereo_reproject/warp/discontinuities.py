@@ -1,8 +1,8 @@
-"""Steps in depth between neighbouring pixels, measured by what they do to the target.
+"""Depth discontinuities between neighbouring pixels, measured by what they do to the target.
 
-A step is measured as the difference in disparity, in pixels, that
-two neighbours show beyond what the slope of the surface on either side explains. Disparity is linear over the picture
-on any plane, so a floor that recedes to the horizon has no step at all, however steep its depth.
+A step is the difference in disparity, in pixels, between two neighbours, beyond what the slope of the surface on either
+side explains. Disparity is linear over the picture on any plane, so a floor that recedes to the horizon has no step at
+all, however steep its depth.
 """
 
 from __future__ import annotations
@@ -15,21 +15,23 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, disparity_per_nearness
-from .scanline import LARGEST
-
-TEAR = 1.0
-"""Step in disparity, in pixels, at which a surface is torn rather than stretched."""
+from .scanline import LARGEST_NEARNESS
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class DepthDiscontinuities:
-    """Step in disparity, in pixels: right (H, W - 1) to the next pixel in the row, down (H - 1, W) in the column."""
+    """Steps in disparity, in pixels: right (H, W - 1) to the next pixel in the row, down (H - 1, W) in the column."""
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
 
+    def torn(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return where a surface is torn between two pixels: right (H, W - 1) and down (H - 1, W)."""
+        return self.right > TUNING.tear_pixels, self.down > TUNING.tear_pixels
+
     def mask(self, threshold: float) -> NDArray[np.bool_]:
-        """(H, W): the pixels of every 2 x 2 block that a step above `threshold` runs through.
+        """Return (H, W) the pixels of every 2 x 2 block that a step above `threshold` pixels runs through.
 
         The edge itself lies up to a pixel beyond the last centre on the near side, so a diagonal neighbour is as close
         to it as the pixels on either side.
@@ -46,22 +48,22 @@ class DepthDiscontinuities:
 
 
 def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """(H, W): how far, in pixels, the surface seen by `camera` moves in the other eye, but for a constant."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of depth (H, W)."""
     return disparity_of_nearness(camera.nearness_from_depth(depth), camera, other)
 
 
 def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """The same of the nearness (H, W) that `camera` sees."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of nearness (H, W)."""
     with np.errstate(over="ignore", invalid="ignore"):
         disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
-    return np.clip(disparity, -LARGEST, LARGEST, out=disparity)
+    return np.clip(disparity, -LARGEST_NEARNESS, LARGEST_NEARNESS, out=disparity)
 
 
 def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:
-    """Steps in disparity (H, W), in pixels, between neighbours, with the slope of either side taken out.
+    """Return the steps of a disparity (H, W), in pixels, with the slope of either side taken out.
 
-    NaN where there is no answer: no step is seen there. In place of the paper's Sobel magnitude, which any slanted
-    floor exceeds.
+    Beside NaN, which is an unknown disparity, there is no step. The paper has a Sobel magnitude here, which any
+    slanted floor exceeds.
     """
     height, width = disparity.shape
     right = np.empty((height, max(width - 1, 0)), np.float32)
@@ -75,7 +77,7 @@ def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:
 
 
 def _steps_down(disparity: NDArray) -> NDArray[np.float32]:
-    """(h - 1, w), of the disparity (h, w)."""
+    """Return (h - 1, w) the steps down the columns of a disparity (h, w)."""
     with np.errstate(invalid="ignore", over="ignore"):
         slope = disparity[1:] - disparity[:-1]
         bend = np.abs(slope[1:] - slope[:-1])

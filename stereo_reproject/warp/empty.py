@@ -12,13 +12,13 @@ from .forward import Warp
 
 
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """(H, W) flags for the target pixels on which nothing landed: outside the source's frame, or disoccluded.
+    """Return (H, W) flags of the target pixels on which nothing landed: outside the source's frame, or disoccluded.
 
-    The grid reaches half a pixel beyond the source's frame: what landed there is outside as well.
+    The grid reaches half a pixel beyond the source's frame: a place there is outside as well.
 
-    What an empty pixel shows is unknown, but it lies behind its surroundings: the farther of the nearest answers to
-    its left and right in the row stands in for its depth, and tells whether the source could have seen it. A row
-    without any answer is outside.
+    The surface that an empty pixel shows is unknown, but it lies behind its surroundings. Of the next pixels with an
+    answer to its left and right in the row, the depth of the farther one stands in for its own, and tells whether
+    the source could have seen it. A row without any answer is outside.
     """
     flags = np.empty(warp.nearness.shape, np.uint16)
     for rows in bands(flags.shape):
@@ -33,7 +33,10 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
 
 
 def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:
-    """(N,): whether the source's frame has what the target sees in these pixels; not where the nearness is unknown."""
+    """Return (N,) True where the source's frame holds the points of these target pixels, at this nearness (N,).
+
+    False where the nearness is not finite.
+    """
     known = np.isfinite(nearness)
     sky = target.nearness_from_depth(np.array(np.inf))
     depth = target.depth_from_nearness(np.where(known, nearness, sky).astype(np.float64))
@@ -42,8 +45,10 @@ def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, 
 
 
 def _behind_empty(nearness: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """(N,) row and column of the empty pixels of (h, W), and what they have behind them: the smaller nearness of the
-    last answer to the left and the first to the right in the row, NaN where there is none."""
+    """Return (N,) row and column of the empty pixels of a nearness (h, W), and the nearness that lies behind them.
+
+    That is the smaller one of the last answer to the left and the first to the right in the row; NaN without any.
+    """
     height, width = nearness.shape
     # With a column that is never empty between them, all rows are one.
     empty = np.zeros((height, width + 1), bool)

@@ -1,4 +1,4 @@
-"""The forward warp: the source's grid, drawn into the target eye with a depth test.
+"""The forward warp: the source's grid, drawn into the target with a depth test.
 
 The result is not a picture but a map: for each target pixel the source position that it shows and its depth in the
 target. Colours, and any other pass, are looked up with it afterwards.
@@ -34,12 +34,12 @@ class Warp:
 
     @property
     def covered(self) -> NDArray[np.bool_]:
-        """(H, W) target pixels on which anything landed."""
+        """The target pixels (H, W) on which anything landed."""
         return self.nearness > -np.inf
 
     @property
     def source(self) -> NDArray[np.uint8]:
-        """(H, W) number of the source that each pixel comes from, in the order of the sources; 0 where nothing landed.
+        """The number of each pixel's source (H, W), in the order of the sources; 0 where nothing landed.
 
         Of one source it takes no memory, and cannot be written.
         """
@@ -63,17 +63,17 @@ def forward_warp(
     what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
-    shift = row_disparity_of(source, target)
-    if shift is not None:
-        return _along_rows(depth, source, target, shift, grid, torn)
+    disparity = row_disparity_of(source, target)
+    if disparity is not None:
+        return _along_rows(depth, source, target, disparity, grid, torn)
     return Warp(*draw_quads(depth, source, target, grid, torn))
 
 
 def _along_rows(
-    depth: NDArray, source: Camera, target: Camera, shift: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, target: Camera, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
-    """The warp of a rectified pair. torn (H + 1, W + 1) are the quads that are."""
-    x, nearness = warp_rows(depth, source, target.width, shift, grid, torn)
+    """Return the map of a rectified pair; torn (H + 1, W + 1) are the quads that are not drawn."""
+    x, nearness = warp_rows(depth, source, target.width, disparity, grid, torn)
     y = np.empty_like(x)
     for rows in bands(x.shape):
         y[rows] = np.arange(rows.start + 0.5, rows.stop, dtype=np.float32)[:, None]
@@ -84,23 +84,24 @@ def _along_rows(
 def sub_pixel_features(
     depth: NDArray, *, cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(H, W): source pixels whose quads are torn, or stand alone between two that are: they are hardly drawn.
+    """Return (H, W) source pixels of features about as thin as a pixel, of which the grid draws next to nothing.
 
-    What is drawn of two pixels side by side may fall between two of the target's pixel centres.
+    All their quads are torn, or stand alone between two that are: even what is drawn of two pixels side by side may
+    fall between two of the target's pixel centres.
     """
     torn = torn_quads(cut_right, cut_down, depth)
-    around = np.pad(torn, 1, constant_values=True)
-    across, down = around[1:-1, :-2] & around[1:-1, 2:], around[:-2, 1:-1] & around[2:, 1:-1]
+    padded = np.pad(torn, 1, constant_values=True)
+    across, down = padded[1:-1, :-2] & padded[1:-1, 2:], padded[:-2, 1:-1] & padded[2:, 1:-1]
     return _all_four(torn | across | down) & ~np.isnan(depth)
 
 
 def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W): pixels all of whose quads (H + 1, W + 1) are set."""
+    """Return (H, W) the pixels all of whose four quads (H + 1, W + 1) are set."""
     return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
 
 
 def torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], depth: NDArray) -> NDArray[np.bool_]:
-    """(H + 1, W + 1): the lattice's quads with a torn side or an unknown depth."""
+    """Return (H + 1, W + 1) the lattice's quads with a torn side or a corner of unknown depth."""
     height, width = depth.shape
     unknown = np.pad(np.isnan(depth), 1, mode="edge")
     torn = unknown[:-1, :-1] | unknown[:-1, 1:]

@@ -13,21 +13,15 @@ from numpy.typing import NDArray
 
 from ..views.camera import Camera, PerspectiveCamera, disparity_per_nearness, target_px_from_source_px
 from ..views.parallax import ARC_MINUTE, parallax_difference
+from .tuning import TUNING
 
-CELL = 16
+CELL_QUADS = 16
 """Quads along the side of a cell (paper, section 3.2)."""
-
-ORTHOGRAPHIC_VIEW_ANGLE = np.radians(40.0)
-"""An orthographic picture has no visual angle; it is judged as if its width were seen under this one."""
-
-
-PERSPECTIVE = 0.1
-"""Of the pixels that a coarse cell's depths may move, those by which its perspective may be off."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """subdivided (R, C): which cells are split to native resolution. width, height: the source's size in pixels."""
+    """The grid's cells: subdivided (R, C) are those that are drawn quad by quad. width, height: the source's pixels."""
 
     subdivided: NDArray[np.bool_]
     width: int
@@ -39,25 +33,29 @@ class Grid:
 
     @property
     def triangles(self) -> int:
-        """Two for each coarse cell, two for each quad of a subdivided one."""
-        rows = np.minimum(CELL, self.height + 1 - CELL * np.arange(self.subdivided.shape[0]))
-        columns = np.minimum(CELL, self.width + 1 - CELL * np.arange(self.subdivided.shape[1]))
+        """The number of triangles: two for each coarse cell, two for each quad of a subdivided one."""
+        rows = np.minimum(CELL_QUADS, self.height + 1 - CELL_QUADS * np.arange(self.subdivided.shape[0]))
+        columns = np.minimum(CELL_QUADS, self.width + 1 - CELL_QUADS * np.arange(self.subdivided.shape[1]))
         quads = np.where(self.subdivided, rows[:, None] * columns[None, :], 1)
         return 2 * int(quads.sum())
 
 
 def lattice_depth(depth: NDArray) -> NDArray:
-    """depth (H, W) with its border repeated: (16 R + 1, 16 C + 1), vertex (i, j) at pixel position (j - .5, i - .5)."""
+    """Return the depth (H, W) at the grid's vertices (16 R + 1, 16 C + 1), beyond the border that of the border.
+
+    Vertex (i, j) stands at pixel position (j - 0.5, i - 0.5).
+    """
     height, width = depth.shape
-    rows, columns = -(-(height + 1) // CELL), -(-(width + 1) // CELL)
-    return np.pad(depth, ((1, rows * CELL - height), (1, columns * CELL - width)), mode="edge")
+    rows, columns = -(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)
+    return np.pad(depth, ((1, rows * CELL_QUADS - height), (1, columns * CELL_QUADS - width)), mode="edge")
 
 
 def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float, most: float = float("inf")) -> Grid:
-    """Subdivide the cells whose depths differ by more than `threshold` arc minutes of binocular parallax.
+    """Return the grid, with the cells subdivided whose depths differ by more than `threshold` arc minutes of parallax.
 
-    Or by more than `most` pixels of it: a long lens makes many of a minute, and so does what is nearer than the eyes
-    are to each other; and where the perspective of eyes that are toed in bends by a tenth of that. depth is (H, W),
+    Cells whose depths differ by more than `most` pixels of disparity are subdivided too: a long lens makes many pixels
+    of an arc minute, and so does a surface that is nearer than the cameras are to each other. So are cells in which the
+    perspective of cameras that are toed in bends by a share of `most`. depth is (H, W),
     +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are subdivided too, so
     that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
     """
@@ -68,7 +66,7 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
         steep = ~(difference <= threshold * ARC_MINUTE)
         steep |= _disparity_range(near, far, source, target) > most
         if np.isfinite(most):
-            steep |= ~(_bend(far, source, target) <= PERSPECTIVE * most)
+            steep |= ~(_bend(far, source, target) <= TUNING.bend_share * most)
     guarded = steep.copy()
     guarded[1:] |= steep[:-1]
     guarded[:-1] |= steep[1:]
@@ -81,40 +79,43 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
     if isinstance(source, PerspectiveCamera):
         baseline = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
         return parallax_difference(near, far, float(np.linalg.norm(baseline)))
-    return _disparity_range(near, far, source, target) * ORTHOGRAPHIC_VIEW_ANGLE / source.width
+    return _disparity_range(near, far, source, target) * TUNING.orthographic_width_radians / source.width
 
 
 def _disparity_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
-    """In pixels."""
+    """Return (R, C) the difference in disparity, in pixels, between the depths near and far (R, C)."""
     near, far = (source.nearness_from_depth(depth.astype(np.float64)) for depth in (near, far))
     return (near - far) * disparity_per_nearness(source, target)
 
 
 def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
-    """(R, C) pixels between where the middles of the cells go and the middles of their diagonals; depth is a cell's."""
-    i, j = (CELL * np.arange(count) - 0.5 for count in depth.shape)
+    """Return (R, C) the pixels by which the perspective bends each cell, if it is flat and has this depth (R, C).
+
+    That is the distance in the target between the middle of a cell and the middles of its two diagonals.
+    """
+    i, j = (CELL_QUADS * np.arange(count) - 0.5 for count in depth.shape)
 
     def goes_to(right: int, down: int) -> NDArray:
         x, y, _ = target_px_from_source_px(source, target, j + right, i[:, None] + down, depth)
         return np.array([x, y])
 
-    middle = goes_to(CELL // 2, CELL // 2)
-    falling = 0.5 * (goes_to(0, 0) + goes_to(CELL, CELL)) - middle
-    rising = 0.5 * (goes_to(CELL, 0) + goes_to(0, CELL)) - middle
+    middle = goes_to(CELL_QUADS // 2, CELL_QUADS // 2)
+    falling = 0.5 * (goes_to(0, 0) + goes_to(CELL_QUADS, CELL_QUADS)) - middle
+    rising = 0.5 * (goes_to(CELL_QUADS, 0) + goes_to(0, CELL_QUADS)) - middle
     return np.maximum(np.hypot(*falling), np.hypot(*rising))
 
 
 def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
-    """Least and greatest depth of each cell's 17 x 17 vertices; NaN where one is not known."""
+    """Return (R, C) the least and the greatest depth of each cell's 17 x 17 vertices; NaN where one is unknown."""
     height, width = depth.shape
-    cells = [-(-(height + 1) // CELL), -(-(width + 1) // CELL)]
+    cells = [-(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)]
     result = []
     for extreme in (np.minimum, np.maximum):
         lines = np.empty((cells[0], width), depth.dtype)
         for band in range(cells[0]):
             # Lattice row i is the picture's row i - 1; beyond the border they are repeated.
-            extreme.reduce(depth[max(band * CELL - 1, 0) : (band + 1) * CELL], axis=0, out=lines[band])
-        columns = np.pad(lines, ((0, 0), (1, cells[1] * CELL - width)), mode="edge")
-        shared = columns[:, CELL::CELL]
-        result.append(extreme(extreme.reduce(columns[:, :-1].reshape(cells[0], -1, CELL), axis=2), shared))
+            extreme.reduce(depth[max(band * CELL_QUADS - 1, 0) : (band + 1) * CELL_QUADS], axis=0, out=lines[band])
+        columns = np.pad(lines, ((0, 0), (1, cells[1] * CELL_QUADS - width)), mode="edge")
+        shared = columns[:, CELL_QUADS::CELL_QUADS]
+        result.append(extreme(extreme.reduce(columns[:, :-1].reshape(cells[0], -1, CELL_QUADS), axis=2), shared))
     return result[0], result[1]

@@ -29,15 +29,8 @@ from ..views.parallax import ARC_MINUTE
 from ..views.view import View
 from .forward import Warp
 from .rendered_view import RenderedView
-from .scanline import MAX_STRETCH
+from .tuning import TUNING
 from .warped_view import WarpedView
-
-SAME_POINT_PIXELS = 1.0
-"""Pixels in a source between the place that it was looked up at and the place of the nearest point, up to which it
-shows that point: as much as a surface may stretch from a pixel to the next before it is torn."""
-
-LEAST_GAIN = 0.02
-"""Share by which a later source's expected error must be smaller than an earlier one's: rounding changes no source."""
 
 
 def merge_views(
@@ -70,7 +63,7 @@ def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:
 
 
 def merged_flags(flags: Sequence[NDArray[np.uint16]], warp: Warp) -> NDArray[np.uint16]:
-    """Return (H, W) the `Reason` flags of each pixel's own source; where no source lands, why none does."""
+    """Return (H, W) the `Reason` flags of each pixel's own source; DISOCCLUDED or OUTSIDE where no source lands."""
     result = of_chosen(warp.source, flags)
     unseen = ~warp.covered
     disoccluded = np.any([each[unseen] & Reason.DISOCCLUDED.bit for each in flags], axis=0)
@@ -91,14 +84,14 @@ def best_source(
     for number, (warp, camera) in enumerate(zip(warps, cameras, strict=True)):
         answers = np.where(any_clean, clean[number], shown[number])
         error = np.where(answers, expected_error(warp, camera, target), np.inf)
-        better = error < (1.0 - LEAST_GAIN) * best
+        better = error < (1.0 - TUNING.least_gain_share) * best
         np.copyto(best, error, where=better)
         index[better] = number
     return index
 
 
 def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """Return (H, W) where a source shows the point of this nearness (H, W), or is itself the one that is so near."""
+    """Return (H, W) True where a source shows the point of the nearest nearness (H, W), to a tolerance."""
     result = warp.covered & (warp.nearness == nearest)
     for rows in bands(result.shape):
         place_rows, columns = np.mgrid[rows.start + 0.5 : rows.stop, 0.5 : result.shape[1]]
@@ -108,12 +101,12 @@ def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Cam
         with np.errstate(invalid="ignore"):
             apart = np.hypot(x - warp.x[rows], y - warp.y[rows])
         # NaN, of a point behind the source, is no such place.
-        result[rows] |= covered & (apart <= SAME_POINT_PIXELS)
+        result[rows] |= covered & (apart <= TUNING.same_point_pixels)
     return result
 
 
 def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return (H, W) how large an error of a lookup is to be expected, to compare sources by: angle times stretch.
+    """Return (H, W) the error to be expected of a lookup, to compare sources by: angle times stretch.
 
     The angle, in radians, counts as an arc minute at least, which nobody sees.
     """
@@ -142,20 +135,20 @@ def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
 
 
 def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (H, W) target pixels for one source pixel, by area, from 1 to MAX_STRETCH.
+    """Return (H, W) target pixels for one source pixel, by area, from 1 to max_stretch.
 
-    By how far the place in the source moves from a target pixel to the next in its row and column: to the nearer of the
-    two neighbours, since a step in depth lies before the other.
+    It follows from the distance between the places in the source of a target pixel and its neighbours in row and
+    column. Of the two neighbours in each the nearer place counts, since a step in depth lies before the other.
     """
     across_x, across_y = _step_across(x, y)
     down_x, down_y = (part.T for part in _step_across(x.T, y.T))
     area = np.abs(across_x * down_y - across_y * down_x)
     # A pixel without a neighbour tells nothing of its stretch.
-    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / MAX_STRETCH, 1.0)).astype(np.float32)
+    return (1.0 / np.clip(np.nan_to_num(area, nan=1.0), 1.0 / TUNING.max_stretch, 1.0)).astype(np.float32)
 
 
 def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return (H, W) twice: how x and y change from a pixel to the next in its row, or from the last, if that is less.
+    """Return (H, W) the changes of x and y from a pixel to the next in its row, or from the last, if that is nearer.
 
     NaN where neither neighbour has a place.
     """

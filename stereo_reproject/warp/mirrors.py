@@ -33,50 +33,22 @@ from ..images.passes import (
 )
 from ..views.camera import PerspectiveCamera, depth_from_ray_length
 from .forward import Warp
-
-BEHIND = 0.1
-"""How much farther than its surface, as a share of that depth, the image in a mirror stands at least."""
-
-MOSTLY = 0.5
-"""Share of the pixels of a material whose rays go on, from which it is a mirror: where they meet nothing, they do not
-get longer."""
-
-LEAST = 5e-4
-"""Share of the picture that a material's flat mirrors have at least, to be worth the holes around what they show."""
-
-DARKEST = 0.2
-"""What a mirror reflects at least: with less, the length of its rays says too little."""
-
-NOTHING = 0.002
-"""The same up to which a ray has met nothing behind a mirror: its length is not that exact."""
-
-ROUGHEST = 0.1
-"""Roughness of a mirror, at most: with twice that, Cycles follows six tenths of its rays."""
-
-FLAT_STEP, FLAT = 0.005, 0.02
-"""How far to either side, as a share of the width, it is looked whether a surface is flat, and how bent it may be: the
-distance of what is reflected (of the mirror itself, where that is the sky) over the mirror's radius, at most."""
-
-ROUNDING = 2e-5
-"""Of a normal."""
-
-PARALLEL = 0.01
-"""Difference between the normals of one mirror, at most."""
-
-WITHIN = 0.98
-"""Share of a looked-up colour that must come from the mirror."""
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class Images:
-    """What mirrors show: (H, W) the source's pixels that do, and the depth at which its image stands, +inf for sky."""
+    """The images in a source's flat mirrors: mirrors (H, W) are its pixels; depth (H, W) is that of the image.
+
+    +inf where the mirror shows the sky; elsewhere than in mirrors it is the source's own depth.
+    """
 
     mirrors: NDArray[np.bool_]
     depth: NDArray[np.float32]
 
 
 def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: float) -> Images | None:
-    """What mirrors show, None where none is seen or where the passes do not tell.
+    """Return the images in mirrors; None where no mirror is seen or the passes do not tell.
 
     source holds depth, the materials and passes.OF_SOURCE, of which the roughness may be missing.
     """
@@ -85,17 +57,24 @@ def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: 
         return None
     depth = source[DEPTH_PASS][..., 0].astype(np.float64)
     reflectance = source[REFLECTANCE_PASS].mean(axis=-1)
-    may_be = np.isfinite(depth) & (depth > 0.0) & (reflectance >= DARKEST) & ~shows(source, Effect.TRANSMISSION)
+    may_be = (
+        np.isfinite(depth)
+        & (depth > 0.0)
+        & (reflectance >= TUNING.least_reflectance)
+        & ~shows(source, Effect.TRANSMISSION)
+    )
     if ROUGHNESS_PASS in source:
-        may_be &= source[ROUGHNESS_PASS][..., 0] <= ROUGHEST
+        may_be &= source[ROUGHNESS_PASS][..., 0] <= TUNING.max_roughness
     depth = np.where(may_be, depth, 1.0)
     straight = depth_from_ray_length(camera, source[LENGTH_PASS][..., 0], clip_start)
     behind = np.where(may_be, np.maximum(straight - depth, 0.0) / np.where(may_be, reflectance, 1.0), 0.0)
-    goes_on = behind > BEHIND * depth
-    mostly = np.bincount(shown.ravel(), weights=goes_on.ravel()) >= MOSTLY * np.bincount(shown.ravel())
-    nothing = behind <= NOTHING * depth
+    goes_on = behind > TUNING.image_distance_share * depth
+    pixels = np.bincount(shown.ravel())
+    mostly = np.bincount(shown.ravel(), weights=goes_on.ravel()) >= TUNING.mirror_pixels_share * pixels
+    nothing = behind <= TUNING.nothing_behind_share * depth
     mirrors = _flat(source[SURFACE_NORMAL_PASS], mostly[shown] & may_be, np.where(nothing, 1.0, behind / depth), camera)
-    mirrors &= (np.bincount(shown.ravel(), weights=mirrors.ravel()) >= LEAST * depth.size)[shown]
+    large = np.bincount(shown.ravel(), weights=mirrors.ravel()) >= TUNING.least_mirror_share * depth.size
+    mirrors &= large[shown]
     if not mirrors.any():
         return None
     image = np.where(nothing, np.inf, depth + behind)
@@ -105,13 +84,15 @@ def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: 
 def _flat(
     normal: NDArray[np.float32], mirrors: NDArray[np.bool_], behind: NDArray, camera: PerspectiveCamera
 ) -> NDArray[np.bool_]:
-    """(H, W): pixels of flat parts of the mirrors (H, W): flat enough for an image so far `behind` (H, W), in depths.
+    """Return (H, W) the pixels of the mirrors (H, W) that are flat.
+
+    Flat enough, that is, for an image so far behind them: `behind` (H, W), in depths of the mirror.
 
     Over a step of the tangent t to either side the normal (H, W, 3) of a ball of the radius r, d away, turns by
     2 t d / r. A part is as long as two steps along both axes: so a mirror's bevelled edge is none.
     """
     height, width = mirrors.shape
-    step = max(round(FLAT_STEP * width), 2)
+    step = max(round(TUNING.flatness_step_share * width), 2)
     plane = camera.plane
     result = mirrors
     for axis, tangent in ((1, (plane.right - plane.left) / width), (0, (plane.top - plane.bottom) / height)):
@@ -121,20 +102,22 @@ def _flat(
         if line.shape[0] > 2 * step:
             turn = np.linalg.norm(line[2 * step :] - line[: -2 * step], axis=-1)
             within = whole[2 * step :] & whole[step:-step] & whole[: -2 * step]
-            middle[step:-step] = within & ((turn - ROUNDING) * far[step:-step] <= 2.0 * FLAT * step * tangent)
+            bent = (turn - TUNING.normal_rounding) * far[step:-step]
+            middle[step:-step] = within & (bent <= 2.0 * TUNING.max_curvature * step * tangent)
         result = result & dilate(straight, step, axes=(axis,))
     return result
 
 
 def seen_in_both(source: Passes, images: Images, once: Warp, again: Warp) -> tuple[NDArray[np.bool_], ...]:
-    """(H, W) each: where a warp shows a mirror of the source, and where another shows the same one.
+    """Return (H, W) the pixels in which the map `once` shows a mirror, and those in which `again` shows the same one.
 
-    As far as materials and normals tell: where two mirrors meet, the image in the one would be seen in the other.
+    Materials and normals tell whether it is the same: where two mirrors meet, the image in the one would be seen in
+    the other.
     """
     mask = images.mirrors[..., None].astype(np.float32)
-    within = lookup(mask, again.x, again.y)[..., 0] >= WITHIN
+    within = lookup(mask, again.x, again.y)[..., 0] >= TUNING.least_mirror_weight
     what = np.concatenate([source[SURFACE_NORMAL_PASS], source[MATERIAL_PASS], mask], axis=-1)
     one, other = (lookup(what, warp.x, warp.y, interpolation="nearest") for warp in (once, again))
-    parallel = np.linalg.norm(one[..., :3] - other[..., :3], axis=-1) <= PARALLEL
+    parallel = np.linalg.norm(one[..., :3] - other[..., :3], axis=-1) <= TUNING.max_normal_difference
     shown = one[..., 4] > 0.0
     return shown, shown & within & parallel & (one[..., 3] == other[..., 3])

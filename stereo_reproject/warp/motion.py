@@ -1,4 +1,4 @@
-"""Motion vectors: how far what a pixel shows moves from the frame before and to the one after, seen by another eye.
+"""Motion vectors of a target: how far the point that a pixel shows moves between frames, as the target sees it.
 
 A vector (x, y, z, w) is in pixels, y upwards: (x, y) leads from where the point is to where it was in the previous
 frame, (z, w) from where it will be in the next frame to where it is. Source: Cycles, `camera_motion_vector`.
@@ -23,11 +23,11 @@ def warp_motion(
     target: Moving,
     target_depth: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """(H, W, 4): the vectors of the nearest source samples as the target sees them, 0 where nothing landed.
+    """Return (H, W, 4) the vectors of the nearest source samples as the target sees them, 0 where nothing landed.
 
     vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's. A point is taken to keep
-    the depth that it has but for what the camera's own motion changes: exact for what stands still and for what moves
-    parallel to the picture. What the cameras do between the sample and the target's pixel is made up for.
+    its depth, but for the change by the camera's own motion: exact for a point that stands still and for one that moves
+    parallel to the picture. What the cameras' motion changes between the sample and the target's pixel is added.
     """
     vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
     z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
@@ -56,7 +56,7 @@ def warp_motion(
 
 
 def _standing_still(eye: Moving, x: NDArray, y: NDArray, depth: NDArray) -> NDArray:
-    """(H, W, 4): the vectors of points at these places and depths (H, W) of an eye, which do not move themselves."""
+    """Return (H, W, 4) the vectors of points that stand still, at these places and depths (H, W) of a view."""
     before, after = (target_px_from_source_px(eye.now, then, x, y, depth) for then in (eye.before, eye.after))
     return np.stack([before[0] - x, y - before[1], x - after[0], after[1] - y], axis=-1)
 
@@ -70,7 +70,7 @@ def motion_from_directions(
     sky: NDArray[np.bool_],
     corner: tuple[float, float],
 ) -> NDArray[np.float32]:
-    """(N, 4) vectors in pixels from what Cycles gives for a custom camera: differences of unit directions.
+    """Return (N, 4) vectors in pixels, from the differences of unit directions that Cycles gives for a custom camera.
 
     turned (N, 4) are their x and y in camera space at the pixel positions x, y (N,) of a camera whose lens stays as it
     is. sky (N,): for what is endlessly far Cycles leaves out the division by depth, or gives it no vector at all (4.5);
@@ -92,7 +92,7 @@ def motion_from_directions(
 
 
 def _unit(sideways: NDArray) -> NDArray:
-    """(N, 3) unit directions ahead from their x and y (N, 2)."""
+    """Return (N, 3) unit directions ahead, from their x and y (N, 2)."""
     ahead = np.sqrt(np.clip(1.0 - np.sum(sideways**2, axis=-1, keepdims=True), 0.0, 1.0))
     return np.concatenate([sideways, -ahead], axis=-1)
 
@@ -100,7 +100,7 @@ def _unit(sideways: NDArray) -> NDArray:
 def _raster(
     camera: PerspectiveCamera, direction: NDArray, sky: NDArray[np.bool_], corner: tuple[float, float]
 ) -> NDArray:
-    """(N, 2) positions in pixels, y upwards, from a corner of the frame; the sky's times the direction's depth."""
+    """Return (N, 2) positions in pixels, y upwards, from a corner of the frame; times the depth for the sky."""
     dx, dy, dz = direction.T
     x, y, _ = camera.px_from_point((dx, dy, dz), np.ones_like(dx))
     weight = np.where(sky, -dz, 1.0)

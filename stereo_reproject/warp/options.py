@@ -1,4 +1,4 @@
-"""How a view is warped: what one who calls may choose, alike for NumPy and for a GPU."""
+"""Options of a warp, the same for NumPy and for a GPU."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..images.passes import COLOUR_PASS, filtered
 
 @dataclass(frozen=True)
 class WarpOptions:
-    """How fine the grid is, and how passes are looked up in the source.
+    """Options of a warp: the fineness of its grid, and the interpolation of the passes in the source.
 
     grid_threshold: binocular parallax in arc minutes, above which a cell of the grid is subdivided.
     interpolation: "linear", "cubic" or "nearest", as `images.lookup.lookup` knows them; for passes that may be mixed.

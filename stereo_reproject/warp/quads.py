@@ -12,26 +12,25 @@ from numpy.typing import NDArray
 from ..images import bands
 from ..images.masks import dilate
 from ..views.camera import Camera, target_px_from_source_px
-from .grid import CELL, Grid, lattice_depth
-from .scanline import EDGE_TOLERANCE, MAX_STRETCH
+from .grid import CELL_QUADS, Grid, lattice_depth
+from .tuning import TUNING
 
-CHUNK = 192
+CHUNK_CELLS = 192
 """Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""
 
 ALL = slice(None)
 
-AS_NEAR = 2.0**-16
-"""Of a nearness: where a coarse quad and a fine one meet, both are of one surface, and which is nearer is rounding's to
-say. What is nearer by less than this is not."""
-
-LARGEST_AREA = 1e12
-"""Square pixels: what is larger is so by rounding."""
+LARGEST_AREA_PIXELS = 1e12
+"""Area of a triangle, in square pixels of the target, above which it is a rounding error."""
 
 
 def draw_quads(
     depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """x, y and nearness of a `forward.Warp`; torn (H + 1, W + 1) are quads that are not drawn in a subdivided cell."""
+    """Return x, y and nearness of a `forward.Warp`, each (H, W).
+
+    torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
+    """
     vertices = lattice_depth(depth)
     # Beyond the frame's outer ring there is nothing.
     beyond = ((0, vertices.shape[0] - 1 - torn.shape[0]), (0, vertices.shape[1] - 1 - torn.shape[1]))
@@ -52,13 +51,13 @@ _Corners = tuple[NDArray, NDArray, NDArray]
 
 @dataclass(frozen=True)
 class _Quads:
-    """The n x n quads of each of C cells, and where their corners go.
+    """The n x n quads of each of C cells, with the places of their corners in the target.
 
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
     (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
-    quad. drawn (C, n, n) is which are. margin (C, n, n): how far beyond its corners, in target pixels, a quad may cover
-    a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn, the
-    first has it, and where one of them is a coarse cell, both do.
+    quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels beyond its corners by which a quad may
+    cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn,
+    the first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray
@@ -72,7 +71,10 @@ class _Quads:
     margin: NDArray
 
     def corners(self, chosen: NDArray[np.int64]) -> _Corners:
-        """(2, 2, K) of x, y and nearness, first index down, second right; chosen (K,) are flat indices of quads."""
+        """Return x, y and nearness (2, 2, K) of the corners of chosen quads (K,), which are flat indices.
+
+        The first index counts corners down, the second to the right.
+        """
         cells, count, _ = self.drawn.shape
         lattice = np.arange(self.x.size).reshape(cells, count + 1, count + 1)
         first = lattice[:, :-1, :-1].ravel().take(chosen)
@@ -91,41 +93,44 @@ def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDAr
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
-    """The cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
+    """Yield the cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
     all_rows, all_columns = np.nonzero(~grid.subdivided)
-    for start in range(0, all_rows.size, CHUNK):
-        top, left = all_rows[start : start + CHUNK] * CELL, all_columns[start : start + CHUNK] * CELL
-        bottom = np.minimum(top + CELL, grid.height + 1)
-        right = np.minimum(left + CELL, grid.width + 1)
+    for start in range(0, all_rows.size, CHUNK_CELLS):
+        top, left = (
+            all_rows[start : start + CHUNK_CELLS] * CELL_QUADS,
+            all_columns[start : start + CHUNK_CELLS] * CELL_QUADS,
+        )
+        bottom = np.minimum(top + CELL_QUADS, grid.height + 1)
+        right = np.minimum(left + CELL_QUADS, grid.width + 1)
         i = np.stack([top, bottom], axis=-1)[:, :, None]
         j = np.stack([left, right], axis=-1)[:, None, :]
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         one = (top.size, 1, 1)
         x, y, wide, high = (a.reshape(one) for a in (left - 0.5, top - 0.5, right - left, bottom - top))
-        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, EDGE_TOLERANCE))
+        yield _Quads(*corners, x, y, wide, high, np.ones(one, bool), np.full(one, TUNING.edge_tolerance))
 
 
 def _fine_quads(
     vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera, grid: Grid
 ) -> Iterator[_Quads]:
-    """The quads of the subdivided cells, some cells at a time, without those that are torn."""
+    """Yield the quads of the subdivided cells, some cells at a time; those that are torn are not drawn."""
     all_rows, all_columns = np.nonzero(grid.subdivided)
-    span = np.arange(CELL + 1)
+    span = np.arange(CELL_QUADS + 1)
     left_out = _left_out(vertices, torn, source, target)
-    left_out |= (~grid.subdivided).repeat(CELL, axis=0).repeat(CELL, axis=1)
+    left_out |= (~grid.subdivided).repeat(CELL_QUADS, axis=0).repeat(CELL_QUADS, axis=1)
     beside = dilate(left_out, 1)
     one = np.array(1, np.int64)
-    for start in range(0, all_rows.size, CHUNK):
-        i = all_rows[start : start + CHUNK, None, None] * CELL + span[None, :, None]
-        j = all_columns[start : start + CHUNK, None, None] * CELL + span[None, None, :]
+    for start in range(0, all_rows.size, CHUNK_CELLS):
+        i = all_rows[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, :, None]
+        j = all_columns[start : start + CHUNK_CELLS, None, None] * CELL_QUADS + span[None, None, :]
         corners = _project(source, target, j - 0.5, i - 0.5, vertices[i, j])
         first_i, first_j = np.broadcast_arrays(i[:, :-1], j[:, :, :-1])
-        margin = np.where(beside[first_i, first_j], EDGE_TOLERANCE, 0.0)
+        margin = np.where(beside[first_i, first_j], TUNING.edge_tolerance, 0.0)
         yield _Quads(*corners, first_j - 0.5, first_i - 0.5, one, one, ~torn[first_i, first_j], margin)
 
 
 def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """(h, w): the quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    """Return (h, w) quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
     i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
     # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
     depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
@@ -138,12 +143,12 @@ def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target
 
 
 _Boxes = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
-"""Of each quad that covers any pixel centre: its index, the first column and row of those, how many columns and rows
-there are, and how many rows were drawn before."""
+"""The quads that cover any pixel centre (K,): their indices, the first column and row of those centres, the numbers of
+columns and rows, and the number of rows that were drawn before."""
 
 
 class _Surface:
-    """The target's depth buffer, and with it the source position of what won."""
+    """The target's depth buffer, with the source position of the nearest point of each pixel."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.height, self.width = shape
@@ -154,7 +159,7 @@ class _Surface:
         self.preferred: NDArray[np.float32] | None = None
 
     def prefer_what_is_drawn(self) -> None:
-        """To what will be drawn, and is nearer by less than AS_NEAR."""
+        """Prefer what is drawn by now to what will be drawn and is nearer by less than same_nearness_share."""
         self.preferred = self.nearness.copy()
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
@@ -165,12 +170,12 @@ class _Surface:
         return self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape)
 
     def draw(self, quads: _Quads) -> None:
-        """Two triangles per quad, cut along the diagonal from top right to bottom left."""
+        """Draw two triangles per quad, cut along the diagonal from top right to bottom left."""
         for boxes in _boxes(quads, self.width, self.height):
             self._fill(quads, boxes)
 
     def _fill(self, quads: _Quads, boxes: _Boxes) -> None:
-        """Every step over all boxes.
+        """Fill the pixels in these boxes, step by step over all boxes.
 
         The steps stand in one function because each hands its arrays to the next: split up, they would be passed
         around by the dozen.
@@ -197,11 +202,11 @@ class _Surface:
         x = _of(quads.source_x, chosen).take(quad) + u * _of(size_x, quad)
         x[hides] = np.nan
         y = _of(quads.source_y, chosen).take(quad) + v * _of(size_y, quad)
-        inside = np.flatnonzero(least >= -EDGE_TOLERANCE)
+        inside = np.flatnonzero(least >= -TUNING.edge_tolerance)
         self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
-        """Depth test by repeated writing: whoever is still nearer than what stands there writes again.
+        """Store the nearest candidate of each pixel, by repeated writing: whatever is still nearer writes again.
 
         A few rounds over ever fewer candidates; each is a plain scatter, which numpy does faster than `minimum.at` or
         a sort.
@@ -209,7 +214,7 @@ class _Surface:
         nearness = nearness.astype(np.float32, copy=False)
         nearer = nearness > self.nearness.take(pixel)
         if self.preferred is not None:
-            nearer &= nearness - np.float32(AS_NEAR) * np.abs(nearness) > self.preferred.take(pixel)
+            nearer &= nearness - np.float32(TUNING.same_nearness_share) * np.abs(nearness) > self.preferred.take(pixel)
         waiting = np.flatnonzero(nearer)
         while waiting.size:
             pixel, nearness, x, y = (values.take(waiting) for values in (pixel, nearness, x, y))
@@ -224,14 +229,14 @@ class _Surface:
 
 
 def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
-    """(K,): what the chosen quads have of one of `_Quads`'s (C, n, n)."""
+    """Return (K,) the values (C, n, n) of `_Quads` that the chosen quads (K,) have; a single value as it is."""
     return values.ravel().take(chosen) if values.ndim else values
 
 
 def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
-    """(C, n, n): first pixel whose centre lies in the corners' half-open range, and how many do, inside 0..size.
+    """Return (C, n, n) the first pixel whose centre lies in each quad's half-open range, and the number of them.
 
-    Of corners (C, n + 1, n + 1); NaN: none.
+    corners (C, n + 1, n + 1): their places along one axis, of pixels 0 to size; a quad with a NaN has no pixel.
     """
     low = np.minimum(corners[:, :-1], corners[:, 1:])
     high = np.maximum(corners[:, :-1], corners[:, 1:])
@@ -245,10 +250,10 @@ def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArr
 
 
 def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
-    """The quads' boxes that hold pixel centres, in their order, some at a time: of some `bands.PIXELS` pixels.
+    """Yield the boxes of quads that hold pixel centres, in their order, about `bands.PIXELS` pixels at a time.
 
-    What is larger by itself comes in some rows at a time: near the plane in which the target's camera stands, a quad
-    may cover the whole picture. All of its parts count from its own first row, and so say the same to the bit.
+    A quad that is larger by itself comes some rows at a time: near the plane in which the target's camera stands, a
+    quad may cover the whole picture. All of its parts count from its own first row, and so agree to the bit.
     """
     left, count_x = _centres_within(quads.x, width, quads.margin)
     top, count_y = _centres_within(quads.y, height, quads.margin)
@@ -272,7 +277,10 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
 
 
 def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Every (quad, pixel) pair, as the quad's index and the pixel's offset; of each quad from row `drawn` on."""
+    """Return all pairs of a quad and a pixel in its box: the quad's index, and the pixel's offsets right and down.
+
+    Rows of a quad count from `drawn` on.
+    """
     count = count_x * count_y
     quad = np.repeat(np.arange(count.size), count)
     rank = np.arange(quad.size) - np.repeat(np.cumsum(count) - count, count)
@@ -286,17 +294,20 @@ def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDA
 
 @dataclass(frozen=True)
 class _Triangle:
-    """Barycentric u, v and nearness as (value at the first centre, change per pixel right, per pixel down), (3, Q)."""
+    """Triangles: barycentric u, v and nearness (3, Q), at the first centre and by change per pixel right and down."""
 
     u: NDArray
     v: NDArray
     nearness: NDArray
     hides: NDArray[np.bool_]
-    """(Q,): turned away or overstretched: it holds nothing to show, but what is behind it is not seen."""
+    """(Q,) triangles that are turned away or overstretched: they show nothing, but hide what is behind them."""
 
 
 def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
-    """The upper left and the lower right half of quads with these corners (2, 2, K), from the centre x, y (K,) on."""
+    """Return the upper left and the lower right half of quads with these corners (2, 2, K).
+
+    x, y (K,): the first pixel centre of each. area (K,): that in the source, in pixels.
+    """
     return (
         _triangle(corners, ((0, 0), (0, 1), (1, 0)), (x, y), area),
         _triangle(corners, ((1, 1), (1, 0), (0, 1)), (x, y), area),
@@ -317,8 +328,8 @@ def _triangle(
     ux, uy = corner_x[along_u] - corner_x[origin], corner_y[along_u] - corner_y[origin]
     vx, vy = corner_x[along_v] - corner_x[origin], corner_y[along_v] - corner_y[origin]
     determinant = ux * vy - uy * vx
-    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA)
-    hides = (determinant < 0.0) | (determinant >= MAX_STRETCH * area)
+    known = (np.abs(determinant) > 1e-9) & (np.abs(determinant) < LARGEST_AREA_PIXELS)
+    hides = (determinant < 0.0) | (determinant >= TUNING.max_stretch * area)
     inverse = np.where(known, 1.0 / np.where(known, determinant, 1.0), np.nan)
     dx, dy = x - corner_x[origin], y - corner_y[origin]
     u = np.array([(dx * vy - dy * vx) * inverse, vy * inverse, -vx * inverse])

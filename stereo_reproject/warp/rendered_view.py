@@ -35,5 +35,5 @@ class RenderedView:
 
     @property
     def depth(self) -> NDArray[np.float32]:
-        """(H, W) depth in scene units, +inf for the sky, NaN where it is unknown."""
+        """The depth (H, W) in scene units, +inf for the sky, NaN where it is unknown."""
         return self.passes[DEPTH_PASS][..., 0]

@@ -1,4 +1,4 @@
-"""The forward warp of a rectified pair, whose rows stay rows: the grid is then a chain of corners in each row.
+"""The forward warp of a rectified pair, whose rows match: the grid is then row segments, between the corners in a row.
 
 Both eyes look the same way and stand side by side, as all but those that are toed in. A row of target pixel centres is
 a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner columns, one
@@ -22,52 +22,43 @@ from numpy.typing import NDArray
 
 from ..images.bands import bands
 from ..views.camera import Camera, OrthographicCamera, target_from_source
-from .grid import CELL, Grid
+from .grid import CELL_QUADS, Grid
+from .tuning import TUNING
 
-MAX_STRETCH = 2.5
-"""An interval that covers more target pixels than this holds too little to fill them: it is left a hole."""
+FARTHEST_PIXELS = 1e6
+"""Disparity beyond which it is held: a point that moves further is outside any picture, and integers hold its place."""
 
-EDGE_TOLERANCE = 1e-3
-"""How far, in quads or intervals, a pixel centre may lie outside of one and still be covered: neighbours share their
-corners, so this only decides who wins a tie, and no centre falls between two of them for a rounding error."""
+LARGEST_NEARNESS = 1e38
+"""Nearness beyond which it is held: less than half a float32's range, so that two of them have a difference."""
 
-BROAD = 32
-"""Pixels: what is wider and has nothing to show makes holes of all that it covers, whether it is nearer or not: where
-depth goes to and fro by so much from one pixel to the next, the order costs more than it tells."""
-
-FARTHEST = 1e6
-"""Pixels: what moves further is outside any picture, and its place still a number that integers hold."""
-
-LARGEST = 1e38
-"""Of nearness: half a float32's range, so that two of them have a difference."""
-
-SAME = 1e-12
+SAME_SHARE = 1e-12
+"""Relative difference between numbers of two cameras up to which they are the same: rounding of double precision."""
 
 
 @dataclass(frozen=True)
 class RowDisparity:
-    """How far, in pixels to the right, a point moves: offset + per_nearness * its nearness."""
+    """The row disparity of a rectified pair: a point moves offset + per_nearness * nearness pixels to the right."""
 
     offset: float
     per_nearness: float
 
 
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
-    """The shift of a rectified pair; None of any other."""
+    """Return the row disparity of a rectified pair, whose rows match; None for any other pair."""
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
     # So much is lost of the difference between two places that are far from the world's origin.
     lost = 8.0 * np.finfo(np.float64).eps * float(np.abs(source.world_from_camera[:3, 3]).max())
     aside, moved[1:3, 3] = np.abs(moved[1:3, 3]), 0.0
-    if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME):
+    if type(source) is not type(target) or not np.allclose(moved, np.eye(4), rtol=0.0, atol=SAME_SHARE):
         return None
-    if aside.max() > SAME + lost:
+    if aside.max() > SAME_SHARE + lost:
         return None
     one, other = source.plane, target.plane
     rows = (one.bottom, one.top, source.height) == (other.bottom, other.top, target.height)
     size, other_size = (one.right - one.left) / source.width, (other.right - other.left) / target.width
-    if not rows or not np.isclose(size, other_size, rtol=SAME, atol=0.0):
+    if not rows or not np.isclose(size, other_size, rtol=SAME_SHARE, atol=0.0):
         return None
     offset, baseline = (one.left - other.left) / size, float(transform[0, 3]) / size
     return (
@@ -78,9 +69,9 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
 
 
 def warp_rows(
-    depth: NDArray, source: Camera, width: int, shift: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, width: int, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Source x (H, width) in pixels, NaN where nothing lands, and nearness (H, width), -inf there.
+    """Return the source x (H, width) in pixels, NaN where nothing lands, and the nearness (H, width), -inf there.
 
     depth (H, W) as for `forward.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
     """
@@ -88,62 +79,65 @@ def warp_rows(
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
     for cells in _alike(~grid.subdivided):
         # Lattice row i is the picture's row i - 1.
-        lattice = np.arange(max(cells.start * CELL, 1), min(cells.stop * CELL, height + 1))
+        lattice = np.arange(max(cells.start * CELL_QUADS, 1), min(cells.stop * CELL_QUADS, height + 1))
         coarse = ~grid.subdivided[cells.start]
-        chain = _RowSegments(coarse, grid.width, width, shift)
+        segments = _RowSegments(coarse, grid.width, width, disparity)
         for part in bands((lattice.size, width)):
             rows = slice(lattice[part][0] - 1, lattice[part][-1])
             undrawn = None if coarse.all() else torn[rows] & torn[rows.start + 1 : rows.stop + 1]
-            x[rows], nearness[rows] = chain.warp(_corners(depth, source, chain, lattice[part]), undrawn)
+            x[rows], nearness[rows] = segments.warp(_corners(depth, source, segments, lattice[part]), undrawn)
     return x, nearness
 
 
 def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
-    """The rows of cells (R, C), one by one, but as many as are wholly coarse together."""
+    """Yield the rows of cells (R, C): those that are wholly coarse together, all others one by one."""
     whole = coarse.all(axis=1)
     ends = np.flatnonzero(~(whole[1:] & whole[:-1])) + 1
     for start, stop in itertools.pairwise([0, *ends.tolist(), len(whole)]):
         yield slice(start, stop)
 
 
-def _corners(depth: NDArray, source: Camera, chain: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
-    """(h, K + 1): nearness of the corners in these rows (h,) of the lattice.
+def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
+    """Return (h, K + 1) the nearness of the segments' corners in these rows (h,) of the lattice of vertices.
 
-    Those at which only coarse cells meet have theirs from the cells' first and last row, linearly.
+    At a corner where only coarse cells meet it is linear between the cells' first and last row.
     """
     height, width = depth.shape
-    column = np.clip(chain.corner - 1, 0, width - 1)
+    column = np.clip(segments.corner - 1, 0, width - 1)
 
     def near(lines: NDArray) -> NDArray[np.float32]:
         with np.errstate(over="ignore"):
-            return np.clip(source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST, LARGEST)
+            return np.clip(
+                source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST_NEARNESS, LARGEST_NEARNESS
+            )
 
-    cell = lattice // CELL
-    edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL, height + 1)
+    cell = lattice // CELL_QUADS
+    edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL_QUADS, height + 1)
     above = cell - cell[0]
     down = ((lattice - edges[above]) / (edges[above + 1] - edges[above])).astype(np.float32)[:, None]
-    flat = column[chain.flat]
+    flat = column[segments.flat]
     line = near(depth[np.clip(edges - 1, 0, height - 1)[:, None], flat])
     between = line[above] * (1.0 - down) + line[above + 1] * down
     if flat.size == column.size:
         return between
     result = near(depth[lattice[0] - 1 : lattice[-1]].take(column, axis=1))
-    result[:, chain.flat] = between
+    result[:, segments.flat] = between
     return result
 
 
 class _RowSegments:
-    """The corners of a band of cells, drawn into rows of `width` target pixels; coarse (C,) are its coarse cells.
+    """The segments between the corners of a row of cells, drawn into rows of `width` target pixels.
 
-    corner (K + 1,) are their columns in the lattice; flat (K + 1,) those at which no subdivided cell ends.
+    coarse (C,): the row's coarse cells. corner (K + 1,): the corners' columns in the lattice. flat (K + 1,): corners at
+    which no subdivided cell ends.
     """
 
-    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, shift: RowDisparity) -> None:
-        self._width, self._shift = width, shift
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowDisparity) -> None:
+        self._width, self._disparity = width, disparity
         lattice = np.arange(columns + 2, dtype=np.int32)
-        in_coarse = coarse.repeat(CELL)[: columns + 1]
+        in_coarse = coarse.repeat(CELL_QUADS)[: columns + 1]
         self.coarse = coarse
-        self.corner = lattice[np.append(~in_coarse | (lattice[:-1] % CELL == 0), True)]
+        self.corner = lattice[np.append(~in_coarse | (lattice[:-1] % CELL_QUADS == 0), True)]
         after = np.append(in_coarse, in_coarse[-1])[self.corner]
         before = np.insert(in_coarse, 0, in_coarse[0])[self.corner]
         self.flat = before & after
@@ -157,22 +151,28 @@ class _RowSegments:
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
     def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
-        """near (h, K + 1) and torn (h, W + 1), of corners and of the lattice's intervals, to source x and nearness
-        (h, width). Without torn none is."""
+        """Return the source x and the nearness (h, width) of the target pixels.
+
+        near (h, K + 1): nearness of the corners. torn (h, W + 1): the lattice's intervals that are not drawn; None
+        where all are.
+        """
         moved = self._moved(near)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
         undrawn = np.zeros(stretched.shape, bool)
         if torn is not None:
             undrawn[:, self._tearable] = torn[:, self._torn_column]
-        nearest = self._nearest(moved, undrawn, stretched < MAX_STRETCH * self._length)
+        nearest = self._nearest(moved, undrawn, stretched < TUNING.max_stretch * self._length)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slope = self._length / stretched
             table = np.stack([moved[:, :-1], slope, near[:, :-1], (near[:, 1:] - near[:, :-1]) / self._length], axis=-1)
             return self._looked_up(nearest, table, bounded=torn is not None)
 
     def _looked_up(self, nearest: NDArray[np.int32], table: NDArray, *, bounded: bool) -> tuple[NDArray, NDArray]:
-        """nearest (h, width) places in the table (h, K, 4): how far the first corner moves, source pixels per target
-        pixel, nearness there, and its change per source pixel. bounded is whether a centre may lie beside an interval.
+        """Return the source x and the nearness (h, width), by the nearest intervals (h, width).
+
+        These are places in the table (h, K, 4), which has, for each interval, the disparity of its first corner, source
+        pixels per target pixel, the nearness there, and its change per source pixel. bounded: True where a centre may
+        lie beside an interval.
         """
         empty = nearest < 0
         found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
@@ -192,24 +192,24 @@ class _RowSegments:
         return x, along
 
     def _reach(self, nearest: NDArray[np.int32], height: int) -> NDArray[np.float32] | np.float32:
-        """The length of the intervals (h, width), by their places in a table of so many rows."""
+        """Return the length of the intervals (h, width), by their places in a table of this height."""
         if self._longest == 1.0:
             return self._longest
         return np.tile(self._length, height).take(nearest, mode="clip")
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = near * np.float32(self._shift.per_nearness) + np.float32(self._shift.offset)
+            moved = near * np.float32(self._disparity.per_nearness) + np.float32(self._disparity.offset)
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
-        return np.fmax(np.fmin(moved, FARTHEST, out=moved), -FARTHEST, out=moved)
+        return np.fmax(np.fmin(moved, FARTHEST_PIXELS, out=moved), -FARTHEST_PIXELS, out=moved)
 
     def _nearest(
         self, moved: NDArray[np.float32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
     ) -> NDArray[np.int32]:
-        """(h, width): of the intervals (h, K) that cover a pixel the nearest, counted over all rows; -1 where there is
-        none, or what is nearest has nothing to show: it is seen from its other side, or not tight but overstretched.
+        """Return (h, width) the nearest of the intervals (h, K) that cover a pixel, counted over all rows.
 
-        moved (h, K + 1) is how far the corners do. What is torn covers nothing.
+        -1 where there is none, or where the nearest shows nothing: it is seen from its other side, or overstretched,
+        which is any that is not tight. moved (h, K + 1): the corners' disparities. A torn interval covers nothing.
         """
         height = torn.shape[0]
         first = (np.ceil(moved) + self._before).astype(np.int32)
@@ -225,7 +225,7 @@ class _RowSegments:
         start, stop = (np.clip(ends, 0, self._width) for ends in self._ends(first, moved, torn))
         shown = tight & ~torn & (stop > start)
         low, wide = np.minimum(start, stop), np.where(torn, 0, np.abs(stop - start))
-        broad = ~shown & (wide > BROAD)
+        broad = ~shown & (wide > TUNING.broad_pixels)
         hidden = _within(low, wide, broad, self._width)
         wide = np.where(broad, 0, wide).ravel()
         low += (np.arange(height, dtype=np.int32) * self._width)[:, None]
@@ -233,7 +233,7 @@ class _RowSegments:
         place = (low.ravel() - ahead).repeat(wide)
         place += np.arange(place.size)
         interval = interval.repeat(wide)
-        if self._shift.per_nearness > 0.0:
+        if self._disparity.per_nearness > 0.0:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
         # Of several that are written to one place the last one stands.
@@ -245,22 +245,22 @@ class _RowSegments:
     def _ends(
         self, first: NDArray[np.int32], moved: NDArray[np.float32], torn: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """(h, K): the first pixel of each interval, and the one after its last.
+        """Return (h, K) the first pixel of each interval, and the one after its last.
 
         A centre on a corner belongs to the interval after it; beside what is torn, to the one that is left.
         """
         start, stop = first[:, :-1].copy(), first[:, 1:].copy()
         row, column = np.nonzero(torn[:, 1:])
-        corner = moved[row, column + 1] + np.float32(EDGE_TOLERANCE)
+        corner = moved[row, column + 1] + np.float32(TUNING.edge_tolerance)
         stop[row, column] = np.floor(corner) + self._before[column + 1] + 1.0
         row, column = np.nonzero(torn[:, :-1])
-        corner = moved[row, column + 1] - np.float32(EDGE_TOLERANCE)
+        corner = moved[row, column + 1] - np.float32(TUNING.edge_tolerance)
         start[row, column + 1] = np.ceil(corner) + self._before[column + 1]
         return start, stop
 
 
 def _within(low: NDArray, wide: NDArray, chosen: NDArray[np.bool_], width: int) -> NDArray[np.bool_] | None:
-    """(h, width): the pixels that the chosen intervals (h, K) cover, from `low` on and so `wide`; None without any."""
+    """Return (h, width) pixels that the chosen intervals (h, K) cover, `wide` many from `low` on; None without any."""
     row, column = np.nonzero(chosen)
     if row.size == 0:
         return None

@@ -5,26 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from .tuning import TUNING
 from .warper import NUMPY, Warper
 
-LEAST_PIXELS = 4_000_000
-"""From which a GPU is thought of unasked; for fewer, numpy takes too little time to be worth it."""
 
-
-def choose_stage(
+def choose_warper(
     asked: str, pixels: int, gpu: Callable[[], Warper | None], is_faster: Callable[[Warper], bool]
 ) -> Warper:
     """Return the warper that was asked for, one of `settings.frame.WARPS`; NumPy's where no GPU works, without a word.
 
     pixels is the size of the picture. gpu finds a GPU, which takes a while; is_faster measures whether it is.
     """
-    if asked == "numpy" or (asked == "auto" and pixels < LEAST_PIXELS):
+    if asked == "numpy" or (asked == "auto" and pixels < TUNING.least_gpu_pixels):
         return NUMPY
     found = gpu()
     return NUMPY if found is None or (asked == "auto" and not is_faster(found)) else found
 
 
-def takes(run: Callable[[Warper], object], warper: Warper) -> float:
+def seconds_taken(run: Callable[[Warper], object], warper: Warper) -> float:
     """Return the seconds that `run` takes with this warper."""
     start = time.perf_counter()
     run(warper)

@@ -14,13 +14,14 @@ from ..images.masks import dilate
 from ..images.reasons import Reason
 from ..views.view import View
 from .composite import warp_passes
-from .discontinuities import TEAR, disparity_of, disparity_steps
+from .discontinuities import disparity_of, disparity_steps
 from .empty import empty_reasons
 from .forward import forward_warp
 from .grid import build_grid
 from .merge import merge_views
 from .options import WarpOptions
 from .rendered_view import RenderedView
+from .tuning import TUNING
 from .warped_view import WarpedView
 
 DEFAULTS = WarpOptions()
@@ -28,9 +29,9 @@ DEFAULTS = WarpOptions()
 
 @dataclass(frozen=True)
 class Warper:
-    """A way to warp: NumPy on a processor's core, or a GPU, whose name `device` is.
+    """A way to warp views: with NumPy, or on a GPU.
 
-    warp_view warps one source into the target.
+    warp_view: the function that warps one source into the target. device: the GPU's name; None for NumPy.
     """
 
     warp_view: Callable[[RenderedView, View, WarpOptions], WarpedView]
@@ -55,9 +56,10 @@ def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions)
 def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
     """Return the target as one source shows it, warped with NumPy."""
     depth, camera = source.depth, source.camera
-    grid = build_grid(depth, camera, target.camera, threshold=options.grid_threshold, most=TEAR)
+    grid = build_grid(depth, camera, target.camera, threshold=options.grid_threshold, most=TUNING.tear_pixels)
     steps = disparity_steps(disparity_of(depth, camera, target.camera))
-    warp = forward_warp(depth, camera, target.camera, grid, cut_right=steps.right > TEAR, cut_down=steps.down > TEAR)
+    cut_right, cut_down = steps.torn()
+    warp = forward_warp(depth, camera, target.camera, grid, cut_right=cut_right, cut_down=cut_down)
     passes = warp_passes(source, target, warp, options)
     return WarpedView(passes, grid, warp, empty_reasons(warp, camera, target.camera), steps)
 

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.holes.thin import FARTHEST, LEAST_COVERED, THRESHOLD, target_pixels, thin_things
+from stereo_reproject.holes.thin import target_pixels, thin_things
+from stereo_reproject.holes.tuning import TUNING as HOLE_TUNING
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import disparity_per_nearness, see_the_same
-from stereo_reproject.warp.discontinuities import TEAR, disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_steps
 from stereo_reproject.warp.forward import forward_warp, sub_pixel_features
 from stereo_reproject.warp.grid import build_grid
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import pixel_centres, px_from_world, stereo_rig
 from tests.warp.pairs import reproject_pair
 
@@ -54,11 +56,11 @@ def test_a_cord_that_depth_misses_is_found_with_the_pixels_that_it_moves_over(so
     eyes = rig()
     moves, most = (
         (1.0 / near - 1.0 / WALL) * disparity_per_nearness(eyes[source], eyes[target])
-        for near in (CORD, WALL - 0.4 * (WALL - CORD) / LEAST_COVERED)
+        for near in (CORD, WALL - 0.4 * (WALL - CORD) / HOLE_TUNING.least_covered_share)
     )
     columns = np.unique(np.nonzero(found(mean, source, target))[1])
     assert {COLUMN, COLUMN + aside, COLUMN + aside * int(np.ceil(moves))} <= set(columns)
-    assert columns.size <= 2 + min(most, FARTHEST)
+    assert columns.size <= 2 + min(most, HOLE_TUNING.max_search_pixels)
     assert np.all((columns - COLUMN) * aside >= 0)
     assert found(mean, source, target)[:, COLUMN].all()
 
@@ -101,16 +103,16 @@ def test_a_cord_is_looked_for_as_far_aside_as_it_may_have_moved(moved):
     """Seen in so little of a pixel that nothing less would show: it may be as near as that."""
     mean = wall()
     nearest = near_by(WALL, moved, rig())
-    mean[:, COLUMN] = (1.0 - LEAST_COVERED) * WALL + LEAST_COVERED * nearest
+    mean[:, COLUMN] = (1.0 - HOLE_TUNING.least_covered_share) * WALL + HOLE_TUNING.least_covered_share * nearest
     columns = np.unique(np.nonzero(found(mean))[1])
     np.testing.assert_array_equal(columns, np.arange(COLUMN - np.ceil(moved), COLUMN + 1))
 
 
 def test_what_hardly_moves_is_not_looked_for():
     mean = wall()
-    mean[:, COLUMN] = near_by(WALL, 0.8 * THRESHOLD, rig())
+    mean[:, COLUMN] = near_by(WALL, 0.8 * HOLE_TUNING.thin_step_pixels, rig())
     assert not found(mean).any()
-    mean[:, COLUMN] = near_by(WALL, 1.2 * THRESHOLD, rig())
+    mean[:, COLUMN] = near_by(WALL, 1.2 * HOLE_TUNING.thin_step_pixels, rig())
     assert found(mean)[:, COLUMN].all()
 
 
@@ -169,7 +171,7 @@ def slat(width):
 def drawn(depth, source, target):
     disparity = (disparity_per_nearness(source, target) / depth).astype(np.float32)
     steps = disparity_steps(disparity)
-    cuts = {"cut_right": steps.right > TEAR, "cut_down": steps.down > TEAR}
+    cuts = {"cut_right": steps.right > WARP_TUNING.tear_pixels, "cut_down": steps.down > WARP_TUNING.tear_pixels}
     grid = build_grid(depth, source, target, threshold=0.0)
     return forward_warp(depth, source, target, grid, **cuts), sub_pixel_features(depth, **cuts)
 

@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene
-from stereo_reproject.holes.silhouettes import ALIKE
+from stereo_reproject.holes.tuning import TUNING as HOLE_TUNING
 from stereo_reproject.images.passes import cryptomatte_of, filtered
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
@@ -151,7 +151,7 @@ def test_what_light_makes_differs_no_more_than_between_two_seeds(pair):
     for name in names:
         ours, seeds = pair.differences(name)
         # A pass that is all but free of noise may be off by what nobody sees.
-        usual = max(float(np.quantile(seeds, 0.95)), ALIKE)
+        usual = max(float(np.quantile(seeds, 0.95)), HOLE_TUNING.unseen_difference)
         assert np.mean(ours <= usual) > np.mean(seeds <= usual) - FEW, name
         assert not rms(ours) or rms(seeds), name
         alive += rms(seeds) > SILENT

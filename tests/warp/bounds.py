@@ -9,8 +9,8 @@ from scipy.ndimage import maximum_filter
 
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, disparity_per_nearness
 from stereo_reproject.views.parallax import ARC_MINUTE
-from stereo_reproject.warp.discontinuities import TEAR
-from stereo_reproject.warp.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, PERSPECTIVE
+from stereo_reproject.warp.grid import CELL_QUADS
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.exact import where_they_go
 
 ROUNDINGS = 4.0
@@ -148,7 +148,7 @@ def shift_terms(depth, source, target):
 def coarse_misses(depth, x, y, source, target, grid, threshold):
     """(H, W) pixels: what may be missed in a coarse cell, 0 in the others."""
     height, width = depth.shape
-    rows, columns = ((np.arange(size) + 1) // CELL for size in (height, width))
+    rows, columns = ((np.arange(size) + 1) // CELL_QUADS for size in (height, width))
     # A position half a pixel beside a centre may be the next cell's.
     coarse = ~grid.subdivided[np.ix_(rows, columns)]
     coarse = spread(coarse.astype(float), 1) > 0
@@ -157,10 +157,10 @@ def coarse_misses(depth, x, y, source, target, grid, threshold):
     known = depth[coarse]
     flat = np.full(depth.shape, np.inf if isinstance(source, PerspectiveCamera) else 1.0)
     sky = bent_within_cell(*where_they_go(source, target, flat))
-    sky = np.minimum(sky, THIRD_DIFFERENCES * PERSPECTIVE * TEAR)
+    sky = np.minimum(sky, THIRD_DIFFERENCES * WARP_TUNING.bend_share * WARP_TUNING.tear_pixels)
     if isinstance(source, OrthographicCamera):
-        minute = threshold * ARC_MINUTE / ORTHOGRAPHIC_VIEW_ANGLE * source.width
-        return np.where(coarse, min(minute, TEAR) + sky, 0.0)
+        minute = threshold * ARC_MINUTE / WARP_TUNING.orthographic_width_radians * source.width
+        return np.where(coarse, min(minute, WARP_TUNING.tear_pixels) + sky, 0.0)
     step = 1e-4
     moved_x, moved_y = where_they_go(source, target, depth * (1.0 + step))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -168,11 +168,11 @@ def coarse_misses(depth, x, y, source, target, grid, threshold):
     per_nearness = max(np.nanmax(np.nan_to_num(change[coarse])), disparity_per_nearness(source, target))
     nearest = np.nanmin(known)
     reach = per_nearness_allowed(threshold, source, target, nearest, nearest)
-    reach = min(reach, TEAR / disparity_per_nearness(source, target)) if per_nearness > 0.0 else 0.0
+    reach = min(reach, WARP_TUNING.tear_pixels / disparity_per_nearness(source, target)) if per_nearness > 0.0 else 0.0
     return np.where(coarse, per_nearness * reach + sky, 0.0)
 
 
 def bent_within_cell(x, y):
-    """(H, W) pixels by which the perspective of a coarse cell misses: that of a pixel, over CELL of them."""
+    """(H, W) pixels by which the perspective of a coarse cell misses: that of a pixel, over CELL_QUADS of them."""
     one = np.zeros(x.shape, int)
-    return CELL**2 * spread(bent(x, one) + bent(y, one), CELL)
+    return CELL_QUADS**2 * spread(bent(x, one) + bent(y, one), CELL_QUADS)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera
-from stereo_reproject.warp.discontinuities import TEAR
-from stereo_reproject.warp.scanline import EDGE_TOLERANCE, MAX_STRETCH
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import pixel_centres
 from tests.warp.bounds import ROUNDINGS, bent, beside, coarse_misses, limits, shift_terms, spread
 from tests.warp.exact import STRICT, passes_of, project, reprojected, traced, where_they_go
@@ -146,7 +145,7 @@ def misses(depth, result, source, target, *, threshold=1.0):
     if not np.array_equal(source.world_from_camera[:3, :3], target.world_from_camera[:3, :3]):
         # A quad may have a centre so far beyond its side, where the next one goes on otherwise; no further than a tear.
         bend = sum(8.0 * bent(p, np.zeros(depth.shape, int)) for p in goes_to)
-        coarse += EDGE_TOLERANCE * np.minimum(_at(bend, x, y), TEAR)
+        coarse += WARP_TUNING.edge_tolerance * np.minimum(_at(bend, x, y), WARP_TUNING.tear_pixels)
     size = 2 * max(width, height) + np.abs(x) + np.abs(y)
     rounding = ROUNDINGS * np.finfo(np.float32).eps * (size + shift_terms(mixed, source, target))
     return off, rounding + coarse + perspective, perspective
@@ -159,7 +158,7 @@ def _sliver(exact, index):
     """
     slanted = np.zeros(exact.x.shape, bool)
     # Turned away as well: then a step to the right is one to the left.
-    slow = np.diff(exact.x, axis=1) < 1.0 / MAX_STRETCH
+    slow = np.diff(exact.x, axis=1) < 1.0 / WARP_TUNING.max_stretch
     one = np.diff(exact.index, axis=1) == 0
     slanted[:, 1:] |= slow & one
     slanted[:, :-1] |= slow & one

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
-from stereo_reproject.warp.grid import CELL, build_grid, lattice_depth
+from stereo_reproject.warp.grid import CELL_QUADS, build_grid, lattice_depth
 from tests.warp.analytic import stereo_rig
 
 IPD = 0.1
@@ -45,7 +45,7 @@ def subdivided_by_definition(depth, threshold, ipd=IPD):
 def one_cell(row=2, column=2, shape=(96, 96)):
     """A frontal plane with a spot in the middle of one cell, well inside."""
     depth = np.full(shape, 5.0)
-    depth[row * CELL + 7, column * CELL + 7] = 4.0
+    depth[row * CELL_QUADS + 7, column * CELL_QUADS + 7] = 4.0
     return depth
 
 
@@ -93,7 +93,7 @@ def test_vertices_on_a_border_count_for_every_cell_that_shares_them(place):
 
 def test_a_nan_subdivides_its_cell():
     depth = np.full((96, 96), 5.0)
-    depth[2 * CELL + 7, 2 * CELL + 7] = np.nan
+    depth[2 * CELL_QUADS + 7, 2 * CELL_QUADS + 7] = np.nan
     subdivided = grid_of(depth).subdivided
     assert subdivided[2, 2]
     assert subdivided.sum() == 5

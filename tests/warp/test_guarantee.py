@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import OrthographicCamera, disparity_per_nearness
 from stereo_reproject.views.parallax import ARC_MINUTE, parallax_difference
-from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.forward import forward_warp
-from stereo_reproject.warp.grid import CELL, ORTHOGRAPHIC_VIEW_ANGLE, build_grid
+from stereo_reproject.warp.grid import CELL_QUADS, build_grid
 from stereo_reproject.warp.scanline import row_disparity_of
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres
 from tests.warp.bounds import ROUNDINGS, most_in_a_cell, px_per_slope
 from tests.warp.exact import Rig, examples, nothing_said, passes_of, reprojected, where_they_go
@@ -139,7 +139,7 @@ def test_coarse_cells_are_as_near_the_native_ones_as_the_threshold_says(data):
     source, target = rig.eyes
     threshold = data.draw(st.sampled_from([0.5, 2.0, 10.0]))
     depth = waves(data, size, threshold)
-    most = data.draw(st.sampled_from([TEAR, np.inf]))
+    most = data.draw(st.sampled_from([WARP_TUNING.tear_pixels, np.inf]))
     with nothing_said():
         grid = build_grid(depth, source, target, threshold=threshold, most=most)
         cuts = {"cut_right": np.zeros((size[1], size[0] - 1), bool), "cut_down": np.zeros((size[1] - 1, size[0]), bool)}
@@ -186,11 +186,11 @@ def test_a_cell_is_coarse_up_to_the_threshold_and_no_further(kind, threshold, sh
     source, target = KINDS[kind].eyes
     far = 3.0
     near = _nearer(source, target, far, share * threshold * ARC_MINUTE)
-    on_it = [(np.arange(1, n + 1) % CELL >= 4) & (np.arange(1, n + 1) % CELL <= 12) for n in (95, 191)]
+    on_it = [(np.arange(1, n + 1) % CELL_QUADS >= 4) & (np.arange(1, n + 1) % CELL_QUADS <= 12) for n in (95, 191)]
     depth = np.where(on_it[0][:, None] & on_it[1], near, far).astype(np.float32)
     cuts = {"cut_right": np.zeros((95, 190), bool), "cut_down": np.zeros((94, 191), bool)}
     with nothing_said():
-        grid = build_grid(depth, source, target, threshold=threshold, most=TEAR)
+        grid = build_grid(depth, source, target, threshold=threshold, most=WARP_TUNING.tear_pixels)
         warp = forward_warp(depth, source, target, grid, **cuts)
     result = SimpleNamespace(warp=warp, grid=grid, reasons=np.zeros(warp.x.shape, np.uint16))
     off, allowed, _ = misses(depth, result, source, target, threshold=threshold)
@@ -205,7 +205,7 @@ def _nearer(source, target, far, angle):
     """The depth that is by so much parallax nearer than `far`."""
     if isinstance(source, OrthographicCamera):
         moved = [where_they_go(source, target, np.full((95, 191), z))[0][0, 0] for z in (far, far - 1.0)]
-        return far - angle * source.width / ORTHOGRAPHIC_VIEW_ANGLE / abs(moved[1] - moved[0])
+        return far - angle * source.width / WARP_TUNING.orthographic_width_radians / abs(moved[1] - moved[0])
     ipd = np.linalg.norm(source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3])
     return 0.5 * ipd / np.tan(np.arctan(0.5 * ipd / far) + 0.5 * angle)
 
@@ -233,7 +233,7 @@ def test_a_minute_in_pixels():
     assert most_in_a_cell(1.0, source, target, 2.0, np.inf, most=np.inf) == pytest.approx(0.776, abs=5e-4)
     source, target = Rig(size=(3840, 2160), ipd=0.065).eyes
     assert most_in_a_cell(1.0, source, target, 2.0, np.inf, most=np.inf) == pytest.approx(1.551, abs=5e-4)
-    assert most_in_a_cell(1.0, source, target, 2.0, np.inf, most=TEAR) == TEAR
+    assert most_in_a_cell(1.0, source, target, 2.0, np.inf, most=WARP_TUNING.tear_pixels) == WARP_TUNING.tear_pixels
 
 
 # What made them necessary
@@ -251,13 +251,13 @@ def test_a_long_lens_makes_no_tear_of_less_than_a_minute(lens):
     source, target = rig.eyes
     result = judged(world, source, target)
     assert not result.wrong.any(), result.worst
-    assert result.off[~result.flagged].max() < TEAR
+    assert result.off[~result.flagged].max() < WARP_TUNING.tear_pixels
     step = disparity_per_nearness(source, target) * (1.0 / 100.0 - 1.0 / 110.0)
-    assert (step > TEAR) == (lens == 5000.0)
+    assert (step > WARP_TUNING.tear_pixels) == (lens == 5000.0)
     assert float(parallax_difference(np.array(100.0), np.array(110.0), 0.065)) < ARC_MINUTE
 
 
-@pytest.mark.parametrize("most", [TEAR, np.inf])
+@pytest.mark.parametrize("most", [WARP_TUNING.tear_pixels, np.inf])
 def test_what_is_nearer_than_the_eyes_are_apart_makes_no_tear_either(most):
     """There the angle saturates: a tenth of a unit between depths of 0.02 and 0.03 is many pixels and few minutes."""
     source, target = Rig(size=(160, 96), ipd=10.0, mode="parallel", lens=30.0).eyes
@@ -301,4 +301,4 @@ def test_what_is_a_pixel_or_two_wide_is_never_lost(width, slope, part):
 
 
 def test_a_cell_is_what_the_formulas_take_it_for():
-    assert CELL == 16
+    assert CELL_QUADS == 16

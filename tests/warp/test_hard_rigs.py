@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import OrthographicCamera, disparity_per_nearness
-from stereo_reproject.warp.discontinuities import TEAR
-from stereo_reproject.warp.grid import PERSPECTIVE
 from stereo_reproject.warp.scanline import row_disparity_of
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, pose
 from tests.warp.bounds import THIRD_DIFFERENCES, px_per_slope
 from tests.warp.exact import Rig, examples, passes_of, reprojected
@@ -149,7 +148,7 @@ def test_perspective_bends_no_coarse_cell(degrees):
     source, target = rig.eyes
     result = judged(World(), source, target)
     told = ~result.flagged & ~result.unknown
-    assert result.off[told].max() <= THIRD_DIFFERENCES * PERSPECTIVE * TEAR
+    assert result.off[told].max() <= THIRD_DIFFERENCES * WARP_TUNING.bend_share * WARP_TUNING.tear_pixels
     subdivided = reprojected(passes_of(np.full(SIZE[::-1], np.inf)), source, target).grid.subdivided
     assert subdivided.any() == (degrees > 0.1)
 

@@ -20,8 +20,9 @@ from stereo_reproject.images.passes import (
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.frustum import Lens
 from stereo_reproject.views.view import View
-from stereo_reproject.warp.mirrors import LEAST, images_in_mirrors
+from stereo_reproject.warp.mirrors import images_in_mirrors
 from stereo_reproject.warp.rendered_view import RenderedView
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
 from tests.warp.pairs import reproject_pair
 
@@ -130,7 +131,7 @@ def test_a_matte_wall_a_dull_mirror_and_a_tiny_one_are_none():
     assert images(behind_by_little, eye) is None
     assert images(without(source, ROUGHNESS_PASS), eye) is not None
     few = np.zeros(SIZE[::-1], bool)
-    side = int(np.sqrt(LEAST * few.size)) - 1
+    side = int(np.sqrt(WARP_TUNING.least_mirror_share * few.size)) - 1
     few[40 : 40 + side, 80 : 80 + side] = True
     assert images({**source, MATERIAL_PASS: few[..., None].astype(np.float32)}, eye) is None
 
@@ -155,7 +156,7 @@ def test_a_ball_has_its_image_elsewhere(radius, shows):
     above = pixel_centres(eye)[1] < SIZE[1] // 2
     source = seen(eye, image=np.where(above, shows, IMAGE)[..., None])
     normal, ball = normals_of_a_ball(eye, radius)
-    assert ball.sum() > 2 * LEAST * ball.size
+    assert ball.sum() > 2 * WARP_TUNING.least_mirror_share * ball.size
     source = {**source, SURFACE_NORMAL_PASS: normal, MATERIAL_PASS: (MIRROR * ball).astype(np.float32)}
     assert images(source, eye) is None
 

@@ -8,9 +8,9 @@ import pytest
 from stereo_reproject.images import bands
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.warp import quads
-from stereo_reproject.warp.discontinuities import TEAR
 from stereo_reproject.warp.grid import build_grid
 from stereo_reproject.warp.quads import draw_quads
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import Plane, World, pixel_centres
 from tests.warp.exact import Rig, passes_of, reprojected
 
@@ -24,7 +24,7 @@ def drawn():
     source, target = Rig(size=SIZE, mode="toe-in", lens=20.0, ipd=6.0, convergence=3.0).eyes
     floor = Plane((0.0, -0.6, 0.0), normal=(0.0, 1.0, 0.0))
     depth = World((floor,)).hit(source, *pixel_centres(source))[0].astype(np.float32)
-    grid = build_grid(depth, source, target, threshold=0.0, most=TEAR)
+    grid = build_grid(depth, source, target, threshold=0.0, most=WARP_TUNING.tear_pixels)
     return draw_quads(depth, source, target, grid, np.zeros((SIZE[1] + 1, SIZE[0] + 1), bool))
 
 
@@ -96,7 +96,7 @@ def test_the_last_row_before_what_is_behind_the_camera_is_whole():
     assert columns.size > 50
     for row in range(2, 88):
         depth = np.float32(np.where(np.arange(90)[:, None] < row, 1.0, near))
-        grid = build_grid(depth, source, target, threshold=0.0, most=TEAR)
+        grid = build_grid(depth, source, target, threshold=0.0, most=WARP_TUNING.tear_pixels)
         x, _, _ = draw_quads(depth, source, target, grid, np.zeros((91, 151), bool))
         shown = ~np.isnan(x[:, columns])
         assert shown[:row].all(), row

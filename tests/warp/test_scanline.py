@@ -10,7 +10,7 @@ import pytest
 
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.warp.forward import Warp, forward_warp, torn_quads
-from stereo_reproject.warp.grid import CELL, build_grid, lattice_depth
+from stereo_reproject.warp.grid import CELL_QUADS, build_grid, lattice_depth
 from stereo_reproject.warp.quads import draw_quads
 from stereo_reproject.warp.scanline import row_disparity_of
 from tests.warp.analytic import camera, pixel_centres, pose, stereo_rig
@@ -95,7 +95,7 @@ def from_the_corners(depth):
     near = 1.0 / lattice_depth(depth).astype(np.float64)[: height + 2, : width + 2]
     for axis in (0, 1):
         size = near.shape[axis]
-        edges = np.append(np.arange(0, size - 1, CELL), size - 1)
+        edges = np.append(np.arange(0, size - 1, CELL_QUADS), size - 1)
         lines = np.moveaxis(near, axis, 0)
         near = np.moveaxis(np.array([np.interp(np.arange(size), edges, line) for line in lines[edges].T]).T, 0, axis)
     return (1.0 / near[1:-1, 1:-1]).astype(np.float32)

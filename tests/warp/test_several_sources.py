@@ -15,7 +15,7 @@ from stereo_reproject.warp.composite import spoilt
 from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.warper import NUMPY, warp_view
 from tests.warp.analytic import Plane, World, camera, pose
-from tests.warp.exact import STRICT, traced
+from tests.warp.exact import STRICT, nothing_said, traced
 from tests.warp.sources import CAMERAS, ROOM, SIZE, WALL, rendered, sources_of
 
 NEARLY_ALL = 0.97
@@ -190,6 +190,24 @@ def test_one_source_is_what_it_is_alone(kind):
     assert seen.warp.source.shape == seen.warp.x.shape
     assert not seen.warp.source.any()
     assert seen.warp.source.strides == (0, 0), "it takes no memory"
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("seed", range(4))
+def test_any_depths_are_merged_without_a_word(kind, seed):
+    """Noise from next to nothing to all that a float32 holds, skies, unknown depths: each has its source's colour."""
+    rng = np.random.default_rng(seed)
+    target, sources = sources_of(kind)
+    for source in sources:
+        depth = source.passes["Depth"]
+        depth[...] = 10.0 ** rng.uniform(*((-30.0, 30.0) if seed % 2 else (-1.0, 2.0)), depth.shape)
+        depth[rng.random(depth.shape) < 0.1] = np.inf
+        depth[rng.random(depth.shape) < 0.1] = np.nan
+    with nothing_said():
+        result = reproject(sources, target, BALANCED)
+        covered = result.warp.covered
+        assert (colours(result)[covered] == (result.warp.source[covered] + 1.0)[:, None]).all()
+    assert (result.reasons[~covered] > 0).all()
 
 
 def test_the_same_source_twice_is_the_first():

@@ -4,7 +4,8 @@ import pytest
 
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.warp import stage as warp_stage
-from stereo_reproject.warp.stage import LEAST_PIXELS, choose_stage, takes
+from stereo_reproject.warp.stage import choose_warper, seconds_taken
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from stereo_reproject.warp.warper import NUMPY, Warper, warp_view
 
 GPU = Warper(warp_view, "A graphics card")
@@ -15,11 +16,11 @@ def never(*_):
 
 
 def test_numpy_is_taken_without_a_look_for_a_gpu():
-    assert choose_stage("numpy", 10 * LEAST_PIXELS, never, never) is NUMPY
+    assert choose_warper("numpy", 10 * WARP_TUNING.least_gpu_pixels, never, never) is NUMPY
 
 
 def test_left_free_a_small_picture_starts_no_gpu():
-    assert choose_stage("auto", LEAST_PIXELS - 1, never, never) is NUMPY
+    assert choose_warper("auto", WARP_TUNING.least_gpu_pixels - 1, never, never) is NUMPY
 
 
 @pytest.mark.parametrize(("faster", "chosen"), [(True, GPU), (False, NUMPY)])
@@ -30,17 +31,17 @@ def test_left_free_a_large_picture_has_the_faster_one(faster, chosen):
         measured.append(stage)
         return faster
 
-    assert choose_stage("auto", LEAST_PIXELS, lambda: GPU, is_faster) is chosen
+    assert choose_warper("auto", WARP_TUNING.least_gpu_pixels, lambda: GPU, is_faster) is chosen
     assert measured == [GPU]
 
 
 def test_what_was_asked_for_is_not_measured():
-    assert choose_stage("gpu", 1, lambda: GPU, never) is GPU
+    assert choose_warper("gpu", 1, lambda: GPU, never) is GPU
 
 
 @pytest.mark.parametrize("asked", ["auto", "gpu"])
 def test_without_a_gpu_it_is_numpy(asked):
-    assert choose_stage(asked, LEAST_PIXELS, lambda: None, never) is NUMPY
+    assert choose_warper(asked, WARP_TUNING.least_gpu_pixels, lambda: None, never) is NUMPY
 
 
 def test_the_seconds_are_those_of_the_run(monkeypatch):
@@ -51,7 +52,7 @@ def test_the_seconds_are_those_of_the_run(monkeypatch):
         assert warper is GPU
         now[0] += 2.5
 
-    assert takes(work, GPU) == 2.5
+    assert seconds_taken(work, GPU) == 2.5
 
 
 def test_for_a_frame_on_its_own_measuring_costs_more_than_it_saves():

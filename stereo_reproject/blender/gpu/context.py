@@ -13,18 +13,18 @@ import bpy
 import gpu
 
 EGL_OPENGL_API, EGL_NONE, EGL_PLATFORM_SURFACELESS = 0x30A2, 0x3038, 0x31DD
-PIXELS = (0x3033, 0x0001, 0x3040, 0x0008, EGL_NONE)
+CONFIG_ATTRIBUTES = (0x3033, 0x0001, 0x3040, 0x0008, EGL_NONE)
 """EGL_SURFACE_TYPE: EGL_PBUFFER_BIT, EGL_RENDERABLE_TYPE: EGL_OPENGL_BIT."""
 
-VERSION = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
+CONTEXT_ATTRIBUTES = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
 """EGL_CONTEXT_MAJOR_VERSION and MINOR_VERSION, those that Blender asks for, EGL_CONTEXT_OPENGL_PROFILE_MASK: core."""
 
 
 def started() -> bool:
-    """Whether the gpu module can be used in this thread, the main one; without a window that takes Blender 5.2.
+    """Return whether the gpu module can be used in this thread, the main one; without a window that takes Blender 5.2.
 
-    Where a driver that is amiss would end the process, and where nobody has tried, it cannot. Raises SystemError where
-    Blender says so.
+    It cannot where a driver that is amiss would end the process, nor where nobody has tried. Raises SystemError where
+    Blender has no GPU.
     """
     if not bpy.app.background:
         # Metal counts in textures only if they are made for it, which the gpu module does not do.
@@ -40,9 +40,9 @@ def _prefers_another_backend() -> bool:
 
 
 def _makes_contexts() -> bool:
-    """Whether there is an OpenGL without a window. Blender 5.2 does not ask: without, gpu.init() ends the process.
+    """Return whether OpenGL works without a window. Where it does not, Blender 5.2's gpu.init() ends the process.
 
-    What is opened here stays open: it is one for the whole process, and someone else may be drawing with it.
+    The display that is opened here stays open: the process has one, and someone else may be drawing with it.
     """
     try:
         egl = ctypes.CDLL("libEGL.so.1")
@@ -59,8 +59,10 @@ def _makes_context(egl: ctypes.CDLL, address: int | None) -> bool:
     display, config, found = ctypes.c_void_p(address), ctypes.c_void_p(), ctypes.c_int()
     if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(EGL_OPENGL_API):
         return False
-    egl.eglChooseConfig(display, _numbers(PIXELS), ctypes.byref(config), 1, ctypes.byref(found))
-    context = ctypes.c_void_p(egl.eglCreateContext(display, config, None, _numbers(VERSION)) if found.value else None)
+    egl.eglChooseConfig(display, _numbers(CONFIG_ATTRIBUTES), ctypes.byref(config), 1, ctypes.byref(found))
+    context = ctypes.c_void_p(
+        egl.eglCreateContext(display, config, None, _numbers(CONTEXT_ATTRIBUTES)) if found.value else None
+    )
     if context:
         egl.eglDestroyContext(display, context)
     return bool(context)
@@ -72,7 +74,7 @@ def _numbers(values: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
 
 @contextlib.contextmanager
 def in_silence() -> Iterator[None]:
-    """Keep to ourselves what Blender and drivers say of what does not work: stdout and stderr, theirs and Python's."""
+    """Keep stdout and stderr silent, Python's and those of Blender and drivers, which report what does not work."""
     kept = {}
     with tempfile.TemporaryFile() as said, contextlib.ExitStack() as restored:
         for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):

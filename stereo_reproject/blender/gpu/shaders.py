@@ -1,4 +1,4 @@
-"""The compute shaders of the warp: what each is made of, what it is given, and how it is compiled.
+"""The compute shaders of the warp: their sources, their resources, and how they are compiled.
 
 All pictures are textures, row 0 first. There are no doubles: what needs them is computed beforehand. Resources have
 the same name and kind in all shaders: see SAMPLERS, IMAGES and CONSTANTS.
@@ -81,7 +81,7 @@ CONSTANTS = {
 
 @dataclass(frozen=True)
 class Program:
-    """A compute shader: its source, the names of what it is given, and the size of its groups."""
+    """A compute shader: its source, the names of its resources, and the size of its groups."""
 
     source: str
     samplers: tuple[str, ...]
@@ -151,7 +151,7 @@ PROGRAMS = {
 
 
 def compile_program(program: Program) -> gpu.types.GPUShader:
-    """The shader, ready to be dispatched; raises what the gpu module does where it cannot be."""
+    """Return the shader, ready to be dispatched. Raises what the gpu module raises where it does not compile."""
     info = gpu.types.GPUShaderCreateInfo()
     for slot, name in enumerate(program.samplers):
         info.sampler(slot, SAMPLERS[name], name)

@@ -1,4 +1,4 @@
-"""Arrays to the GPU and back, and shaders run on them: what of the gpu module the warp needs."""
+"""Arrays sent to the GPU and back, and shaders run on them: the part of the gpu module that the warp needs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NoRoomError(RuntimeError):
 
 @cache
 def shader(name: str) -> gpu.types.GPUShader:
-    """One of `shaders.PROGRAMS`, compiled when it is first needed."""
+    """Return one of `shaders.PROGRAMS` by its name, compiled when it is first needed."""
     return compile_program(PROGRAMS[name])
 
 
@@ -32,8 +32,10 @@ atexit.register(shader.cache_clear)
 
 
 def fold(width: int, height: int, texels: int) -> tuple[int, int] | None:
-    """Texels in a line and lines in a row of a picture of so many texels a pixel, None where no texture is large enough
-    for it."""
+    """Return texels in a line, and lines in a row, of a texture that holds a picture of so many texels a pixel.
+
+    None where no texture is large enough.
+    """
     limit, row = gpu.capabilities.max_texture_size_get(), width * texels
     for lines in range(-(-row // limit), limit // height + 1):
         if row % lines == 0:
@@ -42,16 +44,15 @@ def fold(width: int, height: int, texels: int) -> tuple[int, int] | None:
 
 
 def uploaded(values: NDArray[np.float32], size: tuple[int, int], *, lanes: int = 1) -> gpu.types.GPUTexture:
-    """A texture of 1 or 4 floats a texel, size (width, height), with values of that number in all."""
+    """Return a texture of size (width, height), of 1 or 4 floats (lanes) a texel, that holds the values."""
     flat = np.ascontiguousarray(values, np.float32).ravel()
     return _texture(size, "R32F" if lanes == 1 else "RGBA32F", gpu.types.Buffer("FLOAT", flat.size, flat))
 
 
 def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
-    """(height, width) or (height, width, 4) float32 of a texture of floats, uint32 of one of unsigned integers; signed
-    ones Blender does not read.
+    """Return the values (height, width) or (height, width, 4) of a texture, float32 or uint32 as it holds them.
 
-    Nothing is copied.
+    Blender reads no signed integers. Nothing is copied.
     """
     return np.asarray(texture.read())
 
@@ -67,7 +68,7 @@ class ShaderRun:
     textures: dict[str, gpu.types.GPUTexture] = field(default_factory=dict)
 
     def create(self, name: str, size: tuple[int, int], *, fill: int | None = None) -> gpu.types.GPUTexture:
-        """A texture to be written, size (width, height)."""
+        """Return a new texture of size (width, height), to be written by shaders."""
         kind, access, _ = IMAGES[f"{name}_image"]
         texture = _texture(size, kind)
         if fill is not None:
@@ -81,7 +82,10 @@ class ShaderRun:
             self.textures.pop(name, None)
 
     def run(self, name: str, size: tuple[int, int], *, layers: int = 1, **constants: Constant) -> None:
-        """Run a shader on each of (width, height) places, as many times as there are layers."""
+        """Run the shader of this name once for each of (width, height) places, in each of so many layers.
+
+        constants take the place of the run's own.
+        """
         program, compiled = PROGRAMS[name], shader(name)
         compiled.bind()
         for sampler in program.samplers:

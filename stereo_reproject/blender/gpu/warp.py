@@ -1,4 +1,4 @@
-"""The warp stage on the GPU: what `warper.warp_view` does with numpy, by the compute shaders of `shaders`.
+"""The warp on a GPU, by the compute shaders of `shaders`: the same view as NumPy's `warper.warp_view` makes.
 
 The grid is numpy's: judging its cells takes 5 ms at 1920 x 1080, wants doubles, and everything on the GPU would wait
 for the answer. All that follows stays there, and every picture goes there and comes back once.
@@ -29,26 +29,26 @@ from ...views.camera import (
 from ...views.view import View
 from ...warp import warper
 from ...warp.composite import passes_seen
-from ...warp.discontinuities import TEAR
 from ...warp.forward import Warp
-from ...warp.grid import CELL, Grid, build_grid
+from ...warp.grid import CELL_QUADS, Grid, build_grid
 from ...warp.options import WarpOptions
 from ...warp.rendered_view import RenderedView
 from ...warp.scanline import RowDisparity, row_disparity_of
+from ...warp.tuning import TUNING as WARP_TUNING
 from ...warp.warped_view import WarpedView
 from ...warp.warper import DEFAULTS, Warper
 from .context import in_silence, started
 from .textures import Constant, NoRoomError, ShaderRun, downloaded, fold, uploaded
 
-NOTHING, LOWEST = -1, -(2**31)
-"""Keys that are less than any that an owner has, of intervals and of nearness."""
+NO_INTERVAL_KEY, NO_QUAD_KEY = -1, -(2**31)
+"""Keys of a pixel that nothing covers yet, smaller than any key of an interval, or of a quad."""
 
-SAME_COLOUR, SAME_COVERAGE = 1e-3, 0.01
-"""What may be between the GPU and numpy in the trial, in colour, and as a share of the few pixels there."""
+MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
+"""Difference of a colour, and share of the few pixels of the trial, by which the GPU and NumPy may differ."""
 
 
 def usable() -> str | None:
-    """The GPU's name, None where there is none that warps as numpy does. Tried once per process, in silence.
+    """Return the GPU's name; None where there is none that warps as NumPy does. Tried once per process, in silence.
 
     None in any thread but the main one, whose GPU it is.
     """
@@ -106,7 +106,7 @@ def _fits(source: RenderedView, target: View) -> bool:
 def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> WarpedView:
     """Return the warped view. Raises NoRoomError where something does not fit, and what a driver raises."""
     camera, other = source.camera, target.camera
-    grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=TEAR)
+    grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=WARP_TUNING.tear_pixels)
     shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
     try:
         shaders.create("cut", _size(camera))
@@ -129,7 +129,7 @@ def _size(camera: Camera) -> tuple[int, int]:
 
 
 def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
-    """Return what all shaders are given; the depth (H, W, 1) and the grid are among it."""
+    """Return the resources of all shaders of one warp: constants, the source's depth (H, W, 1) and the grid."""
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
         "source_size": _size(source),
@@ -143,41 +143,49 @@ def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid
 
 
 def _warped(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
-    """The warp (H, W), whose textures stay as well: "x", "y" and "near"."""
-    shift = row_disparity_of(source, target)
+    """Return the map; its textures stay in the run for later shaders: "x", "y" and "near"."""
+    disparity = row_disparity_of(source, target)
     for name in ("x", "y", "near"):
         shaders.create(name, _size(target))
-    if shift is None:
+    if disparity is None:
         _draw(shaders, source, target)
     else:
-        _along_rows(shaders, source, target, shift)
+        _along_rows(shaders, source, target, disparity)
     shaders.drop("cut", "split", "owner")
     return Warp(*(downloaded(shaders.textures[name]) for name in ("x", "y", "near")))
 
 
-def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, shift: RowDisparity) -> None:
-    """As `scanline.warp_rows` does."""
+def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, disparity: RowDisparity) -> None:
+    """Draw the rows of a rectified pair into the textures of the map, as `scanline.warp_rows` does."""
     width, height = _size(source)
     shaders.create("corner", (width + 2, height))
-    shaders.run("corners", (width + 2, height), shift_line=(shift.offset, shift.per_nearness))
-    shaders.create("owner", _size(target), fill=NOTHING)
-    key_way = (width, -1) if shift.per_nearness > 0.0 else (0, 1)
+    shaders.run("corners", (width + 2, height), shift_line=(disparity.offset, disparity.per_nearness))
+    shaders.create("owner", _size(target), fill=NO_INTERVAL_KEY)
+    key_way = (width, -1) if disparity.per_nearness > 0.0 else (0, 1)
     shaders.run("intervals", (width + 1, height), key_way=key_way)
     shaders.run("places", _size(target), key_way=key_way)
     shaders.drop("corner")
 
 
 def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
-    """As `quads.draw_quads` does; with no depth test of the GPU's, whose corners it would round to 1/256 px."""
+    """Draw the quads into the textures of the map, as `quads.draw_quads` does.
+
+    The depth test is the shaders': the GPU's own would round corners to 1/256 pixel.
+    """
     width, height = _size(source)
     moves = _moves(source, target)
     shaders.create("vertex", (width + 2, height + 2))
     shaders.run("vertices", (width + 2, height + 2), **moves)
     for name in ("owner", "drawn"):
-        shaders.create(name, _size(target), fill=LOWEST)
+        shaders.create(name, _size(target), fill=NO_QUAD_KEY)
     broad = shaders.create("broad", (1, 1), fill=0)
     for to_settle in (0, 1):
-        shaders.run("draw", (-(-(width + 1) // CELL), -(-(height + 1) // CELL)), quad_span=CELL, to_settle=to_settle)
+        shaders.run(
+            "draw",
+            (-(-(width + 1) // CELL_QUADS), -(-(height + 1) // CELL_QUADS)),
+            quad_span=CELL_QUADS,
+            to_settle=to_settle,
+        )
         shaders.run("draw", (width + 1, height + 1), quad_span=1, to_settle=to_settle)
     shaders.run("settled", _size(target))
     if downloaded(broad).any():
@@ -186,7 +194,7 @@ def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
 
 
 def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """(H, W) as `empty.empty_reasons` has it."""
+    """Return (H, W) the flags that `empty.empty_reasons` returns."""
     for name in ("before", "after"):
         shaders.create(name, _size(target))
     shaders.run("neighbours", (target.height, 1))
@@ -197,7 +205,7 @@ def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uin
 
 
 def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """(H, W) as `composite` has it."""
+    """Return (H, W) the depth that the target sees, as `composite.warp_passes` computes it."""
     result = shaders.create("result", _size(target))
     shaders.run("depth", _size(target), **_moves(source, target))
     shaders.drop("depth", "result")
@@ -205,12 +213,12 @@ def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray
 
 
 def _lanes(image: NDArray) -> int:
-    """How many channels of a pass are looked up at once."""
+    """Return the number of channels of a pass that are looked up at once."""
     return 4 if image.shape[-1] == 4 else 1
 
 
 def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
-    """(h, w, C): `lookup.lookup` of a pass (H, W, C)."""
+    """Return (h, w, C) a pass (H, W, C) as `images.lookup.lookup` looks it up. Raises NoRoomError."""
     height, width, channels = image.shape
     lanes = _lanes(image)
     texels = channels // lanes
@@ -227,11 +235,11 @@ def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target:
 
 
 def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
-    """How far a point of the source moves, as `warp_source.MOVE` computes it.
+    """Return the coefficients by which `warp_source.MOVE` computes how a point of the source moves.
 
-    By coefficients of (x, y, 1, nearness or depth), x and y in pixels from the middle of the picture. Of a place in the
-    target, a quotient, the place in the source is taken away before the division and not after it: what is left is
-    small, and so are its errors.
+    They are those of (x, y, 1, nearness or depth), x and y in pixels from the middle of the picture. A place in the
+    target is a quotient; the place in the source is subtracted before the division, so that small numbers are divided,
+    and errors are small.
     """
     parallel = isinstance(source, OrthographicCamera)
     plane, other = source.plane, target.plane
@@ -259,8 +267,8 @@ def _agrees(yaw: float, interpolation: str) -> bool:
     options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
     ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
     both = ours.warp.covered & numpys.warp.covered
-    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > SAME_COLOUR
-    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= SAME_COVERAGE
+    apart = np.abs(ours.passes[COLOUR_PASS] - numpys.passes[COLOUR_PASS]).max(axis=-1) > MAX_TRIAL_DIFFERENCE
+    return float(np.mean(ours.empty != numpys.empty) + np.mean(apart & both)) <= MAX_TRIAL_SHARE
 
 
 def _trial(yaw: float) -> tuple[RenderedView, View]:

@@ -10,22 +10,22 @@ from __future__ import annotations
 from ...images.bands import PIXELS
 from ...images.reasons import Reason
 from ...views.camera import OrthographicCamera
-from ...warp.discontinuities import TEAR
-from ...warp.grid import CELL
-from ...warp.quads import AS_NEAR, LARGEST_AREA
-from ...warp.scanline import BROAD, EDGE_TOLERANCE, FARTHEST, LARGEST, MAX_STRETCH
+from ...warp.grid import CELL_QUADS
+from ...warp.quads import LARGEST_AREA_PIXELS
+from ...warp.scanline import FARTHEST_PIXELS, LARGEST_NEARNESS
+from ...warp.tuning import TUNING as WARP_TUNING
 
 COMMON = f"""
-#define CELL {CELL}
-#define TEAR {float(TEAR)}
-#define MAX_STRETCH {float(MAX_STRETCH)}
-#define FARTHEST {float(FARTHEST)}
-#define LARGEST {float(LARGEST)}
-#define AS_NEAR {float(AS_NEAR)}
-#define LARGEST_AREA {float(LARGEST_AREA)}
+#define CELL_QUADS {CELL_QUADS}
+#define TEAR {float(WARP_TUNING.tear_pixels)}
+#define MAX_STRETCH {float(WARP_TUNING.max_stretch)}
+#define FARTHEST {float(FARTHEST_PIXELS)}
+#define LARGEST {float(LARGEST_NEARNESS)}
+#define AS_NEAR {float(WARP_TUNING.same_nearness_share)}
+#define LARGEST_AREA {float(LARGEST_AREA_PIXELS)}
 #define SKY_DEPTH {float(OrthographicCamera.SKY_DEPTH)}
 #define SKY_BEGIN {float(OrthographicCamera.SKY_DEPTH * (1.0 - OrthographicCamera.SKY_ROUNDING))}
-#define EDGE_TOLERANCE {float(EDGE_TOLERANCE)}
+#define EDGE_TOLERANCE {float(WARP_TUNING.edge_tolerance)}
 #define DISOCCLUDED {Reason.DISOCCLUDED.value}u
 #define OUTSIDE {Reason.OUTSIDE.value}u
 #define CUT_RIGHT 1u
@@ -34,7 +34,7 @@ COMMON = f"""
 #define NO_NUMBER uintBitsToFloat(0x7fc00000u)
 #define INFINITE uintBitsToFloat(0x7f800000u)
 #define NOWHERE uintBitsToFloat(0xff800000u)
-#define BROAD {BROAD}
+#define BROAD {WARP_TUNING.broad_pixels}
 #define MOST {PIXELS}
 #define HIGHEST int(0x7ffffffeu)
 #define LOWEST int(0x80000000u)
@@ -66,7 +66,7 @@ vec2 moved_by(vec4 ray) {
 """
 
 SPLIT = """
-bool is_split(ivec2 quad) { return texelFetch(split_map, quad / CELL, 0).x > 0.0; }
+bool is_split(ivec2 quad) { return texelFetch(split_map, quad / CELL_QUADS, 0).x > 0.0; }
 """
 
 TORN = """
@@ -121,14 +121,14 @@ float nearness_at(ivec2 vertex) {
 float end_nearness(int column, int row) {
   bool fine = is_split(ivec2(min(column, source_size.x), row)) || (column > 0 && is_split(ivec2(column - 1, row)));
   if (fine) return nearness_at(ivec2(column, row));
-  int top = row / CELL * CELL, bottom = min(top + CELL, source_size.y + 1);
+  int top = row / CELL_QUADS * CELL_QUADS, bottom = min(top + CELL_QUADS, source_size.y + 1);
   float down = float(row - top) / float(bottom - top);
   float first = clamp(nearness_at(ivec2(column, top)), -LARGEST, LARGEST);
   float last = clamp(nearness_at(ivec2(column, bottom)), -LARGEST, LARGEST);
   return first * (1.0 - down) + last * down;
 }
 float nearness_within(int column, int row) {
-  int left = column / CELL * CELL, right = min(left + CELL, source_size.x + 1);
+  int left = column / CELL_QUADS * CELL_QUADS, right = min(left + CELL_QUADS, source_size.x + 1);
   float across = float(column - left) / float(right - left);
   float first = end_nearness(left, row), last = end_nearness(right, row);
   return first + across * (last - first);
@@ -137,7 +137,7 @@ void main() {
   ivec2 corner = ivec2(gl_GlobalInvocationID.xy);
   if (corner.x >= source_size.x + 2 || corner.y >= source_size.y) return;
   int column = corner.x, row = corner.y + 1;
-  bool inside = column % CELL != 0 && column <= source_size.x && !is_split(ivec2(column, row));
+  bool inside = column % CELL_QUADS != 0 && column <= source_size.x && !is_split(ivec2(column, row));
   float near_by = inside ? nearness_within(column, row) : end_nearness(column, row);
   near_by = is_nan(near_by) ? 0.0 : clamp(near_by, -LARGEST, LARGEST);
   float shift = clamp(shift_line.x + shift_line.y * near_by, -FARTHEST, FARTHEST);
@@ -244,7 +244,7 @@ int ordered(float value) {
 }
 // Or beside what is left out as in quads._left_out, for a corner behind the target's camera, or beside a coarse cell.
 bool is_beside_tear(ivec2 quad) {
-  ivec2 size = cell_count * CELL;
+  ivec2 size = cell_count * CELL_QUADS;
   for (int y = max(quad.y - 1, 0); y <= min(quad.y + 1, size.y - 1); y++)
     for (int x = max(quad.x - 1, 0); x <= min(quad.x + 1, size.x - 1); x++)
       if (x > source_size.x || y > source_size.y || !is_split(ivec2(x, y)) || is_torn(ivec2(x, y))) return true;
@@ -297,7 +297,7 @@ void main() {
 SETTLED = """
 // Place and nearness.
 vec3 point_in(ivec2 start, bool fine, vec2 centre) {
-  ivec2 end = fine ? start + 1 : min(start + CELL, source_size + 1);
+  ivec2 end = fine ? start + 1 : min(start + CELL_QUADS, source_size + 1);
   vec3 a = texelFetch(vertex_map, start, 0).xyz, b = texelFetch(vertex_map, ivec2(end.x, start.y), 0).xyz;
   vec3 c = texelFetch(vertex_map, ivec2(start.x, end.y), 0).xyz, d = texelFetch(vertex_map, end, 0).xyz;
   vec2 size = vec2(end - start);

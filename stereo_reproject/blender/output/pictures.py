@@ -14,7 +14,7 @@ from ...errors import BadInputError
 from ...images.metrics import tone
 from ...images.reasons import Reason
 from ...jobs.plain_paths import plain_path
-from ...warp.grid import CELL, Grid
+from ...warp.grid import CELL_QUADS, Grid
 
 COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.DISOCCLUDED: (230, 60, 50),
@@ -129,9 +129,9 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     strength = np.full(picture.shape[:2], 0, np.uint8)
     fine = _cells_in_pixels(grid, scale)
     for native, weight in ((True, 64), (False, 204)):
-        strength[_lines(picture.shape[:2], scale, 1 if native else CELL, diagonals=not native) & (fine == native)] = (
-            weight
-        )
+        strength[
+            _lines(picture.shape[:2], scale, 1 if native else CELL_QUADS, diagonals=not native) & (fine == native)
+        ] = weight
     for k, value in enumerate(GRID_COLOUR):
         dimmed = picture[..., k].astype(np.uint16) * 3 // 5
         picture[..., k] = (dimmed * (255 - strength) + np.uint16(value) * strength) // 255
@@ -140,8 +140,8 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
 
 def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:
     """(H, W) of the enlarged picture: whether a pixel lies in a subdivided cell. Vertices stand at pixel centres."""
-    rows = (np.arange(grid.height * scale) / scale + 0.5).astype(np.intp) // CELL
-    columns = (np.arange(grid.width * scale) / scale + 0.5).astype(np.intp) // CELL
+    rows = (np.arange(grid.height * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
+    columns = (np.arange(grid.width * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
     return grid.subdivided[np.ix_(rows, columns)]
 
 

@@ -21,11 +21,12 @@ from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.view import View
-from stereo_reproject.warp.discontinuities import TEAR, disparity_of, disparity_steps
+from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
 from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.rendered_view import RenderedView
+from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from stereo_reproject.warp.warper import NUMPY, Warper
 from tests.bench.warp.profile import profiled
 from tests.bench.warp.scenes import CONVERGENCE, INTEROCULAR, SCENES, eyes
@@ -71,8 +72,9 @@ class Stage:
         """The grid, and where each target pixel comes from, without steps in depth: none of these scenes' cells that
         are coarse has one."""
         depth = self.source[DEPTH_PASS][..., 0]
-        grid = build_grid(depth, *self._eyes, threshold=self._threshold, most=TEAR)
-        forward_warp(depth, *self._eyes, grid, cut_right=self._cuts.right > TEAR, cut_down=self._cuts.down > TEAR)
+        grid = build_grid(depth, *self._eyes, threshold=self._threshold, most=WARP_TUNING.tear_pixels)
+        cut_right, cut_down = self._cuts.torn()
+        forward_warp(depth, *self._eyes, grid, cut_right=cut_right, cut_down=cut_down)
 
     def warp_view(self, warp: Warper) -> Reprojection:
         """Raises BadInputError where a GPU has left it to numpy, in the first run or in a later one."""

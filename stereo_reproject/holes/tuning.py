@@ -1,0 +1,55 @@
+"""The tuned numbers of the hole rules; what an accuracy setting chooses is in `settings.accuracy`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class HoleTuning:
+    """Numbers that were chosen by judgement or measurement; each says by which."""
+
+    max_flagged_weight: float = 0.02
+    """Share of a looked-up colour that may come from a pixel that must not be looked up: less hardly shows."""
+    fur_pixels: int = 3
+    """Pixels each way within which nothing but hair makes it fur: as many as the sides of an edge are taken from."""
+
+    # Silhouettes.
+    side_window_pixels: int = 3
+    """Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
+    least_side_pixels: int = 4
+    """Pixels that a side must have in the window for its colour to be known: fewer have no variance to speak of."""
+    unseen_difference: float = 1e-3
+    """Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
+
+    # Thin things.
+    thin_step_pixels: float = 0.1
+    """Pixels in the target by which the mean of a pixel's samples puts it nearer than the first sample does, from which
+    something thin stands before it: the smallest step of any accuracy setting."""
+    surface_reach_pixels: int = 1
+    """Pixels each way: what holds a square of this reach is a surface and not thin."""
+    least_covered_share: float = 0.1
+    """Share of a pixel that something thin is taken to cover at least, and so how near it may be: less hardly shows."""
+    isolated_reach_pixels: int = 3
+    """Pixels each way among which those of a wire are few."""
+    isolated_share: float = 1.0 / 3.0
+    """Largest share of those pixels that counts as few: two wires that cross have two sevenths."""
+    max_search_pixels: int = 8
+    """Pixels, at most, by which a thin thing is looked for beside the place that its depth tells."""
+
+    # Defocus.
+    least_blur_pixels: float = 1.0
+    """Radius of a circle of confusion from which an edge is more than a silhouette: a pixel filter reaches as far."""
+    blur_reach_pixels: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128)
+    """Pixels around an edge that are looked at: the first that is no less than its circle of confusion, or the last."""
+    misplaced_share: float = 0.5
+    """Share of the step in disparity by which what is seen through a blurred edge is off: it is warped with either
+    side, and so by half of it in the mean."""
+
+    # Transmission.
+    error_margin: float = 2.0
+    """Factor by which the error to be expected must exceed the allowed one: how far behind a surface things are is a
+    guess, and probes tell of the rest."""
+
+
+TUNING = HoleTuning()
