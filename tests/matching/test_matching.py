@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.metrics import tone
-from stereo_reproject.matching.matching import Correction, Traced, correction_of, match, ring_of
+from stereo_reproject.matching.matching import Correction, TracedPixels, correction_of, match, ring_of
 
 HEIGHT, WIDTH = 40, 60
 
@@ -38,7 +38,7 @@ class Room:
         domain = self.holes | ring
         fields = [self.light + self.seen, self.seen, self.albedo, 0.0 * self.albedo, self.normal]
         depth = np.divide(1.0, self.nearness, out=np.zeros_like(self.nearness), where=self.nearness > 0.0)
-        traced = Traced(
+        traced = TracedPixels(
             *(field[domain].astype(np.float32) for field in (*fields, self.nearness, depth)), self.refracts[domain]
         )
         doubted = np.zeros_like(domain) if doubted is None else doubted
