@@ -12,12 +12,12 @@ from ..images.lookup import lookup
 from ..images.passes import (
     COLOUR_PASS,
     DEPTH_PASS,
-    OF_SOURCE,
     POSITION_PASS,
+    SOURCE_ONLY_PASSES,
     VECTOR_PASS,
     Passes,
-    decides,
     filtered,
+    is_essential,
     known_depth,
 )
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
@@ -69,7 +69,7 @@ def passes_seen(
 ) -> Passes:
     """`warp_passes` by any means: seen (H, W) is the depth that the target, the second of the cameras, sees.
 
-    Passes that say nothing of the target (`passes.OF_SOURCE`) are left out.
+    Passes that say nothing of the target (`passes.SOURCE_ONLY_PASSES`) are left out.
     """
     warped: Passes = {}
     for name, image in source.items():
@@ -80,7 +80,7 @@ def passes_seen(
         elif name == VECTOR_PASS:
             eyes = motion or (standing_still(cameras[0]), standing_still(cameras[1]))
             warped[name] = warp_motion(image, source[DEPTH_PASS], warp, *eyes, seen)
-        elif name not in OF_SOURCE:
+        elif name not in SOURCE_ONLY_PASSES:
             how = colour_interpolation if name == COLOUR_PASS and colour_interpolation else interpolation
             warped[name] = look_up(image, how if filtered(name) else "nearest")
     return warped
@@ -156,15 +156,15 @@ def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
     """The passes with NaN and infinities set to 0, and (H, W) where one that decides had any; depth keeps its
     infinities.
 
-    Nothing else follows from a pass that does not decide (`passes.decides`): a whole surface may have an AOV that is no
-    number, and another trace of it would be none either.
+    Nothing else follows from a pass that does not decide (`passes.is_essential`): a whole surface may have an AOV that
+    is no number, and another trace of it would be none either.
     """
     clean, invalid = dict(passes), np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     if DEPTH_PASS in passes:
         clean[DEPTH_PASS] = known_depth(passes[DEPTH_PASS])
     for name, pixels in not_numbers(passes).items():
         clean[name] = np.where(np.isfinite(passes[name]), passes[name], 0.0).astype(np.float32)
-        if decides(name):
+        if is_essential(name):
             invalid |= pixels
     return clean, invalid
 
@@ -177,7 +177,7 @@ def spoilt(lost: Mapping[str, NDArray[np.bool_]], warp: Warp, *, interpolation: 
     """
     found: dict[str, NDArray[np.bool_]] = {}
     for name, pixels in lost.items():
-        if name != POSITION_PASS and not decides(name):
+        if name != POSITION_PASS and not is_essential(name):
             how = interpolation if filtered(name) else "nearest"
             found[name] = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0] != 0.0
     return found

@@ -78,7 +78,7 @@ class Images:
 def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: float) -> Images | None:
     """What mirrors show, None where none is seen or where the passes do not tell.
 
-    source holds depth, the materials and passes.OF_SOURCE, of which the roughness may be missing.
+    source holds depth, the materials and passes.SOURCE_ONLY_PASSES, of which the roughness may be missing.
     """
     shown = materials_of(source)
     if shown is None or not {LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS} <= set(source):

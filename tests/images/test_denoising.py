@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.images.contrast import box_sum
-from stereo_reproject.images.denoising import WINDOW, WINDOWS, Denoising, denoise_source, denoise_target, noise_left
+from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target, noise_left
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
+from stereo_reproject.images.tuning import TUNING
 
 NOISE = 0.05
 ROUGHLY = 0.2
@@ -69,7 +70,7 @@ def test_a_picture_of_any_size_has_windows(shape):
 
     left = noise_left(picture(shape), denoise)
     assert 0.0 < left <= 1.0
-    assert set(sizes) == {WINDOW if len(sizes) == WINDOWS[0] * WINDOWS[1] else shape}
+    assert set(sizes) == {TUNING.denoise_window_px if len(sizes) == int(np.prod(TUNING.denoise_windows)) else shape}
 
 
 def test_the_source_keeps_its_alpha_and_its_noisy_pixels():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.ranges import HALF_MAX, range_warnings
+from stereo_reproject.images.ranges import MAX_HALF_FLOAT, range_warnings
 
 SHAPE = (4, 5)
 
@@ -16,7 +16,7 @@ def eye(**changes):
 @pytest.mark.parametrize("half", [False, True])
 def test_an_ordinary_eye_is_passed_without_a_word(half):
     passes = eye(Position=3, CryptoObject00=4)
-    passes["Combined"][0, 0] = HALF_MAX
+    passes["Combined"][0, 0] = MAX_HALF_FLOAT
     passes["Position"][:] = -1e6
     passes["CryptoObject00"][:] = 1e30
     assert range_warnings(passes, view="left", half=half) == []

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.sample_count import MIN_SAMPLES, sample_count
+from stereo_reproject.images.sample_count import sample_count
+from stereo_reproject.images.tuning import TUNING
 
 SHAPE = (60, 80)
 
@@ -43,4 +44,4 @@ def test_what_cannot_be_told_is_not_guessed():
     assert sample_count(rng.random((*SHAPE, 2), np.float32), None, 4096) is None
     # All edges alike: a half is one of two samples, or fifty of a hundred.
     assert sample_count(np.full((*SHAPE, 2), 0.5, np.float32), None, 4096) is None
-    assert sample_count(coverage(MIN_SAMPLES - 1), None, 4096) is None
+    assert sample_count(coverage(TUNING.min_samples - 1), None, 4096) is None

@@ -1,4 +1,4 @@
-"""What Cycles tells of the way that a pixel's rays take, for thin things and mirrors: passes.OF_SOURCE."""
+"""What Cycles tells of the way that a pixel's rays take, for thin things and mirrors: passes.SOURCE_ONLY_PASSES."""
 
 from __future__ import annotations
 
