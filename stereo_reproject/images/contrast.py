@@ -18,14 +18,18 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Contrast:
-    """Variances (H, W) of colour around each pixel, after `tone`: of the scene itself, and of a single pixel's noise."""
+    """Variances of the colour around each pixel, after `tone`.
+
+    signal (H, W) is that of the scene itself, which a render without noise would have; noise (H, W) is that of a single
+    pixel's noise.
+    """
 
     signal: NDArray[np.float32]
     noise: NDArray[np.float32]
 
 
 def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
-    """Return the contrast of a scene-linear colour (H, W, >= 3), of which only the pixels set in known (H, W) count.
+    """Return the contrast of a scene-linear colour (H, W, >= 3); only the pixels set in known (H, W) count.
 
     The noise is the variance of pixels around their 3 x 3 mean; the part of it that this mean still has is taken out of
     the signal.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 TILE_PX = 16
 """Side of a tile in `worst_tiles`, in pixels: part of what the metric is, and so never tuned."""
 
-MIN_BELOW_WHITE = 1e-6
+MIN_DISTANCE_FROM_WHITE = 1e-6
 """Least distance from 1, where `tone` has infinitely bright colours, that `untone` takes a colour to have."""
 
 
@@ -23,7 +23,7 @@ def tone(colour: NDArray) -> NDArray[np.float32]:
 def untone(toned: NDArray) -> NDArray:
     """Return the scene-linear colour (..., 3) of a colour after `tone`; one that is all but 1 becomes a very bright
     one."""
-    return toned / np.maximum(1.0 - toned, MIN_BELOW_WHITE)
+    return toned / np.maximum(1.0 - toned, MIN_DISTANCE_FROM_WHITE)
 
 
 def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Passes = dict[str, NDArray[np.float32]]
 """Passes of a picture by Blender's names: each (H, W, C), or (N, C) where they are traced pixels."""
 
+# Passes of Blender that the code handles by name.
+
 COLOUR_PASS = "Combined"
 DEPTH_PASS = "Depth"
 POSITION_PASS = "Position"
@@ -60,13 +62,13 @@ INTERNAL_PASSES = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_
 _CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
 """Names of the levels of Blender's cryptomattes."""
 
-_VECTORS = frozenset({POSITION_PASS, VECTOR_PASS, "Normal", "Denoising Normal"})
+_VECTOR_PASSES = frozenset({POSITION_PASS, VECTOR_PASS, "Normal", "Denoising Normal"})
 """Passes whose channels Blender names X, Y, Z and W."""
 
-_DISTANCES = frozenset({DEPTH_PASS, "Mist", "Denoising Depth", "Volume Majorant"})
+_DISTANCE_PASSES = frozenset({DEPTH_PASS, "Mist", "Denoising Depth", "Volume Majorant"})
 """Passes whose one channel Blender names Z."""
 
-_UNMIXED = frozenset(
+_NEAREST_PIXEL_PASSES = frozenset(
     {
         "Normal",
         "UV",
@@ -91,10 +93,10 @@ takes, would smear the noise.
 
 They are whole names, because an AOV may be called "Normal map"."""
 
-_CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
+_RECOMPUTED_PASSES = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
 """Passes whose values depend on the camera, or on the point that is seen: they are computed anew for the target."""
 
-_SEEN_IN_MIRRORS = frozenset(
+_MIRRORED_PASSES = frozenset(
     {
         COLOUR_PASS,
         NOISY_PASS,
@@ -113,10 +115,10 @@ _SEEN_IN_MIRRORS = frozenset(
 )
 """Passes that show, in a mirror's pixels, the reflected things; light groups do too."""
 
-_LIGHT_GROUP = "Combined_"
+_LIGHT_GROUP_PREFIX = "Combined_"
 """Beginning of the names of light groups' passes."""
 
-_LIGHT = frozenset(
+_LIGHT_PASSES = frozenset(
     {
         COLOUR_PASS,
         # Names in 4.5, then in 5.2.
@@ -172,18 +174,18 @@ def cryptomatte_of(name: str) -> str | None:
 
 def filtered(name: str) -> bool:
     """Return whether the pass is looked up between pixels: whether the mean of two of its values is a value too."""
-    return name not in _UNMIXED and name not in _CONVERTED and cryptomatte_of(name) is None
+    return name not in _NEAREST_PIXEL_PASSES and name not in _RECOMPUTED_PASSES and cryptomatte_of(name) is None
 
 
 def seen_in_mirrors(name: str) -> bool:
     """Return whether the pass shows, in a mirror's pixels, the reflected things, and not the mirror itself."""
-    return name in _SEEN_IN_MIRRORS or name.startswith(_LIGHT_GROUP)
+    return name in _MIRRORED_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
 def is_light(name: str) -> bool:
     """Return whether the pass is light that reaches the camera: all of it, or a part. The parts, some of them times a
     colour pass of their own, add up to all of it."""
-    return name in _LIGHT or name.startswith(_LIGHT_GROUP)
+    return name in _LIGHT_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
 def is_essential(name: str) -> bool:
@@ -195,8 +197,8 @@ def is_essential(name: str) -> bool:
 def pass_letters(name: str, channels: int) -> str:
     """Return a letter for each channel of a pass, as Blender names them: "RGBA" for a colour, "Z" for a distance."""
     if channels == 1:
-        return "Z" if name in _DISTANCES else "X"
-    if name in _VECTORS:
+        return "Z" if name in _DISTANCE_PASSES else "X"
+    if name in _VECTOR_PASSES:
         return "XYZW"[:channels]
     return ("UVA" if name == "UV" else "rgba" if cryptomatte_of(name) else "RGBA")[:channels]
 

@@ -23,7 +23,7 @@ from .tuning import TUNING
 COLOUR_FEATURE = 0
 """Index of the traced light among the features, whose weight is 1 as long as the ring says nothing else."""
 
-TINY = 1e-9
+FEATURE_SIZE_MARGIN = 1e-9
 """Size that is added to a feature's root mean square, so that one that is 0 everywhere divides nothing by 0."""
 
 MIN_NEARNESS = 1e-6
@@ -155,7 +155,7 @@ def _learned(traced: TracedPixels, wanted: NDArray, kept: NDArray[np.bool_]) -> 
         # The slope of x / (1 + x).
         slope = 1.0 / (1.0 + np.maximum(target + traced.emitted[kept, channel], 0.0)) ** 2
         rows = of_all[kept] * slope[:, None]
-        size = np.sqrt(np.mean(np.square(of_all), axis=0)) + TINY
+        size = np.sqrt(np.mean(np.square(of_all), axis=0)) + FEATURE_SIZE_MARGIN
         ridge_pixels = TUNING.feature_ridge * len(rows) + TUNING.prior_pixels
         ridge = ridge_pixels * float(np.mean(slope**2)) if len(rows) else 1.0
         normal_matrix = (rows / size).T @ (rows / size) + ridge * np.eye(len(size))

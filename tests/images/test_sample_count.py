@@ -1,4 +1,4 @@
-"""The samples of a picture, told by its cryptomatte's coverage."""
+"""Number of samples of a picture, read off its cryptomatte's coverage."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def coverage(samples, *, counts=None, edges=0.2, smoke=0.0, seed=1):
 
 
 @pytest.mark.parametrize("samples", [8, 9, 16, 37, 100, 128, 1000, 1364, 4095, 16384, 60000])
-def test_the_samples_are_told(samples):
+def test_the_number_of_samples_is_found(samples):
     assert sample_count(coverage(samples), None, max(4 * samples, 4096)) == samples
 
 
@@ -31,14 +31,14 @@ def test_in_part_among_smoke(samples):
 
 
 def test_each_pixel_may_have_fewer():
-    """Adaptive sampling stops pixels at other numbers, which the sample count tells as shares of the most."""
+    """Adaptive sampling stops pixels at other numbers, which the sample count pass has as shares of the largest."""
     rng = np.random.default_rng(2)
     counts = rng.choice([16, 24, 32, 100], SHAPE)
-    told = (counts / np.float32(100))[..., None].astype(np.float32)
-    assert sample_count(coverage(100, counts=counts), told, 4096) == 100
+    relative = (counts / np.float32(100))[..., None].astype(np.float32)
+    assert sample_count(coverage(100, counts=counts), relative, 4096) == 100
 
 
-def test_what_cannot_be_told_is_not_guessed():
+def test_without_evidence_nothing_is_guessed():
     rng = np.random.default_rng(3)
     assert sample_count(np.ones((*SHAPE, 2), np.float32), None, 4096) is None
     assert sample_count(rng.random((*SHAPE, 2), np.float32), None, 4096) is None
