@@ -143,7 +143,8 @@ _MIN_SKY_DEPTH = 1e9
 """Depth, in scene units, from which a pixel of a file is taken for sky: no surface is as far away."""
 
 _MIN_DEPTH = float(np.finfo(np.float32).tiny)
-"""Least depth, in scene units, that is taken for one: below it 1 / depth does not fit float32."""
+"""Least depth, in scene units, that is taken for one: smaller numbers are denormals, and 1 over them may not fit
+float32."""
 
 
 def known_depth(depth: NDArray) -> NDArray[np.float32]:
