@@ -1,5 +1,7 @@
 """EEVEE as source: what Cycles traces is matched to it, and no seam shows."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from stereo_reproject.blender.scene.working import open_blend, working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.metrics import border_step, tone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline import tuning
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
@@ -150,14 +153,16 @@ def test_eevee_does_not_denoise(room, tmp_path):
 
 
 def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.match", lambda _picture, traced, *_, **__: traced.colour)
+    monkeypatch.setattr(
+        "stereo_reproject.pipeline.matched_tracing.match", lambda _picture, traced, *_, **__: traced.colour
+    )
     frame, plain = render(room, tmp_path)
     assert seam(frame.eyes["right"][COLOUR_PASS], plain, frame.reasons > 0) > WITHOUT
     assert frame.correction.mean < 0.05
 
 
 def test_the_second_eye_of_a_simple_scene_is_eevees_own(room, tmp_path, monkeypatch):
-    monkeypatch.setattr("stereo_reproject.pipeline.matched_eye.AT_ONCE", 1000.0)
+    monkeypatch.setattr(tuning, "TUNING", replace(tuning.TUNING, min_seconds_to_hand_over=1000.0))
     frame, plain = render(room, tmp_path, "auto")
     assert frame.fill.method == "full"
     assert frame.fill.reason.startswith("a second EEVEE render")
