@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.bands import PIXELS
+from ..images.bands import BAND_PIXELS
 from .evidence import ProbeTraces
 from .probes import Probes
 from .tuning import tuned
@@ -83,9 +83,9 @@ class Bias:
         rows, columns = np.nonzero(pixels)
         result = np.ones((rows.size, 3), np.float32)
         if self.added.any():
-            for start in range(0, rows.size, PIXELS):
-                here = rows[start : start + PIXELS], columns[start : start + PIXELS]
-                result[start : start + PIXELS] = _factor(colour[here][:, :3], self._at(*here, shown[here]))
+            for start in range(0, rows.size, BAND_PIXELS):
+                here = rows[start : start + BAND_PIXELS], columns[start : start + BAND_PIXELS]
+                result[start : start + BAND_PIXELS] = _factor(colour[here][:, :3], self._at(*here, shown[here]))
         return result
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast, box_sum
-from ..images.denoising import Denoising, guided
+from ..images.denoising import Denoising, denoiser_inputs
 from ..images.effects_pass import materials_of
 from ..images.metrics import squared_error, tone, untone
 from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes
@@ -155,7 +155,7 @@ def _denoised_probes(
     rows, columns = (places.copy() for places in np.meshgrid(rows, columns, indexing="ij"))
     # A tile without a probe is traced throughout.
     rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
-    small = {name: image[rows, columns] for name, image in guided(passes).items()}
+    small = {name: image[rows, columns] for name, image in denoiser_inputs(passes).items()}
     pictures = []
     for colour in colours:
         noisy = small[NOISY_PASS].copy()

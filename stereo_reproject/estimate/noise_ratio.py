@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.metrics import TILE
+from ..images.metrics import TILE_PX
 from .evidence import TileEvidence
 from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
 from .tuning import tuned
@@ -78,7 +78,7 @@ def worst_tiles(evidence: TileEvidence) -> float:
     ratio = np.zeros(probes.tile_grid)
     # Tiles without a probe are traced throughout: nothing is off there.
     ratio[probes.tiles] = np.maximum(_excess_over_noise(evidence)[0], 0.0)
-    block = max(1, TILE // probes.spacing)
+    block = max(1, TILE_PX // probes.spacing)
     rows, columns = (np.arange(0, size, block) for size in ratio.shape)
     sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (ratio, np.ones_like(ratio)))
     return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))

@@ -1,15 +1,15 @@
-"""Pictures worked on some rows at a time: temporaries then stay in a processor's cache, and huge pictures in memory."""
+"""Bands: a picture is worked on a few rows at a time, so that temporaries fit a processor's cache."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-PIXELS = 1 << 16
-"""Of a band: some temporaries of four bytes per pixel each fit a megabyte."""
+BAND_PIXELS = 1 << 16
+"""Pixels of a band, at most, if it has more than one row: a few temporaries of four bytes per pixel fit a megabyte."""
 
 
 def bands(shape: tuple[int, ...]) -> Iterator[slice]:
-    """The rows of an array (H, W, ...), some at a time."""
+    """Return slices of rows that cover an array of shape (H, W, ...) from top to bottom, `BAND_PIXELS` at a time."""
     height, width = shape[:2]
-    rows = max(PIXELS // max(width, 1), 1)
+    rows = max(BAND_PIXELS // max(width, 1), 1)
     return (slice(top, min(top + rows, height)) for top in range(0, height, rows))

@@ -1,4 +1,4 @@
-"""Where a warped picture would be wrong if what it shows had moved: what probes are placed by and tiles are judged by.
+"""Contrast of a picture: the error to expect where a thing that it shows has moved. Probes and tiles are chosen by it.
 
 A reflection, a refraction or a highlight stands elsewhere for the other eye than its surface. However far it has
 moved, the error is no larger than the picture's own contrast there: the inside of a highlight may move unseen, its rim
@@ -13,31 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .metrics import tone
-
-SMOOTHED = 1
-"""Pixels each way over which noise is averaged before contrast is looked at."""
-
-REACH = (2, 5)
-"""Pixels, down and across, over which contrast is gathered: eyes stand side by side, so most moves are across."""
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Variance (H, W) around each pixel, after `tone`: of what the picture shows, and of its noise."""
+    """Variances of the colour around each pixel, after `tone`.
+
+    signal (H, W) is that of the scene itself, which a render without noise would have; noise (H, W) is that of a single
+    pixel's noise.
+    """
 
     signal: NDArray[np.float32]
     noise: NDArray[np.float32]
 
 
 def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
-    """Of the scene-linear colour (H, W, >= 3), looking only at pixels where known (H, W) is set.
+    """Return the contrast of a scene-linear colour (H, W, >= 3); only the pixels set in known (H, W) count.
 
-    The noise is told by how far a pixel is from its 3 x 3 mean; what of it that mean still has is taken out of the
-    signal.
+    The noise is the variance of pixels around their 3 x 3 mean; the part of it that this mean still has is taken out of
+    the signal.
     """
     toned = tone(colour)
-    near, far = _Window(known, (SMOOTHED, SMOOTHED)), _Window(known, REACH)
-    pixels = (2 * SMOOTHED + 1) ** 2
+    near, far = _noise_window(known), _Window(known, TUNING.contrast_reach_px)
+    pixels = (2 * TUNING.noise_reach_px + 1) ** 2
     noise, variance = (np.zeros(known.shape, np.float32) for _ in range(2))
     for channel in range(3):
         mean = near.mean(toned[..., channel])
@@ -47,11 +46,11 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
 
 
 def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(H, W) change of colour from a pixel to the next in its row, after `tone`, with the noise averaged.
+    """Return the change (H, W) of colour from a pixel to the next in its row, after `tone`, with the noise averaged.
 
-    0 where a neighbour is not known.
+    colour (H, W, >= 3) is scene-linear; the change is 0 where the pixel or a neighbour is not set in known (H, W).
     """
-    toned, near = tone(colour), _Window(known, (SMOOTHED, SMOOTHED))
+    toned, near = tone(colour), _noise_window(known)
     squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
     for channel in range(3):
         mean = near.mean(toned[..., channel])
@@ -62,19 +61,25 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
 
 
 class _Window:
-    """Means over the pixels within `reach`, down and across, that are known (H, W)."""
+    """A moving window: takes means over the pixels within `reach`, down and across, that are set in known (H, W)."""
 
     def __init__(self, known: NDArray[np.bool_], reach: tuple[int, int]) -> None:
         self._weight, self._reach = known.astype(np.float32), reach
         self._count = np.maximum(box_sum(self._weight, reach), 1e-6)
 
     def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Of (H, W), around each pixel; 0 where none is known."""
+        """Return the mean (H, W) of an image (H, W) around each pixel; 0 where no pixel is known."""
         return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
 
 
+def _noise_window(known: NDArray[np.bool_]) -> _Window:
+    """Return the window over which noise is averaged."""
+    return _Window(known, (TUNING.noise_reach_px, TUNING.noise_reach_px))
+
+
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
-    """Sum of (H, W) over the pixels within `reach` of each, down and across; nothing lies beyond the border."""
+    """Return the sum (H, W) of an image (H, W) over the pixels within `reach` of each, down and across; pixels beyond
+    the border count as 0."""
     result = np.asarray(image, np.float64)
     for axis, running_sums in enumerate((_running_sums_down, _running_sums_across)):
         total, size = running_sums(result), result.shape[axis]
@@ -85,8 +90,10 @@ def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
 
 
 def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(H + 1, W): the sums of the rows above each, row by row: numpy's own, which goes down columns, takes eight times
-    as long."""
+    """Return the sums (H + 1, W) of the rows above each row.
+
+    They are added row by row: NumPy's cumsum, which goes down the columns, takes eight times as long.
+    """
     total = np.zeros((image.shape[0] + 1, image.shape[1]))
     for row in range(image.shape[0]):
         np.add(total[row], image[row], out=total[row + 1])
@@ -94,7 +101,7 @@ def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _running_sums_across(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(H, W + 1): the sums of what is to the left of each in its row."""
+    """Return the sums (H, W + 1) of the pixels before each in its row."""
     total = np.zeros((image.shape[0], image.shape[1] + 1))
     np.cumsum(image, axis=1, out=total[:, 1:])
     return total

@@ -1,9 +1,9 @@
-"""Both eyes denoised alike: the source's own denoised pixels where it was warped, the target's own where it was traced.
+"""Denoising of both views alike: warped pixels come from the denoised source, traced pixels from the denoised target.
 
-The source is denoised and then warped, between pixels. Beside it go its noisy pixels and what guides the denoiser, each
-the nearest sample, so that noise stays noise. The traced pixels are put among those, and the target is denoised as a
-whole: of that, the traced pixels are taken. The denoiser has then seen around each of them what it sees around any
-pixel of a plain render. docs/production.md has the measurements behind this.
+The source is denoised and then warped, looked up between its pixels. Its noisy colours and the passes that guide the
+denoiser are warped too, each as the nearest sample, so that noise stays noise. The traced pixels are put among those,
+and the target is denoised as a whole; from the result only the traced pixels are taken. Around each of them, the
+denoiser has then seen what it sees around any pixel of a plain render. docs/production.md has the measurements.
 """
 
 from __future__ import annotations
@@ -17,99 +17,93 @@ from numpy.typing import NDArray
 from .contrast import box_sum
 from .metrics import squared_error
 from .passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from .tuning import TUNING
 
 Denoise = Callable[[Sequence[Passes]], list[NDArray[np.float32]]]
-"""Pictures of one size, with NOISY_PASS, ALBEDO_PASS and NORMAL_PASS, to their denoised colours (H, W, 3)."""
-
-CHANGE_OVER = 6
-"""Pixels each way over which the warped colours change over to what was refined beside them."""
-
-WINDOW = (96, 120)
-"""Height and width of the parts of the source that are denoised a second time."""
-
-WINDOWS = (2, 4)
-"""How many of them there are, down and across."""
-
-MARGIN = 24
-"""Pixels along a window's border that the denoiser judges by less than it does in the picture."""
-
-LEAST_LEFT = 1e-4
-"""Share of the variance that denoising is taken to leave at least."""
+"""A denoiser: takes pictures of one size, each with NOISY_PASS, ALBEDO_PASS and NORMAL_PASS, and returns the denoised
+scene-linear colour (H, W, 3) of each."""
 
 
 @dataclass(frozen=True)
 class Denoising:
-    """How pictures are denoised, and what share of a pixel's variance that leaves."""
+    """A denoiser, and the share of a pixel's variance that it leaves, from 0 to 1."""
 
     denoise: Denoise
     noise_left: float = 1.0
 
-    def of(self, passes: Passes) -> NDArray[np.float32]:
-        """The denoised colour (H, W, 4) of a picture; its alpha is left alone."""
+    def denoised_colour(self, passes: Passes) -> NDArray[np.float32]:
+        """Return the denoised scene-linear colour (H, W, 4) of a picture's NOISY_PASS; alpha is not denoised."""
         colour = passes[NOISY_PASS].copy()
-        colour[..., :3] = self.denoise([guided(passes)])[0]
+        colour[..., :3] = self.denoise([denoiser_inputs(passes)])[0]
         return colour
 
 
-def guided(passes: Passes) -> Passes:
-    """What a denoiser looks at."""
+def denoiser_inputs(passes: Passes) -> Passes:
+    """Return the passes that a denoiser takes: the noisy colour, and the albedo and normal that guide it."""
     return {name: passes[name] for name in (NOISY_PASS, ALBEDO_PASS, NORMAL_PASS)}
 
 
 def denoise_source(source: Passes, denoising: Denoising) -> Passes:
-    """The source eye with its colour denoised."""
-    return {**source, COLOUR_PASS: denoising.of(source)}
+    """Return the source's passes with the colour denoised."""
+    return {**source, COLOUR_PASS: denoising.denoised_colour(source)}
 
 
 def denoise_target(
-    target: Passes, kept: NDArray[np.bool_], denoising: Denoising, *, refined: NDArray[np.bool_] | None = None
+    target: Passes, warped: NDArray[np.bool_], denoising: Denoising, *, refined: NDArray[np.bool_] | None = None
 ) -> Passes:
-    """The target eye, of which the pixels that are kept (H, W) were warped from the denoised source.
+    """Return the target's passes with the colour denoised, except at warped pixels (H, W): they come from the denoised
+    source already.
 
-    Beside those that were refined (H, W) they change over to the target's own: the warp was wrong there, and may still
-    be so by little, and where that ends would show as the edge of a tile.
+    Beside refined pixels (H, W) the warped colours are blended with the target's own denoised ones: the warp was wrong
+    there and may still be a little wrong, and without blending that would end in the visible edge of a tile.
     """
     colour = target[COLOUR_PASS]
-    if kept.all():
+    if warped.all():
         return target
-    own = np.where(kept, 0.0, 1.0)
+    own = np.where(warped, 0.0, 1.0)
     if refined is not None and refined.any():
-        near = box_sum(refined, (CHANGE_OVER, CHANGE_OVER)) / (2 * CHANGE_OVER + 1) ** 2
+        reach = TUNING.blend_reach_px
+        near = box_sum(refined, (reach, reach)) / (2 * reach + 1) ** 2
         own = np.maximum(own, np.minimum(2.0 * near, 1.0))
-    blended = colour + own[..., None] * (denoising.of(target) - colour)
+    blended = colour + own[..., None] * (denoising.denoised_colour(target) - colour)
     return {**target, COLOUR_PASS: blended.astype(np.float32)}
 
 
 def noise_left(source: Passes, denoise: Denoise) -> float:
-    """Share of the variance of a traced pixel that is left in the denoised source, after `metrics.tone`.
+    """Return the share, from 0 to 1, of a traced pixel's variance that is left in the denoised source, after
+    `metrics.tone`.
 
-    Found without a second render, by the wild bootstrap (Wu, 1986): in a few windows the noise is turned over where a
-    coin falls so, and denoised once more. How far that is from the first time is what is left of such noise.
+    It is measured without a second render, by the wild bootstrap (Wu, 1986): in a few windows of the picture the noise
+    gets a random sign in each pixel, and the window is denoised once more. The difference from the first denoised
+    colours is the noise that denoising leaves.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
-    looked_at = {COLOUR_PASS: source[COLOUR_PASS], **guided(source)}
-    pictures = [{name: np.ascontiguousarray(image[window]) for name, image in looked_at.items()} for window in windows]
+    needed = {COLOUR_PASS: source[COLOUR_PASS], **denoiser_inputs(source)}
+    pictures = [{name: np.ascontiguousarray(image[window]) for name, image in needed.items()} for window in windows]
     coins = np.random.default_rng(0)
     before, after = 0.0, 0.0
-    for picture, again in zip(pictures, denoise([_tossed(picture, coins) for picture in pictures]), strict=True):
+    for picture, again in zip(
+        pictures, denoise([_with_random_signs(picture, coins) for picture in pictures]), strict=True
+    ):
         clean = picture[COLOUR_PASS]
         inner = _inner(clean.shape[:2])
         before += squared_error(picture[NOISY_PASS], clean)[inner].sum()
         after += squared_error(again, clean)[inner].sum()
-    return float(np.clip(after / before, LEAST_LEFT, 1.0)) if before > 0.0 else 1.0
+    return float(np.clip(after / before, TUNING.min_noise_left, 1.0)) if before > 0.0 else 1.0
 
 
-def _tossed(picture: Passes, coins: np.random.Generator) -> Passes:
-    """The picture with the sign of its noise left to chance, pixel by pixel."""
+def _with_random_signs(picture: Passes, coins: np.random.Generator) -> Passes:
+    """Return what the denoiser takes of a picture, with the sign of each pixel's noise drawn by chance."""
     clean = picture[COLOUR_PASS]
     sign = coins.choice(np.array([-1.0, 1.0], np.float32), (*clean.shape[:2], 1))
-    return {**guided(picture), NOISY_PASS: np.maximum(clean + sign * (picture[NOISY_PASS] - clean), 0.0)}
+    return {**denoiser_inputs(picture), NOISY_PASS: np.maximum(clean + sign * (picture[NOISY_PASS] - clean), 0.0)}
 
 
 def _windows(shape: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """Spread evenly over the picture, which is taken as a whole where it has no room for them."""
+    """Return the rows and columns of windows that are spread evenly over a picture of shape (H, W), or of one window
+    that is the whole picture where they do not fit."""
     spans = []
-    for size, length, count in zip(shape, WINDOW, WINDOWS, strict=True):
+    for size, length, count in zip(shape, TUNING.denoise_window_px, TUNING.denoise_windows, strict=True):
         if size < length * count:
             return [(slice(0, shape[0]), slice(0, shape[1]))]
         gap = (size - length * count) / count
@@ -119,5 +113,7 @@ def _windows(shape: tuple[int, int]) -> list[tuple[slice, slice]]:
 
 
 def _inner(shape: tuple[int, int]) -> tuple[slice, slice]:
-    down, across = (MARGIN if size > 3 * MARGIN else 0 for size in shape)
+    """Return the rows and columns of a window of shape (H, W) without its margin; a small window has none."""
+    margin = TUNING.window_margin_px
+    down, across = (margin if size > 3 * margin else 0 for size in shape)
     return slice(down, shape[0] - down), slice(across, shape[1] - across)

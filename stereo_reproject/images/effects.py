@@ -1,4 +1,4 @@
-"""What a scene can call for beyond surfaces that look the same from everywhere, and what is done about each."""
+"""Effects: all that a scene may have beyond surfaces that look the same from everywhere, and how each is handled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Effect(IntFlag):
-    """Bit flags: of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
+    """Effects as bit flags: those of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
 
     GLOSSY = 1
     TRANSMISSION = 2
@@ -29,7 +29,7 @@ class Effect(IntFlag):
 
     @property
     def label(self) -> str:
-        """The name that reports use."""
+        """Name of the effect in reports."""
         return str(self.name).lower().replace("_", "-")
 
 
@@ -49,45 +49,56 @@ SEEN_DIFFERENTLY = (
 """Effects that may make a warped pixel wrong: where none of them is called for, no probe is traced."""
 
 
-OF_THE_WHOLE_FRAME = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
+WHOLE_FRAME_EFFECTS = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
 """Effects that no material shows: any pixel may have them."""
 
-PROBED = "probes measure how wrong its warped pixels are, the worst tiles are traced (draft: all is warped)"
+_PROBED = "probes measure how wrong its warped pixels are, the worst tiles are traced (draft: all is warped)"
+"""Words of reports that the handling of many effects ends with."""
 
 HANDLING: dict[Effect, str] = {
     Effect.GLOSSY: (
         "reflections are warped with the surface that shows them, in a denoised picture those in flat mirrors by where "
-        f"their image stands; {PROBED}"
+        f"their image stands; {_PROBED}"
     ),
     Effect.TRANSMISSION: (
         "what is seen through it is traced where it may lie far behind and has contrast, else warped with its surface; "
-        f"{PROBED}"
+        f"{_PROBED}"
     ),
-    Effect.ALPHA: f"what is seen through it is warped with the surface that the depth pass has; {PROBED}",
-    Effect.SUBSURFACE: f"warped with its surface; {PROBED}",
-    Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {PROBED}",
-    Effect.VOLUME: f"an object's before the sky is traced, else it is warped with the surface behind it; {PROBED}",
-    Effect.HAIR: f"silhouettes of strands before other things are traced, within fur only what was hidden is; {PROBED}",
-    Effect.DEPTH_OF_FIELD: f"blurred edges are traced, with the scene's lens, what else is blurred is warped; {PROBED}",
-    Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {PROBED}",
+    Effect.ALPHA: f"what is seen through it is warped with the surface that the depth pass has; {_PROBED}",
+    Effect.SUBSURFACE: f"warped with its surface; {_PROBED}",
+    Effect.DIRECTIONAL_EMISSION: f"its light is warped as the source eye sees it; {_PROBED}",
+    Effect.VOLUME: f"an object's before the sky is traced, else it is warped with the surface behind it; {_PROBED}",
+    Effect.HAIR: (
+        f"silhouettes of strands before other things are traced, within fur only what was hidden is; {_PROBED}"
+    ),
+    Effect.DEPTH_OF_FIELD: (
+        f"blurred edges are traced, with the scene's lens, what else is blurred is warped; {_PROBED}"
+    ),
+    Effect.MOTION_BLUR: f"what moves is warped by its depth at one moment, and traced with the shutter open; {_PROBED}",
     Effect.BUMP: "nothing: it looks the same to both eyes, and traced pixels filter it as a plain render does",
-    Effect.CAMERA_DEPENDENT: f"warped as the source eye sees it; {PROBED}",
-    Effect.CATCHER: f"warped with its surface, as transparent as it is for the source eye; {PROBED}",
+    Effect.CAMERA_DEPENDENT: f"warped as the source eye sees it; {_PROBED}",
+    Effect.CATCHER: f"warped with its surface, as transparent as it is for the source eye; {_PROBED}",
     Effect.CAUSTICS: "nothing: on matte surfaces they look the same to both eyes; other surfaces are probed themselves",
     Effect.VIEW_LAYERS: "each is a pair of its own; the scene's compositor, if any, puts them together for both eyes",
     Effect.DENOISING: (
         "both eyes are denoised by the scene's own denoiser: warped pixels with the source, traced ones with the target"
     ),
 }
-"""What is done with each effect that a scene calls for, when Cycles renders it."""
+"""Words of reports for how each effect is handled that a scene calls for, where Cycles renders it."""
 
 NOT_CALLED_FOR = "not called for: nothing is done, and it costs nothing"
-AS_SEEN = "warped as the source eye sees it: EEVEE's light cannot be probed by Cycles"
+"""Words of reports for an effect that a scene does not call for."""
+
+EEVEE_HANDLING = "warped as the source eye sees it: EEVEE's light cannot be probed by Cycles"
+"""Words of reports for how an effect is handled that may be seen differently by each eye, where EEVEE renders."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Whether a scene calls for an effect: by what, in words (nothing: not called for), and how it is handled."""
+    """Effect that was looked for in a scene.
+
+    by names, in words, the things that call for it, none where nothing does; handling says in words how it is handled.
+    """
 
     effect: Effect
     by: tuple[str, ...]
@@ -95,10 +106,11 @@ class Finding:
 
     @property
     def called_for(self) -> bool:
+        """True where anything in the scene calls for the effect."""
         return bool(self.by)
 
     def fields(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the finding as an object of report.json."""
         return {
             "effect": self.effect.label,
             "called_for": self.called_for,
@@ -109,13 +121,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class EffectsPlan:
-    """A finding for each effect, in `Effect`'s order, and what each visible material calls for, by its name."""
+    """Findings of a scene, one for each effect in `Effect`'s order, and the effects of visible materials by name."""
 
     findings: tuple[Finding, ...]
     materials: Mapping[str, Effect]
 
     @property
     def called_for(self) -> Effect:
+        """Flags of the effects that the scene calls for."""
         result = Effect(0)
         for finding in self.findings:
             if finding.called_for:
@@ -124,6 +137,6 @@ class EffectsPlan:
 
     @property
     def view_dependent(self) -> tuple[str, ...]:
-        """What may look different from each eye, in words."""
+        """Things in the scene that may look different from each eye, in words, each once."""
         found = (finding for finding in self.findings if finding.effect & SEEN_DIFFERENTLY)
         return tuple(dict.fromkeys(by for finding in found for by in finding.by))

@@ -1,4 +1,4 @@
-"""What each pixel's materials are and call for, read off the cryptomatte that Cycles renders for free.
+"""Materials and effects that each pixel shows, read off the cryptomatte, which costs Cycles next to nothing.
 
 Source: Psyop, "Cryptomatte specification" 1.2: ranks of (hash, coverage), two to a pass, the largest coverage first; a
 hash is 32 bits that are stored as a float, and the file's header says which name each of them stands for.
@@ -14,26 +14,28 @@ from numpy.typing import NDArray
 
 from .effects import Effect
 from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from .tuning import TUNING
 
-CRYPTOMATTE = "CryptoMaterial"
-"""How the names of Blender's passes of materials begin."""
+MATERIAL_CRYPTOMATTE = "CryptoMaterial"
+"""Beginning of the names of Blender's passes of the materials' cryptomatte."""
 
-UNKNOWN = -1
-"""In place of flags, where it is not known what a pixel shows."""
+UNKNOWN_EFFECTS = -1
+"""Number in place of `Effect` flags where it is not known what a pixel shows."""
 
-LEAST_COVERAGE = 0.1
-"""Share of a pixel from which a material counts as seen there."""
+MAX_FLOAT32_NUMBERS = 1 << 24
+"""Whole numbers, counted from 0, that float32 can tell apart."""
 
 
 def effects_pass(
     passes: Passes, attributes: Mapping[str, str], materials: Mapping[str, Effect], *, layer: str
 ) -> NDArray[np.float32] | None:
-    """(H, W, 1) `Effect` flags: the union over the materials that cover at least a tenth of the pixel.
+    """Return `Effect` flags (H, W, 1) of all materials that a pixel shows, or None where the file does not say which
+    hash stands for which material.
 
-    passes hold the cryptomatte of the view layer called `layer`, attributes are the file's; materials tell what each
-    calls for, by name. None where the file does not say which hash is whose.
+    passes hold the cryptomatte of the view layer called `layer`, attributes are the file's texts; materials has the
+    effects of each material by its name. A material is shown where it covers at least `min_material_coverage`.
     """
-    manifest = _manifest(attributes, f"{layer}.{CRYPTOMATTE}")
+    manifest = _manifest(attributes, f"{layer}.{MATERIAL_CRYPTOMATTE}")
     ranks = _ranks(passes)
     if manifest is None or not ranks:
         return None
@@ -45,11 +47,11 @@ def effects_pass(
 
 
 def material_pass(passes: Passes) -> NDArray[np.float32] | None:
-    """(H, W, 1): a number, within this picture, of the materials that cover at least a tenth of each pixel.
+    """Return numbers (H, W, 1) for the sets of materials that pixels show, or None without a cryptomatte.
 
-    Pixels have the same where these are the same: what is seen through something transparent, or behind a blur, is
-    another thing than beside it. passes hold the cryptomatte of one view layer; None where they do not, or where there
-    are more than float32 can tell apart.
+    Two pixels of this picture have one number where they show one set: a thing that is seen through something
+    transparent, or behind a blur, has another number there than beside it. passes hold the cryptomatte of one view
+    layer. None also where there are more sets than float32 can tell apart.
     """
     ranks = _ranks(passes)
     if not ranks:
@@ -58,21 +60,21 @@ def material_pass(passes: Passes) -> NDArray[np.float32] | None:
     for hashes, seen in ranks:
         names += np.where(seen, hashes, 0).astype(np.uint64)
     values, numbers = _distinct(names)
-    # As many as float32 tells apart.
-    return numbers[..., None].astype(np.float32) if values.size <= 1 << 24 else None
+    return numbers[..., None].astype(np.float32) if values.size <= MAX_FLOAT32_NUMBERS else None
 
 
 def _ranks(passes: Passes) -> list[tuple[NDArray[np.uint32], NDArray[np.bool_]]]:
-    """Hashes (H, W) of each rank, and where what they stand for covers enough of the pixel to count as seen."""
-    levels = [image for name, image in passes.items() if cryptomatte_of(name) == CRYPTOMATTE]
+    """Return, for each rank of the cryptomatte, hashes (H, W) and the pixels (H, W) that show what they stand for."""
+    levels = [image for name, image in passes.items() if cryptomatte_of(name) == MATERIAL_CRYPTOMATTE]
     return [
-        (np.ascontiguousarray(image[..., rank]).view(np.uint32), image[..., rank + 1] >= LEAST_COVERAGE)
+        (np.ascontiguousarray(image[..., rank]).view(np.uint32), image[..., rank + 1] >= TUNING.min_material_coverage)
         for image in levels
         for rank in (0, 2)
     ]
 
 
 def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
+    """Return the text that lists names and hashes of the cryptomatte called `name`, or None."""
     for key, value in attributes.items():
         if value == name and (found := re.fullmatch(r"(cryptomatte/[^/]+/)name", key)):
             return attributes.get(f"{found[1]}manifest")
@@ -80,45 +82,48 @@ def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
 
 
 def _hash(manifest: str, name: str) -> int | None:
+    """Return the hash that stands for a material's name, or None where the manifest does not have it."""
     # Blender escapes no quotation mark: as JSON, the manifest may be broken by a single name.
     found = re.search(re.escape(f'"{name}":"') + '([0-9a-f]{8})"', manifest)
     return int(found[1], 16) if found else None
 
 
 def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> NDArray[np.int32]:
+    """Return the `Effect` flags (H, W) of the materials whose hashes (H, W) are given; 0 for those that are unknown."""
     values, place = _distinct(hashes)
     flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
     return flags[place]
 
 
 def _distinct(image: NDArray) -> tuple[NDArray, NDArray[np.int32]]:
-    """The values in an image (H, W), each once, and (H, W) the place of each pixel's among them."""
+    """Return the values of an image (H, W), each once and in order, and the index (H, W) of each pixel's value."""
     flat = image.ravel()
-    # What is seen lies together: there are few runs to be sorted.
+    # Neighbours mostly have one value: only the first pixel of each run is sorted.
     starts = np.flatnonzero(np.concatenate([np.ones(min(flat.size, 1), bool), flat[1:] != flat[:-1]]))
     values, place = np.unique(flat[starts], return_inverse=True)
     return values, np.repeat(place.astype(np.int32), np.diff(starts, append=flat.size)).reshape(image.shape)
 
 
 def effects_of(passes: Passes) -> NDArray[np.int32]:
-    """(H, W) flags of what the pixels show, all of them UNKNOWN without the pass."""
+    """Return the `Effect` flags (H, W) that the pixels of a picture show; UNKNOWN_EFFECTS without the pass."""
     if EFFECTS_PASS not in passes:
-        return np.full(passes[COLOUR_PASS].shape[:2], UNKNOWN, np.int32)
+        return np.full(passes[COLOUR_PASS].shape[:2], UNKNOWN_EFFECTS, np.int32)
     return passes[EFFECTS_PASS][..., 0].astype(np.int32)
 
 
 def materials_of(passes: Passes) -> NDArray[np.int32] | None:
-    """(H, W) numbers of the materials that the pixels show, None without the pass."""
+    """Return the numbers (H, W) of `material_pass` for the pixels of a picture, or None without the pass."""
     return passes[MATERIAL_PASS][..., 0].astype(np.int32) if MATERIAL_PASS in passes else None
 
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
-    """(H, W): the pixels that are known to show the effect."""
+    """Return the pixels (H, W) of a picture that are known to show the effect, or one of several; none without the
+    pass."""
     if EFFECTS_PASS not in passes:
         return np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     return flagged(effects_of(passes), effect)
 
 
 def flagged(flags: NDArray[np.int32], effect: Effect) -> NDArray[np.bool_]:
-    """(H, W): where the effect is among the flags (H, W), as far as they are known."""
-    return (flags != UNKNOWN) & ((flags & effect.value) > 0)
+    """Return the pixels (H, W) whose flags (H, W) are known and have the effect, or one of several."""
+    return (flags != UNKNOWN_EFFECTS) & ((flags & effect.value) > 0)

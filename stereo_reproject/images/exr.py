@@ -1,4 +1,4 @@
-"""OpenEXR in and out: what Blender writes after a render, and the files that a stereo pair is delivered in."""
+"""OpenEXR files, read and written: those of Blender after a render, and those in which a stereo pair is delivered."""
 
 from __future__ import annotations
 
@@ -11,31 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInputError
-from .passes import COLOUR_PASS, DEPTH_PASS, Passes, as_blender_has_it, cryptomatte_of, from_blender, pass_letters
+from .passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of, from_blender, pass_letters, to_blender
 
 CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
-"""The letters of Blender's channels, each set in the order in which it stands in an array."""
+"""Letters of Blender's channels: sets of them, each in the order that its channels have in an array."""
 
 VIEWS = ("left", "right")
+"""Names of a stereo pair's views in Blender and in files."""
 
-MAIN_LAYER = "mainLayer"
-"""Attribute of an eye's file: the view layer whose channels have no layer before their names."""
+MAIN_LAYER_ATTRIBUTE = "mainLayer"
+"""Name of the attribute, in an eye's file, that has the name of its main view layer: the one whose channels are not
+prefixed with a layer."""
 
-CRYPTOMATTE_KEY = "cryptomatte/"
-"""How the names of the attributes begin that say which hash is whose (Psyop, "Cryptomatte specification" 1.2)."""
+CRYPTOMATTE_ATTRIBUTE_PREFIX = "cryptomatte/"
+"""Beginning of the names of the attributes that say which name a hash stands for (Psyop, "Cryptomatte specification"
+1.2)."""
 
-NOTHING: Mapping[str, str] = MappingProxyType({})
+NO_TEXTS: Mapping[str, str] = MappingProxyType({})
+"""Attributes of a file without any, as a default that cannot be changed."""
 
 
 def _openexr() -> Any:
-    """OpenEXR is imported when a file is touched: `import stereo_reproject` needs numpy only."""
+    """Return the module OpenEXR, imported only when a file is touched: `import stereo_reproject` needs NumPy alone."""
     import OpenEXR
 
     return OpenEXR
 
 
 def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str, str]]:
-    """The passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's text attributes.
+    """Return the passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's texts.
 
     Blender 4.5 writes one part with channels Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C.
     Raises BadInputError when the file is not whole, which is how a full disk shows.
@@ -61,9 +65,11 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
 
 
 def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
-    """What a file of Blender's that holds both views shows, (H, W, 4) by view: its composite, or else its only layer,
-    or that called `main`; nothing where it does not hold views. Raises BadInputError when the file is not whole or has
-    no such picture."""
+    """Return the colours (H, W, 4) by view of a file with both views that Blender wrote; nothing where it has no views.
+
+    They are its composite, or else its only layer, or the layer called `main`. Raises BadInputError when the file is
+    not whole or has no such picture.
+    """
     try:
         parts = _read_parts(path)
     except (OSError, RuntimeError) as error:
@@ -92,9 +98,9 @@ def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
 
 
 def _read_parts(path: Path) -> list[Any]:
-    """The parts of a file, with their pixels. Raises RuntimeError when the file was cut off.
+    """Return the parts of a file with their pixels. Raises RuntimeError when the file was cut off.
 
-    OpenEXR itself only leaves the parts without channels that it cannot read.
+    OpenEXR itself raises nothing there: parts that it cannot read merely have no channels.
     """
     parts = _openexr().File(str(path), separate_channels=True).parts
     if not parts or not all(part.channels for part in parts):
@@ -103,6 +109,8 @@ def _read_parts(path: Path) -> list[Any]:
 
 
 def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
+    """Return the pass and the letter of a channel that Blender wrote; None for the pass where the channel belongs to
+    another layer or view."""
     if not name.startswith(layer + "."):
         return None, ""
     pass_name, _, letter = name[len(layer) + 1 :].rpartition(".")
@@ -113,24 +121,25 @@ def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
 
 
 def _stack(channels: Mapping[str, NDArray]) -> NDArray[np.float32]:
+    """Return a pass (H, W, C) of its channels (H, W) by letter."""
     known = (order for order in CHANNEL_LETTERS if set(channels) <= set(order))
     letters = sorted(channels, key=next(known, "".join(sorted(channels))).index)
     return np.stack([np.asarray(channels[c], np.float32) for c in letters], axis=-1)
 
 
 def write_table(path: Path, values: NDArray[np.float32]) -> None:
-    """(H, W, 4) float32 as plain uncompressed RGBA, for a shader to look numbers up in."""
+    """Write values (H, W, 4) as plain uncompressed RGBA in float32, for a shader to look numbers up in."""
     channels = {letter: np.ascontiguousarray(values[..., k]) for k, letter in enumerate("RGBA")}
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
 def write_channels(path: Path, channels: Mapping[str, NDArray], attributes: Mapping[str, str]) -> None:
-    """(H, W) float32 by channel name, in one uncompressed part, with these texts in its header."""
+    """Write channels (H, W), by name, in one uncompressed part in float32, with these texts in its header."""
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION, **attributes})
 
 
 def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Every channel (H, W) of a file of one part, by name. Raises BadInputError when it is not whole."""
+    """Return every channel (H, W), by name, of a file of one part. Raises BadInputError when it is not whole."""
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
@@ -143,13 +152,14 @@ def write_eye(
     layers: Mapping[str, Passes],
     *,
     view: str,
-    metadata: Mapping[str, str] = NOTHING,
+    metadata: Mapping[str, str] = NO_TEXTS,
     compressed: bool = True,
 ) -> None:
-    """One eye in one part, every view layer and pass, 32 bit float, scene-linear; the first layer is the main one.
+    """Write one eye in one part: every pass of every view layer, in scene-linear float32. The first layer is the main
+    one.
 
-    Its colour is R, G, B, A and its other passes are Pass.C; those of the other layers are Layer.Pass.C. metadata are
-    the texts of Blender's renders, of which those that say what the cryptomattes hold are kept.
+    The main layer's colour is R, G, B, A and its other passes are Pass.C; those of the other layers are Layer.Pass.C.
+    metadata are the texts of Blender's renders; those about cryptomattes that the layers have are kept.
     """
     main = next(iter(layers))
     channels: dict[str, NDArray] = {}
@@ -159,18 +169,20 @@ def write_eye(
             channels.update(_channels(name, image, prefix))
     texts = _cryptomattes(metadata, layers, {layer: "" if layer == main else layer for layer in layers})
     compression = _openexr().ZIP_COMPRESSION if compressed else _openexr().NO_COMPRESSION
-    header = {"compression": compression, "view": view, MAIN_LAYER: main, **texts}
+    header = {"compression": compression, "view": view, MAIN_LAYER_ATTRIBUTE: main, **texts}
     _write(path, channels, header)
 
 
 def read_eye(path: Path) -> dict[str, Passes]:
-    """The passes of a file that `write_eye` wrote, by view layer, the main one first. Raises BadInputError when it is
-    not whole."""
+    """Return the passes of a file that `write_eye` wrote, by view layer, the main one first.
+
+    Raises BadInputError when the file is not whole.
+    """
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
         raise BadInputError(f"{path.name} is not whole: {error}") from error
-    main = part.header.get(MAIN_LAYER, "")
+    main = part.header.get(MAIN_LAYER_ATTRIBUTE, "")
     found: dict[str, dict[str, dict[str, NDArray]]] = {main: {}}
     for channel_name, channel in part.channels.items():
         prefix, _, letter = channel_name.rpartition(".")
@@ -184,22 +196,26 @@ def read_eye(path: Path) -> dict[str, Passes]:
 
 
 def read_metadata(path: Path) -> dict[str, str]:
-    """The texts about cryptomattes of a file that `write_eye` wrote, as Blender has them: each names a view layer."""
+    """Return the texts about cryptomattes in a file that `write_eye` wrote, with view layers' names as in Blender."""
     header = _openexr().File(str(path), header_only=True).header()
-    main = header.get(MAIN_LAYER, "")
-    texts = {key: text for key, text in header.items() if key.startswith(CRYPTOMATTE_KEY) and isinstance(text, str)}
+    main = header.get(MAIN_LAYER_ATTRIBUTE, "")
+    texts = {
+        key: text
+        for key, text in header.items()
+        if key.startswith(CRYPTOMATTE_ATTRIBUTE_PREFIX) and isinstance(text, str)
+    }
     bare = {key for key, text in texts.items() if key.endswith("/name") and "." not in text}
     return {key: f"{main}.{text}" if key in bare else text for key, text in texts.items()}
 
 
 def write_stereo(
-    path: Path, eyes: Mapping[str, Mapping[str, Passes]], *, metadata: Mapping[str, str] = NOTHING
+    path: Path, eyes: Mapping[str, Mapping[str, Passes]], *, metadata: Mapping[str, str] = NO_TEXTS
 ) -> None:
-    """All views, by view name, with all their layers, in one file: a part for each layer, pass and view.
+    """Write all views, by name, with all their layers into one file: a part for each layer, pass and view.
 
-    Parts and channels are named as Blender 5.2 does it, Layer.Pass-view and Layer.Pass.C, with one exception: the
-    first layer's colour is R, G, B, A, which is what a program shows that knows no layers. It is the first part, and
-    Blender puts the part's name before such channels. metadata is as for `write_eye`.
+    Parts and channels are named as in Blender 5.2, Layer.Pass-view and Layer.Pass.C, with one exception: the first
+    layer's colour is R, G, B, A, which a program shows that knows no layers. It is the first part, and Blender reads it
+    by the part's name. metadata is as for `write_eye`.
     """
     openexr = _openexr()
     first = next(iter(eyes.values()))
@@ -208,14 +224,14 @@ def write_stereo(
     parts = []
     for layer in layers:
         names = dict.fromkeys(name for view in eyes.values() for name in view.get(layer, {}))
-        # Else a program that knows no layers would find something else first.
+        # The colour comes first: it is what a program shows that knows no layers.
         for name in sorted(names, key=lambda name: name != COLOUR_PASS):
             full = _joined(layer, name)
             prefix = "" if (layer, name) == (layers[0], COLOUR_PASS) else full
             for view, passes in ((view, of_view[layer]) for view, of_view in eyes.items() if layer in of_view):
                 if name in passes:
                     header = {"compression": openexr.ZIP_COMPRESSION, "name": f"{full}-{view}", "view": view}
-                    # Readers look for them in the first part.
+                    # Readers look for the texts in the first part.
                     header |= {} if parts else texts
                     header["type"] = openexr.scanlineimage
                     parts.append(openexr.Part(header, _channels(name, passes[name], prefix)))
@@ -223,18 +239,20 @@ def write_stereo(
 
 
 def _joined(*names: str) -> str:
+    """Return the names that are not empty, with dots between them."""
     return ".".join(name for name in names if name)
 
 
 def _channels(name: str, image: NDArray, prefix: str) -> dict[str, NDArray]:
-    letters, image = pass_letters(name, image.shape[2]), as_blender_has_it(name, image)
+    """Return the channels (H, W) of a pass (H, W, C) by the names that they have in a file."""
+    letters, image = pass_letters(name, image.shape[2]), to_blender(name, image)
     return {_joined(prefix, c): np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate(letters)}
 
 
 def _cryptomattes(
     metadata: Mapping[str, str], layers: Mapping[str, Passes], prefixes: Mapping[str, str]
 ) -> dict[str, str]:
-    """The texts about those cryptomattes that the layers have; named after the layers' `prefixes` instead."""
+    """Return the texts about those cryptomattes that the layers have, which they name by the layers' `prefixes`."""
     known = {
         f"{layer}.{matte}": _joined(prefixes[layer], matte)
         for layer, passes in layers.items()
@@ -243,22 +261,24 @@ def _cryptomattes(
     result: dict[str, str] = {}
     for key, value in metadata.items():
         group = key.removesuffix("/name")
-        if key.startswith(CRYPTOMATTE_KEY) and group != key and value in known:
+        if key.startswith(CRYPTOMATTE_ATTRIBUTE_PREFIX) and group != key and value in known:
             result |= {k: text for k, text in metadata.items() if k.startswith(f"{group}/")}
             result[key] = known[value]
     return result
 
 
 def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any]) -> None:
+    """Write a file of one part. Raises BadInputError where that fails."""
     openexr = _openexr()
     _write_file(path, lambda: openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)))
 
 
 def _write_file(path: Path, make: Callable[[], Any]) -> None:
+    """Write the file that `make` returns and read it back. Raises BadInputError where either fails."""
     try:
         with make() as file:
             file.write(str(path))
-        # A full disk may take the last of it away without a word.
+        # On a full disk the end of the file may be missing without an error.
         _read_parts(path)
     except (OSError, RuntimeError) as error:
         raise BadInputError(f"cannot write {path.name}: {error}; is the disk full?") from error

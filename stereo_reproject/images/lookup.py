@@ -1,4 +1,4 @@
-"""Passes, looked up where a warp says: filtered for colours, nearest for what must not be mixed."""
+"""Lookup of passes at the positions of a warp: interpolated for colours, the nearest pixel for what must not mix."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .masks import dilate
 
 
 def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation: str = "linear") -> NDArray[np.float32]:
-    """`image` (H, W, C) at pixel positions x, y (h, w); NaN positions give 0. interpolation: linear, cubic, nearest.
+    """Return the values (h, w, C) of an image (H, W, C) at positions x, y (h, w) in pixels; a NaN position gives 0.
 
-    linear is bilinear, cubic the Catmull-Rom spline, which keeps more of the sharpness at the price of noise; it
-    overshoots, and is held within the range of the pixels that it looks at, 4 x 4 of them. Outside the picture its
-    border is repeated.
+    interpolation is linear (bilinear), cubic or nearest. cubic is the Catmull-Rom spline, which keeps more of the
+    sharpness and more of the noise; it overshoots, and is held within the range of the 4 x 4 pixels that it reads.
+    Outside the picture its border is repeated.
     """
     sample: Callable[[_Texels, NDArray, NDArray], NDArray[np.float32]]
     sample = {"linear": _linear, "cubic": _cubic, "nearest": _nearest}[interpolation]
@@ -32,7 +32,8 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
 
 
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
-    """(h, w): whether a bilinear lookup at x, y takes more than `share` of its weight from pixels of `mask` (H, W)."""
+    """Return a mask (h, w) of the positions x, y (h, w), in pixels, at which a bilinear lookup takes more than `share`
+    of its weight from pixels of `mask` (H, W)."""
     result = np.zeros(x.shape, bool)
     if not mask.any():
         return result
@@ -49,32 +50,36 @@ def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) ->
 
 
 class _Texels:
-    """The pixels of `image` (H, W, C), by row and column; beyond its border, that is repeated."""
+    """Pixels of an image (H, W, C), to be read by row and column; beyond the border, the border is repeated."""
 
     def __init__(self, image: NDArray) -> None:
         self.height, self.width, self.channels = image.shape
         self._pixels = np.ascontiguousarray(image).reshape(self.height * self.width, self.channels)
 
     def take(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray:
-        """(N, C)"""
+        """Return the values (N, C) at rows and columns (N,)."""
         start = np.clip(row, 0, self.height - 1).astype(np.int64) * self.width
         return self._pixels.take(start + np.clip(column, 0, self.width - 1), axis=0)
 
     def spread(self, weight: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(N,) to (N, C): numpy multiplies the same shapes much faster than it broadcasts so few."""
+        """Return a weight (N,) repeated for each channel, (N, C): NumPy multiplies equal shapes much faster than it
+        broadcasts so few channels."""
         return weight.repeat(self.channels).reshape(-1, self.channels)
 
 
 def _nearest(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
+    """Return the values (N, C) of the pixels that hold the positions (N,)."""
     return texels.take(_whole(np.floor(y)), _whole(np.floor(x)))
 
 
 def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
+    """Return bilinear values (N, C) at the positions (N,)."""
     row, down = _split(y)
     column, across = _split(x)
     weight = texels.spread(across)
 
     def along(row: NDArray[np.int32]) -> NDArray:
+        """Return the values (N, C) between the pixels of these rows (N,)."""
         return texels.take(row, column) * (1.0 - weight) + texels.take(row, column + 1) * weight
 
     if not np.any(down > 0.0):
@@ -84,41 +89,44 @@ def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
 
 
 def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
+    """Return Catmull-Rom values (N, C) at the positions (N,), within the range of the pixels that they come from."""
     row, down = _split(y)
     column, across = _split(x)
     total = np.zeros((x.size, texels.channels), np.float32)
     low, high = np.full_like(total, np.inf), np.full_like(total, -np.inf)
     for i, weight_down in enumerate(_catmull_rom(down)):
-        # NaN is no weight either; where rows meet rows, three of four have none.
+        # NaN is no weight either. Where positions lie on rows, three of the four rows have weight 0.
         if not np.any(np.abs(weight_down) > 0.0):
             continue
         for j, weight_across in enumerate(_catmull_rom(across)):
             weight = weight_down * weight_across
             taken = texels.take(row + (i - 1), column + (j - 1))
-            # A mask takes its time.
-            looked_at = True if weight.all() else (weight != 0.0)[:, None]
-            np.minimum(low, taken, out=low, where=looked_at)
-            np.maximum(high, taken, out=high, where=looked_at)
-            # Of the largest float32s the overshoot is none, until it is held within their range.
+            # NumPy is slower with a mask.
+            weighted = True if weight.all() else (weight != 0.0)[:, None]
+            np.minimum(low, taken, out=low, where=weighted)
+            np.maximum(high, taken, out=high, where=weighted)
+            # Beside the largest float32s the overshoot is infinite, until it is held within their range.
             with np.errstate(over="ignore"):
                 total += taken * texels.spread(weight)
     return np.clip(total, low, high, out=total)
 
 
 def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:
-    """The weights of the pixels before, at, after and two after the position."""
+    """Return the weights (N,) of four neighbouring pixels by the Catmull-Rom spline, at `t` (N,), 0 to 1, on the way
+    from the second of them to the third."""
     t2, t3 = t * t, t * t * t
     return -0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0, -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2
 
 
 def _split(position: NDArray) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Index of the pixel whose centre is at or before the position, and how far past it, 0..1."""
+    """Return the index (N,) of the pixel whose centre is at or before the position (N,), and the distance from there in
+    pixels, 0 to 1."""
     shifted = position - np.float32(0.5)
     floor = np.floor(shifted)
     return _whole(floor), (shifted - floor).astype(np.float32, copy=False)
 
 
 def _whole(number: NDArray) -> NDArray[np.int32]:
-    """The integers; anything, where there is no number."""
+    """Return whole numbers as int32; NaN becomes any integer, without a warning."""
     with np.errstate(invalid="ignore"):
         return number.astype(np.int32)

@@ -1,4 +1,4 @@
-"""Masks of pixels."""
+"""Masks of pixels: counted in a neighbourhood, and widened."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 
 def count_within(mask: NDArray[np.bool_], radius: int) -> NDArray[np.uint8]:
-    """(H, W): how many pixels are set in the square that reaches `radius` pixels each way, at most 7."""
+    """Return the number (H, W) of set pixels in the square that reaches `radius` pixels each way around each pixel.
+
+    radius is at most 7: the count of a larger square would not fit 8 bits.
+    """
     height, width = mask.shape
     counts = np.pad(mask.view(np.uint8), radius)
     down = sum((counts[shift : shift + height] for shift in range(1, 2 * radius + 1)), start=counts[:height].copy())
@@ -15,7 +18,8 @@ def count_within(mask: NDArray[np.bool_], radius: int) -> NDArray[np.uint8]:
 
 
 def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
-    """The mask and what lies within `radius` pixels of it along each axis: in a square, as a pixel filter reaches."""
+    """Return the mask (H, W) widened by `radius` pixels each way along the axes: by a square, which is the shape that a
+    pixel filter reaches."""
     result = mask
     for axis in axes:
         grown = result.copy()

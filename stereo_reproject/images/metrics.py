@@ -1,49 +1,57 @@
-"""How far a picture is from another, and from what rendering it again would give."""
+"""Differences between two pictures, and between a picture and a plain render of the same view."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-TILE = 16
+TILE_PX = 16
+"""Side of a tile in `worst_tiles`, in pixels: part of what the metric is, and so never tuned."""
+
+MIN_DISTANCE_FROM_WHITE = 1e-6
+"""Least distance from 1, where `tone` has infinitely bright colours, that `untone` takes a colour to have."""
 
 
 def tone(colour: NDArray) -> NDArray[np.float32]:
-    """x / (1 + x) of scene-linear colour (..., C >= 3), alpha left out: bright pixels do not drown the others."""
+    """Return x / (1 + x), (..., 3), of a scene-linear colour (..., C >= 3): 0 to 1, so that a few bright pixels do not
+    outweigh all others. Alpha is left out, and negative light counts as 0."""
     positive = np.maximum(np.asarray(colour, np.float32)[..., :3], 0.0)
     # numpy's stubs take the sum of a float32 array and 1.0 for float64.
     return positive / (1.0 + positive)  # pyright: ignore[reportReturnType]
 
 
 def untone(toned: NDArray) -> NDArray:
-    """The scene-linear colour that `tone` makes this of; what is all but 1 stands for a very bright one."""
-    return toned / np.maximum(1.0 - toned, 1e-6)
+    """Return the scene-linear colour (..., 3) of a colour after `tone`; one that is all but 1 becomes a very bright
+    one."""
+    return toned / np.maximum(1.0 - toned, MIN_DISTANCE_FROM_WHITE)
 
 
 def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """(H, W): mean over the colour channels of the squared difference after `tone`."""
+    """Return the squared difference (H, W) of two scene-linear colours (H, W, >= 3) after `tone`, as the mean over the
+    three channels."""
     return np.mean((tone(a).astype(np.float64) - tone(b)) ** 2, axis=-1)
 
 
 def rmse(a: NDArray, b: NDArray) -> float:
-    """Root mean square of the difference after `tone`."""
+    """Return the root mean square of the difference of two scene-linear pictures (H, W, >= 3) after `tone`."""
     return float(np.sqrt(squared_error(a, b).mean()))
 
 
 def tile_rmse(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """`rmse` of each 16 x 16 tile; those at the right and bottom may be smaller."""
+    """Return `rmse` of each tile of `TILE_PX` x `TILE_PX` pixels, as rows and columns of tiles; those at the right and
+    bottom may be smaller."""
     error = squared_error(a, b)
-    rows, columns = np.arange(0, error.shape[0], TILE), np.arange(0, error.shape[1], TILE)
+    rows, columns = np.arange(0, error.shape[0], TILE_PX), np.arange(0, error.shape[1], TILE_PX)
     total = np.add.reduceat(np.add.reduceat(error, rows, axis=0), columns, axis=1)
     count = np.diff([*rows, error.shape[0]])[:, None] * np.diff([*columns, error.shape[1]])[None, :]
     return np.sqrt(total / count)
 
 
 def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
-    """Mean difference after `tone` of the neighbours on either side of the borders of `holes` (H, W), 0 without any.
+    """Return the mean difference, after `tone`, of neighbours across the borders of `holes` (H, W); 0 without a border.
 
-    picture (H, W, >= 3) is scene-linear. Where a seam shows, it is above that of a plain picture at the same places,
-    where there are edges too.
+    picture (H, W, >= 3) is scene-linear. Where a seam shows, the result is above that of a plain render at these
+    places, which has edges there too.
     """
     toned = tone(picture)
     steps = [np.abs(np.diff(toned, axis=axis))[np.diff(holes, axis=axis)] for axis in (0, 1)]
@@ -52,7 +60,11 @@ def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
 
 
 def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
-    """rmse(ours, A) / rmse(B, A), A and B two plain renders that differ in their seed; 1 is as good as rendering."""
+    """Return rmse(ours, reference) / rmse(again, reference): 1 is as good as a render.
+
+    reference and again are two plain renders that differ only in their seed. Infinite where they are equal and ours
+    differs from them.
+    """
     ours_rmse, noise = rmse(ours, reference), rmse(again, reference)
     if noise == 0.0:
         return 1.0 if ours_rmse == 0.0 else float("inf")
@@ -60,7 +72,11 @@ def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
 
 
 def worst_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
-    """99th percentile over tiles of rmse_tile(ours, A) / max(rmse_tile(B, A), its median)."""
+    """Return the 99th percentile, over tiles, of tile_rmse(ours, reference) / noise, where noise is
+    tile_rmse(again, reference) but at least its median over all tiles.
+
+    reference and again are two plain renders that differ only in their seed: 1 is as good as a render.
+    """
     noise = tile_rmse(again, reference)
     floor = np.maximum(noise, np.median(noise))
     error = tile_rmse(ours, reference)

@@ -1,4 +1,4 @@
-"""What a render consists of: passes by name."""
+"""Passes of a render by name, and the rules for each: its channels, how it is looked up, who gets it."""
 
 from __future__ import annotations
 
@@ -8,60 +8,73 @@ import numpy as np
 from numpy.typing import NDArray
 
 Passes = dict[str, NDArray[np.float32]]
-"""Passes by Blender's names, each (H, W, C), or (N, C) for traced pixels."""
+"""Passes of a picture by Blender's names: each (H, W, C), or (N, C) where they are traced pixels."""
+
+# Passes of Blender that the code handles by name.
 
 COLOUR_PASS = "Combined"
 DEPTH_PASS = "Depth"
 POSITION_PASS = "Position"
 VECTOR_PASS = "Vector"
 
-MASKED_PASS = ".Masked"
-"""Names of ours begin with a dot, which no pass of Blender's has: an AOV is called what its maker likes.
+# Internal passes. Their names begin with a dot, which no name of Blender's does: users name their AOVs as they like.
 
-(H, W, 1) of a source: 1 where its pixels must not be warped, 0 elsewhere. Few sources have it."""
+MASKED_PASS = ".Masked"
+"""Mask (H, W, 1) of a source: 1 where its pixels must not be warped, 0 elsewhere. Few sources have it."""
 
 EFFECTS_PASS = ".Effects"
-"""(H, W, 1) `effects.Effect` flags of what each pixel shows. Ours alone: it is dropped before anything is written."""
+"""`effects.Effect` flags (H, W, 1) of what each pixel shows."""
 
 MATERIAL_PASS = ".Shown Material"
-"""(H, W, 1) number of the materials that each pixel shows. Ours alone, as the flags are."""
+"""Numbers (H, W, 1) for the sets of materials that pixels show, by `effects_pass.material_pass`."""
 
 NOISY_PASS = ".Noisy"
-"""(H, W, 4) colour as it was traced, where the picture is denoised. Ours alone, as are what the denoiser looks at:"""
+"""Scene-linear colour (H, W, 4) as it was traced, of a picture that is denoised."""
 
 ALBEDO_PASS = ".Guiding Albedo"
+"""Albedo (H, W, 3) that guides the denoiser."""
+
 NORMAL_PASS = ".Guiding Normal"
+"""Normal (H, W, 3) that guides the denoiser."""
 
 LENGTH_PASS = ".Ray Length"
-"""(H, W, 1) of a source that is denoised: the way of a pixel's rays from where they are clipped to what guides the
-denoiser, the mean of its samples: on over mirrors, each part times what the mirrors before it reflect."""
+"""Length (H, W, 1) of a pixel's rays in scene units, in a source that is denoised.
+
+It is measured from the clip distance to the surface that guides the denoiser, as the mean over the samples. Behind a
+mirror the ray goes on, and that part of its length counts times the reflectance of all mirrors before it."""
 
 REFLECTANCE_PASS = ".Reflectance"
-"""(H, W, 3) of such a source, where anything is glossy: the share of the light that its gloss reflects."""
+"""Share (H, W, 3) of the light that glossy reflection of the first surface sends on, in a source that is denoised and
+shows anything glossy."""
 
 SURFACE_NORMAL_PASS = ".Surface Normal"
-"""(H, W, 3) of the same: the normal by which what is seen first reflects, bumps and all."""
+"""Normal (H, W, 3) by which the first surface reflects, bumps included, in a source that has REFLECTANCE_PASS."""
 
 ROUGHNESS_PASS = ".Roughness"
-"""(H, W, 1) of the same, from Blender 5 on: of what is glossy of what is seen first."""
+"""Roughness (H, W, 1) of the first surface's glossy part, in a source that has REFLECTANCE_PASS, from Blender 5 on."""
 
-OF_SOURCE = (LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS, ROUGHNESS_PASS)
-"""Passes that are asked for what the source sees, and never warped into the target."""
+SOURCE_ONLY_PASSES = (LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS, ROUGHNESS_PASS)
+"""Passes that describe what the source sees and are never warped into the target."""
 
-OURS = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *OF_SOURCE)
+INTERNAL_PASSES = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *SOURCE_ONLY_PASSES)
+"""Passes that are dropped before a picture is written: users never get them."""
 
 _CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
+"""Names of the levels of Blender's cryptomattes."""
 
-_VECTORS = frozenset({POSITION_PASS, VECTOR_PASS, "Normal", "Denoising Normal"})
-_DISTANCES = frozenset({DEPTH_PASS, "Mist", "Denoising Depth", "Volume Majorant"})
+_VECTOR_PASSES = frozenset({POSITION_PASS, VECTOR_PASS, "Normal", "Denoising Normal"})
+"""Passes whose channels Blender names X, Y, Z and W."""
 
-_UNMIXED = frozenset(
+_DISTANCE_PASSES = frozenset({DEPTH_PASS, "Mist", "Denoising Depth", "Volume Majorant"})
+"""Passes whose one channel Blender names Z."""
+
+_NEAREST_PIXEL_PASSES = frozenset(
     {
         "Normal",
         "UV",
         "Denoising Normal",
         "Denoising Depth",
-        # The same passes, by their names in 4.5 and in 5.2.
+        # Names in 4.5, then in 5.2.
         "IndexOB",
         "IndexMA",
         "Object Index",
@@ -75,15 +88,15 @@ _UNMIXED = frozenset(
         NORMAL_PASS,
     }
 )
-"""Passes of which a mean of two neighbours is neither of them; and a denoiser wants noise that is not smeared.
+"""Passes that are looked up as the nearest pixel: the mean of two values would be a third one, or, of what a denoiser
+takes, would smear the noise.
 
-Whole names: an AOV may be called "Normal map"."""
+They are whole names, because an AOV may be called "Normal map"."""
 
-_CONVERTED = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
-"""Passes that are another eye's only after a conversion."""
+_RECOMPUTED_PASSES = frozenset({DEPTH_PASS, POSITION_PASS, VECTOR_PASS})
+"""Passes whose values depend on the camera, or on the point that is seen: they are computed anew for the target."""
 
-
-_SEEN_IN_MIRRORS = frozenset(
+_MIRRORED_PASSES = frozenset(
     {
         COLOUR_PASS,
         NOISY_PASS,
@@ -93,19 +106,22 @@ _SEEN_IN_MIRRORS = frozenset(
         "Denoising Albedo",
         "Denoising Normal",
         "Denoising Depth",
-        # By their names in 4.5 and in 5.2.
+        # Names in 4.5, then in 5.2.
         "GlossDir",
         "GlossInd",
         "Glossy Direct",
         "Glossy Indirect",
     }
 )
-_LIGHT_GROUP = "Combined_"
+"""Passes that show, in a mirror's pixels, the reflected things; light groups do too."""
 
-_LIGHT = frozenset(
+_LIGHT_GROUP_PREFIX = "Combined_"
+"""Beginning of the names of light groups' passes."""
+
+_LIGHT_PASSES = frozenset(
     {
         COLOUR_PASS,
-        # By their names in 4.5 and in 5.2.
+        # Names in 4.5, then in 5.2.
         *(kind + way for kind in ("Diff", "Gloss", "Trans", "Volume") for way in ("Dir", "Ind")),
         *(
             f"{kind} {way}"
@@ -118,74 +134,76 @@ _LIGHT = frozenset(
         "Environment",
     }
 )
+"""Passes of light that reaches the camera, by their whole names; light groups are such passes too."""
 
-NO_SURFACE = 1e10
-"""The depth that Blender gives to what has no surface, and that files have; inside the code it is infinite."""
+SKY_DEPTH_IN_FILES = 1e10
+"""Depth, in scene units, that Blender and files give to the sky; inside the code it is infinite."""
 
-_FARTHEST = 1e9
-"""No surface is as deep as this."""
+_MIN_SKY_DEPTH = 1e9
+"""Depth, in scene units, from which a pixel of a file is taken for sky: no surface is as far away."""
 
-
-_NEAREST = float(np.finfo(np.float32).tiny)
-"""What is nearer is a denormal, and one over it no float32."""
+_MIN_DEPTH = float(np.finfo(np.float32).tiny)
+"""Least depth, in scene units, that is taken for one: smaller numbers are denormals, and 1 over them may not fit
+float32."""
 
 
 def known_depth(depth: NDArray) -> NDArray[np.float32]:
-    """The depth with NaN for what is none: 0, below it, or next to nothing, as a broken pass may have it."""
-    known = depth >= _NEAREST
+    """Return the depth, in scene units, with NaN for values that are no depth: 0, negative, or below `_MIN_DEPTH`, as a
+    broken pass may have them."""
+    known = depth >= _MIN_DEPTH
     if depth.dtype == np.float32 and known.all():
         return depth
     with np.errstate(over="ignore"):
         return np.where(known, depth, np.nan).astype(np.float32)
 
 
-def as_blender_has_it(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A pass as it leaves the code."""
-    return np.where(np.isinf(image), np.float32(NO_SURFACE), image) if name == DEPTH_PASS else image
+def to_blender(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a pass (H, W, C) as Blender and files have it: the sky's depth is SKY_DEPTH_IN_FILES."""
+    return np.where(np.isinf(image), np.float32(SKY_DEPTH_IN_FILES), image) if name == DEPTH_PASS else image
 
 
 def from_blender(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A pass as it comes from Blender, or from a file of ours."""
-    return np.where(image >= _FARTHEST, np.float32(np.inf), image) if name == DEPTH_PASS else image
+    """Return a pass (H, W, C) of Blender or of a file in the form that the code uses: the sky's depth is infinite."""
+    return np.where(image >= _MIN_SKY_DEPTH, np.float32(np.inf), image) if name == DEPTH_PASS else image
 
 
 def cryptomatte_of(name: str) -> str | None:
-    """What cryptomatte a pass is a level of, by Blender's name ("CryptoObject"), or None."""
+    """Return the name of the cryptomatte that a pass is a level of, as "CryptoObject", or None where it is of none."""
     found = _CRYPTOMATTE.fullmatch(name)
     return found[1] if found else None
 
 
 def filtered(name: str) -> bool:
-    """Whether a mean of two of the pass's values is a value of the pass."""
-    return name not in _UNMIXED and name not in _CONVERTED and cryptomatte_of(name) is None
+    """Return whether the pass is looked up between pixels: whether the mean of two of its values is a value too."""
+    return name not in _NEAREST_PIXEL_PASSES and name not in _RECOMPUTED_PASSES and cryptomatte_of(name) is None
 
 
 def seen_in_mirrors(name: str) -> bool:
-    """Whether a pass has, where there is a mirror, what that shows."""
-    return name in _SEEN_IN_MIRRORS or name.startswith(_LIGHT_GROUP)
+    """Return whether the pass shows, in a mirror's pixels, the reflected things, and not the mirror itself."""
+    return name in _MIRRORED_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
 def is_light(name: str) -> bool:
-    """Whether a pass is light that reaches the camera: all of it, or a part. Parts, times the colour that some have a
-    pass for, add up to all of it."""
-    return name in _LIGHT or name.startswith(_LIGHT_GROUP)
+    """Return whether the pass is light that reaches the camera: all of it, or a part. The parts, some of them times a
+    colour pass of their own, add up to all of it."""
+    return name in _LIGHT_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
-def decides(name: str) -> bool:
-    """Whether the pass decides what a pixel looks like: its light, all parts of which must add up, and what is asked
-    for to denoise it or to tell what it shows."""
-    return is_light(name) or name in OURS
+def is_essential(name: str) -> bool:
+    """Return whether a pixel is invalid as a whole where this pass has NaN or infinities: true for light, whose parts
+    must add up, and for internal passes, by which pixels are denoised and judged."""
+    return is_light(name) or name in INTERNAL_PASSES
 
 
 def pass_letters(name: str, channels: int) -> str:
-    """A letter for each channel of a pass, as Blender names them."""
+    """Return a letter for each channel of a pass, as Blender names them: "RGBA" for a colour, "Z" for a distance."""
     if channels == 1:
-        return "Z" if name in _DISTANCES else "X"
-    if name in _VECTORS:
+        return "Z" if name in _DISTANCE_PASSES else "X"
+    if name in _VECTOR_PASSES:
         return "XYZW"[:channels]
     return ("UVA" if name == "UV" else "rgba" if cryptomatte_of(name) else "RGBA")[:channels]
 
 
-def without_ours(passes: Passes) -> Passes:
-    """What of the passes is the user's."""
-    return {name: image for name, image in passes.items() if name not in OURS}
+def without_internal_passes(passes: Passes) -> Passes:
+    """Return the passes that users get."""
+    return {name: image for name, image in passes.items() if name not in INTERNAL_PASSES}

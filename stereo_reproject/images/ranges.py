@@ -1,4 +1,4 @@
-"""What a file cannot hold, or a picture should not: said before the file is delivered."""
+"""Warnings of values that a file cannot hold or that no picture should have, given before the file is delivered."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from .passes import COLOUR_PASS, Passes, pass_letters
 
-HALF_MAX = 65504.0
-"""The greatest finite half float."""
+MAX_HALF_FLOAT = 65504.0
+"""Greatest finite value of a 16-bit half float."""
 
 
 def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
-    """A line each for values of one eye that are no numbers, negative light, or more than half floats can hold.
+    """Return a line for each pass of one eye that has NaN, negative light, or values beyond half floats.
 
-    half: whether a file of half floats is to be made of the passes. Of a multilayer file Blender makes the colours half
-    floats and nothing else.
+    view names the eye in these lines. half is set where the passes go into a file of half floats; in a multilayer file
+    Blender stores only the colours so.
     """
     warnings = []
     negative = _count(passes[COLOUR_PASS] < 0.0)
@@ -27,7 +27,7 @@ def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
             warnings.append(f"{unknown} pixels of the {view} eye's {name} pass are no numbers")
         if not half or not pass_letters(name, image.shape[2]).startswith("RGB"):
             continue
-        beyond = _count(np.abs(np.nan_to_num(image, posinf=np.inf, neginf=-np.inf)) > HALF_MAX)
+        beyond = _count(np.abs(np.nan_to_num(image, posinf=np.inf, neginf=-np.inf)) > MAX_HALF_FLOAT)
         if beyond:
             where = f"{beyond} pixels of the {view} eye's {name} pass"
             warnings.append(f"{where} are beyond what half floats hold: set the output's color depth to Float (Full)")
@@ -35,4 +35,5 @@ def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
 
 
 def _count(where: NDArray[np.bool_]) -> int:
+    """Return the number of pixels that have a set value in any channel of `where` (H, W, C)."""
     return int(where.any(axis=-1).sum())

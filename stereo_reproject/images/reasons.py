@@ -1,4 +1,4 @@
-"""Why a target pixel is traced: flags, of which a mask of pixels is made."""
+"""Reasons for which a target pixel is traced, as bit flags of which an image is made."""
 
 from __future__ import annotations
 
@@ -8,26 +8,36 @@ import numpy as np
 
 
 class Reason(IntFlag):
-    """Why a target pixel is traced; a pixel may have several reasons."""
+    """Reasons for which a target pixel is traced, one bit each; a pixel may have several."""
 
     DISOCCLUDED = 1
+    """The target sees a surface that the source does not."""
     OUTSIDE = 2
+    """The target sees what lies outside the source's picture."""
     SILHOUETTE = 4
+    """An edge of depth, where the pixel filter mixes in another background, or a thing about one pixel wide."""
     TRANSPARENT = 8
+    """Contrast behind glass, which is not where its surface is."""
     VIEW_DEPENDENT = 16
+    """A pixel of the mask of what looks different from each eye, or a mirror in which another thing was looked up than
+    it shows."""
     VOLUME = 32
+    """A volume before the sky."""
     DEFOCUS = 64
-    MOTION = 128
+    """An edge that is out of focus."""
     REFINED = 256
+    """A tile that the probes found to be worse than was promised."""
     PROBE = 512
+    """A pixel that is traced to measure how wrong the warped picture is."""
     INVALID = 1024
+    """A pixel whose lookup would take part of a NaN or an infinity in the source."""
 
     @property
     def bit(self) -> np.uint16:
-        """The flag as what a mask is made of."""
+        """The flag as the type of an image (H, W) of reasons."""
         return np.uint16(self.value)
 
     @property
     def label(self) -> str:
-        """The name that reports and legends use."""
+        """Name of the reason in reports and legends."""
         return str(self.name).lower().replace("_", "-")

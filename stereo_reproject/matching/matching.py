@@ -1,10 +1,10 @@
 """Pixels that one engine has traced, matched to a picture that another has rendered.
 
 The light of two engines differs, and not by a constant: what one puts in shadow is bright in the other. A ring of
-pixels around the holes is known to both. From it is learned how the picture follows from what the tracer tells of a
-pixel (its light, and how it reflects from where), which holds for the holes too; what is left of the difference on the
-ring is spread over each hole by a membrane that does not reach over edges. What the tracer tells is filtered over the
-pixel as colours are, and the picture follows from it linearly: so edges stay as smooth as they were traced.
+pixels around the holes is known to both. On it a law is learned by which the picture follows from the traced pixels:
+from their light, and from how their surfaces reflect and in which direction. The law holds for the holes too. The rest
+of the difference on the ring is spread over each hole by a membrane that hardly reaches over edges. Traced features
+are filtered over the pixel as colours are, and the law is linear: so edges stay as smooth as they were traced.
 """
 
 from __future__ import annotations
@@ -18,54 +18,31 @@ from numpy.typing import NDArray
 from ..images.masks import dilate
 from ..images.metrics import tone, untone
 from .membrane import Bonds, spread
+from .tuning import TUNING
 
-RING = 1
-"""Pixels around the holes that are traced to be compared. Wider rings gave nothing but cost: the membrane averages."""
+COLOUR_FEATURE = 0
+"""Index of the traced light among the features, whose weight is 1 as long as the ring says nothing else."""
 
-SAME_DEPTH = 0.03
-"""Difference of two depths, as a share, up to which they are of the same surface."""
+FEATURE_SIZE_MARGIN = 1e-9
+"""Size that is added to a feature's root mean square, so that one that is 0 everywhere divides nothing by 0."""
 
-BENT = 0.05
-"""Difference in nearness, as a share, over which the membrane hardly reaches; likewise those of colour and normal."""
-ALBEDO_STEP, NORMAL_STEP = 0.3, 0.5
-
-LEAK = 1e-3
-"""How firmly what an edge parts is still tied: a surface without any ring follows its surroundings."""
-
-DOUBT = 1e-5
-"""Share of its own size by which a feature must explain the picture to be believed."""
-
-TRUST, UNEXPLAINED = 0.3, 0.05
-"""Share of the picture in a silhouette that the tracer can tell, and how much of one (after tone mapping) may rest on
-what is only spread over it until the picture counts as much. Tried on a room and on a vase of glass, where it took the
-error of silhouettes from 0.030 and 0.066 to 0.023 and 0.037."""
-
-ELSEWHERE = 0.5
-"""Of that share, how much where the picture shows another depth than the tracer: the one may have the near side of an
-edge there and the other the far one, or not have what is a pixel wide."""
-
-REFRACTING = 0.5
-"""Share of the picture in a silhouette of what refracts, at least: one engine shows there what the other may not."""
-
-NEAR = 3
-"""Pixels each way from which the colours are that such a pixel may have."""
-
-PRIOR_PIXELS = 0.5
-"""As many pixels of the ring outweigh that both engines are taken to see the same light."""
+MIN_NEARNESS = 1e-6
+"""Nearness, in 1 / scene units, below which all is taken to be equally far: the sky's 0 has no logarithm."""
 
 
 @dataclass(frozen=True)
-class Traced:
-    """What the tracer tells of N pixels, in scene-linear colour.
+class TracedPixels:
+    """Light and surfaces of N traced pixels; colours are scene-linear.
 
-    colour (N, 3); seen (N, 3): the light in it that comes straight from what shines, lamps and sky, which every engine
-    shows alike; albedo and specular (N, 3), that light left out; normal (N, 3) in any frame, 0 where there is none;
-    nearness (N,) at the pixel's centre, 0 for the sky, and mean_depth (N,) over the pixel, of whatever is not sky;
-    refracts (N,): what is told of its albedo is light that it refracts.
+    colour (N, 3) is all of the light, and emitted (N, 3) the part of it that comes straight from lamps, sky and glowing
+    surfaces, which every engine shows alike. albedo and specular (N, 3), 0 to 1, are how the surface reflects. normal
+    (N, 3) is in any frame of axes, and 0 where there is none. nearness (N,) is 1 / depth at the pixel's centre, 0 for
+    the sky; mean_depth (N,) is the mean over the pixel of all that is not sky, in scene units. refracts (N,) is set
+    where the albedo holds light that was refracted, so that it tells nothing of the surface.
     """
 
     colour: NDArray[np.float32]
-    seen: NDArray[np.float32]
+    emitted: NDArray[np.float32]
     albedo: NDArray[np.float32]
     specular: NDArray[np.float32]
     normal: NDArray[np.float32]
@@ -74,49 +51,52 @@ class Traced:
     refracts: NDArray[np.bool_]
 
     def features(self) -> NDArray[np.float32]:
-        """(N, 3, K): what a surface's look is made of. Light from all around has no sharper shape than its reflection
-        by a matte surface, which is nearly linear in the normal."""
+        """Return K features of each pixel and channel, (N, 3, K), of which a picture's light is a linear function.
+
+        The light itself is one of them. The albedo times the normal is another: light from all around that a matte
+        surface reflects is nearly linear in the normal.
+        """
         by_normal = (self.albedo * self.normal[:, axis, None] for axis in range(3))
         surface = np.broadcast_to(np.linalg.norm(self.normal, axis=1, keepdims=True), self.albedo.shape)
-        return np.stack([self.colour - self.seen, self.albedo, *by_normal, self.specular, surface], axis=-1)
+        return np.stack([self.colour - self.emitted, self.albedo, *by_normal, self.specular, surface], axis=-1)
 
 
 @dataclass(frozen=True)
 class Correction:
-    """How far the matched pixels are from what was traced: the mean and the 95th percentile of the difference after
-    tone mapping, over the mean of the picture after it."""
+    """Change of traced pixels by matching: mean and 95th percentile of the difference after `metrics.tone`, both as a
+    share of the picture's mean after it."""
 
     mean: float
     p95: float
 
 
 def ring_of(holes: NDArray[np.bool_], covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W): warped pixels beside the holes."""
-    return dilate(holes, RING) & covered & ~holes
+    """Return the ring (H, W): pixels beside the holes (H, W) that the warp has covered (H, W)."""
+    return dilate(holes, TUNING.ring_px) & covered & ~holes
 
 
 def match(
     picture: NDArray[np.float32],
-    traced: Traced,
+    traced: TracedPixels,
     domain: NDArray[np.bool_],
     *,
     known: NDArray[np.bool_],
     doubted: NDArray[np.bool_],
     nearness: NDArray,
 ) -> NDArray[np.float32]:
-    """(N, 3): the colours of the `domain` (H, W), of which `traced` tells, as the engine of the picture would have it.
+    """Return the colours (N, 3) of the N pixels of `domain` (H, W), as the engine of the picture would render them.
 
-    picture (H, W, 3) and nearness (H, W) count where `known` (H, W) is set. Where `doubted` (H, W) is, the picture
-    shows the right surface and mixes it with the wrong background: it counts as far as the tracer cannot tell.
+    traced holds these pixels in the mask's order. picture (H, W, 3, scene-linear) and nearness (H, W, 1 / depth) count
+    where `known` (H, W) is set. Where `doubted` (H, W) is set, at silhouettes, the picture shows the right surface but
+    mixes it with the wrong background: it counts there as far as the tracer cannot tell.
     """
-    at = nearness[domain]
-    same = _same_depth(at, traced.nearness)
-    kept = known[domain] & same
-    base = _learned(traced, picture[domain] - traced.seen, kept) + traced.seen
+    same = _same_surface(nearness[domain], traced.nearness)
+    compared = known[domain] & same
+    base = _learned(traced, picture[domain] - traced.emitted, compared) + traced.emitted
     gap = np.zeros((*domain.shape, 3), np.float32)
-    gap[domain] = np.where(kept[:, None], picture[domain] - base, 0.0)
+    gap[domain] = np.where(compared[:, None], picture[domain] - base, 0.0)
     weight = np.zeros(domain.shape, np.float32)
-    weight[domain] = kept
+    weight[domain] = compared
     correction = spread(gap, weight, domain, _bonds(traced, domain))
     sides = _sides(traced, domain)
     result = np.maximum(base + _mixed(correction, traced, domain, sides), 0.0)
@@ -124,9 +104,10 @@ def match(
     refracts[domain] = traced.refracts
     refracts = dilate(refracts, 1)[domain]
     mixed = (doubted & _beside_edges(traced, domain, nearness))[domain]
-    share = np.where(mixed, _trusted(tone(result) - tone(base), same), 0.0)
-    share = np.where(refracts & doubted[domain], np.maximum(share, REFRACTING), share).astype(np.float32)[:, None]
-    # Mixed as they are seen: a highlight of the one would drown the other.
+    share = np.where(mixed, _picture_share(tone(result) - tone(base), same), 0.0)
+    least = TUNING.min_refracting_share
+    share = np.where(refracts & doubted[domain], np.maximum(share, least), share).astype(np.float32)[:, None]
+    # Mixed after tone mapping: a highlight of the one would drown the other.
     toned = share * tone(picture[domain]) + (1.0 - share) * tone(result)
     if refracts.any():
         seen = known | doubted
@@ -137,16 +118,20 @@ def match(
     return np.where((share > 0.0) | refracts[:, None], untone(toned), result)
 
 
-def _trusted(unexplained: NDArray, same: NDArray[np.bool_]) -> NDArray:
-    """(N,): the share of the picture in a silhouette, by what (N, 3) no law explains, and where it shows the same depth
-    (N,)."""
+def _picture_share(unexplained: NDArray, same: NDArray[np.bool_]) -> NDArray:
+    """Return the weight (N,), 0 to 1, of the picture in silhouettes, against the matched light.
+
+    unexplained (N, 3) is the part of the matched light, after tone mapping, that the law does not explain; same (N,) is
+    set where picture and tracer show the same surface.
+    """
     squared = np.mean(np.abs(unexplained), axis=-1) ** 2
-    share = TRUST + (1.0 - TRUST) * squared / (squared + UNEXPLAINED**2)
-    return np.where(same, share, ELSEWHERE * share)
+    least = TUNING.min_silhouette_share
+    share = least + (1.0 - least) * squared / (squared + TUNING.unexplained_step**2)
+    return np.where(same, share, TUNING.other_depth_factor * share)
 
 
 def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correction:
-    """Of pixels (N, 3) that were traced and then matched, in a picture (H, W, 3 or more)."""
+    """Return the change from traced to matched colours (N, 3), measured by the brightness of a picture (H, W, >= 3)."""
     brightness = float(np.mean(tone(picture)))
     if matched.size == 0 or brightness == 0.0:
         return Correction(0.0, 0.0)
@@ -154,52 +139,56 @@ def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correc
     return Correction(float(change.mean()), float(np.percentile(change, 95.0)))
 
 
-def _learned(traced: Traced, wanted: NDArray, kept: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(N, 3): the wanted colours (N, 3) of the pixels in `kept` (N,), as a linear function of the features, for all.
+def _learned(traced: TracedPixels, wanted: NDArray, kept: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return colours (N, 3) of all pixels by the linear function of their features that best gives the wanted colours.
 
-    Least squares of the difference after tone mapping, as far as a ridge towards the traced light itself lets it.
+    wanted (N, 3) counts where `kept` (N,) is set. The fit is least squares of the difference after tone mapping, with a
+    ridge towards the traced light itself.
     """
     features = traced.features()
     result = np.empty_like(traced.colour)
     prior = np.zeros(features.shape[2])
-    prior[0] = 1.0
+    prior[COLOUR_FEATURE] = 1.0
     for channel in range(3):
         of_all = features[:, channel].astype(np.float64)
         target = wanted[kept, channel].astype(np.float64)
         # The slope of x / (1 + x).
-        slope = 1.0 / (1.0 + np.maximum(target + traced.seen[kept, channel], 0.0)) ** 2
+        slope = 1.0 / (1.0 + np.maximum(target + traced.emitted[kept, channel], 0.0)) ** 2
         rows = of_all[kept] * slope[:, None]
-        size = np.sqrt(np.mean(np.square(of_all), axis=0)) + 1e-9
-        doubt = (DOUBT * len(rows) + PRIOR_PIXELS) * float(np.mean(slope**2)) if len(rows) else 1.0
-        normal_matrix = (rows / size).T @ (rows / size) + doubt * np.eye(len(size))
-        weights = np.linalg.solve(normal_matrix, (rows / size).T @ (target * slope) + doubt * prior * size) / size
+        size = np.sqrt(np.mean(np.square(of_all), axis=0)) + FEATURE_SIZE_MARGIN
+        ridge_pixels = TUNING.feature_ridge * len(rows) + TUNING.prior_pixels
+        ridge = ridge_pixels * float(np.mean(slope**2)) if len(rows) else 1.0
+        normal_matrix = (rows / size).T @ (rows / size) + ridge * np.eye(len(size))
+        weights = np.linalg.solve(normal_matrix, (rows / size).T @ (target * slope) + ridge * prior * size) / size
         result[:, channel] = of_all @ weights
     return result
 
 
-def _bonds(traced: Traced, domain: NDArray[np.bool_]) -> Bonds:
-    """Neighbours are tied as far as they are of the same surface."""
+def _bonds(traced: TracedPixels, domain: NDArray[np.bool_]) -> Bonds:
+    """Return bonds between neighbours in the domain (H, W): near 1 within a surface, near `min_bond` across an edge."""
     known = np.zeros((*domain.shape, 7), np.float32)
-    albedo = np.minimum(traced.albedo + traced.specular, 1.0) / ALBEDO_STEP
-    nearness = np.log(np.maximum(traced.nearness, 1e-6))[:, None] / BENT
-    known[domain] = np.concatenate([nearness, albedo, traced.normal / NORMAL_STEP], axis=1)
+    albedo = np.minimum(traced.albedo + traced.specular, 1.0) / TUNING.albedo_step
+    nearness = np.log(np.maximum(traced.nearness, MIN_NEARNESS))[:, None] / TUNING.nearness_step
+    known[domain] = np.concatenate([nearness, albedo, traced.normal / TUNING.normal_step], axis=1)
     within = Bonds.within(domain)
     right = np.square(np.diff(known, axis=1)).sum(axis=-1)
     down = np.square(np.diff(known, axis=0)).sum(axis=-1)
-    return Bonds(within.right * np.maximum(np.exp(-right), LEAK), within.down * np.maximum(np.exp(-down), LEAK))
+    least = TUNING.min_bond
+    return Bonds(within.right * np.maximum(np.exp(-right), least), within.down * np.maximum(np.exp(-down), least))
 
 
-def _beside_edges(traced: Traced, domain: NDArray[np.bool_], nearness: NDArray) -> NDArray[np.bool_]:
-    """(H, W): what lies within two pixels of an edge of depth.
+def _beside_edges(traced: TracedPixels, domain: NDArray[np.bool_], nearness: NDArray) -> NDArray[np.bool_]:
+    """Return the pixels (H, W) that are at most one pixel away from either side of an edge of depth.
 
-    Elsewhere a silhouette is what the source saw beside something that is no longer there: it would show as a ghost.
+    A silhouette elsewhere is one that the source saw beside a thing that the target does not see there: it would show
+    as a ghost. nearness (H, W) is the picture's, which the traced pixels replace in the domain.
     """
     whole = nearness.astype(np.float32)
     whole[domain] = traced.nearness
     edges = np.zeros(domain.shape, bool)
     for axis, ahead, behind in ((0, np.s_[1:], np.s_[:-1]), (1, np.s_[:, 1:], np.s_[:, :-1])):
         greater = np.maximum(whole[ahead], whole[behind])
-        step = np.abs(np.diff(whole, axis=axis)) > BENT * greater
+        step = np.abs(np.diff(whole, axis=axis)) > TUNING.nearness_step * greater
         edges[ahead] |= step
         edges[behind] |= step
     return dilate(edges, 1)
@@ -213,20 +202,22 @@ def _within_both_sides(
     nearness: NDArray,
     seen: NDArray[np.bool_],
 ) -> NDArray:
-    """Colours (K, 3) of the pixels at places (K, 2), held within the range of the picture (H, W, 3) around.
+    """Return colours (K, 3), after tone mapping, held within the range of the picture (H, W, 3) around their pixels.
 
-    Of what it shows as `seen` (H, W) of the near and of the far side of their edge, whose nearness (K,) is in `sides`;
-    where only one of the two is near, they are left as they are.
+    The pixels are at places (K, 2). Only pixels of the picture count that are set in `seen` (H, W) and show the near or
+    the far side of the pixel's edge; sides holds the nearness (K,) of either. Where not both sides are found around a
+    pixel, its colour is left as it is.
     """
     rows, columns = places.T
     low, high = np.full_like(toned, np.inf), np.full_like(toned, -np.inf)
     met = np.zeros((2, rows.size), bool)
-    border = (NEAR, NEAR)
+    reach = TUNING.refracting_reach_px
+    border = (reach, reach)
     picture = np.pad(picture, (border, border, (0, 0)))
     nearness, seen = np.pad(nearness, (border, border)), np.pad(seen, (border, border))
-    for down, right in np.ndindex(2 * NEAR + 1, 2 * NEAR + 1):
+    for down, right in np.ndindex(2 * reach + 1, 2 * reach + 1):
         there = rows + down, columns + right
-        same = np.array([seen[there] & _same_depth(nearness[there], side) for side in sides])
+        same = np.array([seen[there] & _same_surface(nearness[there], side) for side in sides])
         met |= same
         either = same.any(axis=0)[:, None]
         low = np.where(either, np.minimum(low, picture[there]), low)
@@ -234,13 +225,14 @@ def _within_both_sides(
     return np.where(met.all(axis=0)[:, None], np.clip(toned, low, high), toned)
 
 
-def _same_depth(a: NDArray, b: NDArray) -> NDArray[np.bool_]:
-    """Whether two nearnesses are of the same surface."""
-    return np.abs(a - b) <= SAME_DEPTH * np.maximum(a, b)
+def _same_surface(a: NDArray, b: NDArray) -> NDArray[np.bool_]:
+    """Return true where two nearnesses (N,) belong to the same surface."""
+    return np.abs(a - b) <= TUNING.max_same_surface_step * np.maximum(a, b)
 
 
-def _sides(traced: Traced, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
-    """(N,) least and greatest depth around each pixel, and (N, 9) all of them, not a number where it is not traced."""
+def _sides(traced: TracedPixels, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the least and the greatest depth (N,) among the 3 x 3 pixels around each, and all nine (N, 9), NaN where
+    they are not traced."""
     depth = np.full(domain.shape, np.nan, np.float32)
     with np.errstate(divide="ignore"):
         depth[domain] = 1.0 / traced.nearness
@@ -249,16 +241,22 @@ def _sides(traced: Traced, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray,
 
 
 def _mixed(
-    correction: NDArray[np.float32], traced: Traced, domain: NDArray[np.bool_], sides: tuple[NDArray, NDArray, NDArray]
+    correction: NDArray[np.float32],
+    traced: TracedPixels,
+    domain: NDArray[np.bool_],
+    sides: tuple[NDArray, NDArray, NDArray],
 ) -> NDArray[np.float32]:
-    """(N, 3): at an edge of depth, the correction of either of its `_sides` by the share that it has of the pixel."""
+    """Return the correction (N, 3) of each pixel: at an edge of depth, that of either side by its share of the pixel.
+
+    correction (H, W, 3) is the membrane, and sides are those of `_sides`.
+    """
     near, far, around = sides
     places = np.nonzero(domain)
-    edge = np.nonzero(far > (1.0 + BENT) * near)[0]
+    edge = np.nonzero(far > (1.0 + TUNING.nearness_step) * near)[0]
     near, far, around = near[edge], far[edge], around[edge]
     share = _near_share(traced, domain, edge, near, far, np.isinf(around))
     with np.errstate(invalid="ignore"):
-        # The side that is closer, in nearness: the sky is no farther than other things far away.
+        # Compared as nearness, in which the sky is no farther than other things far away.
         is_near = 2.0 / around > 1.0 / near[:, None] + 1.0 / far[:, None]
     known = ~np.isnan(around)
     places = (places[0][edge], places[1][edge])
@@ -270,14 +268,18 @@ def _mixed(
 
 
 def _near_share(
-    traced: Traced, domain: NDArray[np.bool_], edge: NDArray, near: NDArray, far: NDArray, sky: NDArray[np.bool_]
+    traced: TracedPixels, domain: NDArray[np.bool_], edge: NDArray, near: NDArray, far: NDArray, sky: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """(K,): how much of the pixels `edge` shows the nearer side: by their mean depth, before the sky by its light."""
+    """Return the share (K,), 0 to 1, that the nearer side has of the pixels whose indices (K,) are in `edge`.
+
+    It follows from the pixel's mean depth, and before the sky from how much of the sky's light is left. near and far
+    (K,) are the depths of both sides; sky (K, 9) is set where one of the 3 x 3 pixels shows sky.
+    """
     mean = traced.mean_depth[edge]
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (far - mean) / (far - near)
     light = np.zeros(domain.shape, np.float32)
-    light[domain] = traced.seen.sum(axis=1)
+    light[domain] = traced.emitted.sum(axis=1)
     brightest = np.where(sky, np.nan_to_num(_windows(light, [place[edge] for place in np.nonzero(domain)])), 0.0).max(
         axis=1
     )
@@ -286,13 +288,13 @@ def _near_share(
 
 
 def _mean_of(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(K, 3): the mean of those of (K, 9, 3) that are chosen (K, 9)."""
+    """Return the mean (K, 3) of those of nine values (K, 9, 3) that are chosen (K, 9); 0 where none is."""
     count = np.maximum(chosen.sum(axis=1), 1)
     return ((values * chosen[..., None]).sum(axis=1) / count[:, None]).astype(np.float32)
 
 
 def _windows(image: NDArray[np.float32], places: Sequence[NDArray[np.intp]]) -> NDArray[np.float32]:
-    """(K, 9): the pixels of (H, W) at these rows and columns and those around them, not a number outside of it."""
+    """Return the 3 x 3 pixels (K, 9) of an image (H, W) around each of these rows and columns (K,), NaN outside it."""
     padded = np.pad(image, 1, constant_values=np.nan)
     rows, columns = places
     return np.stack([padded[rows + i, columns + j] for i in range(3) for j in range(3)], axis=-1)

@@ -1,11 +1,12 @@
-"""A membrane: values that are known at some pixels, spread over others as smoothly as their neighbours allow.
+"""Membrane: values that are known at some pixels are spread over others, smoothly where neighbours belong together.
 
 It minimises
 
     sum over known pixels of weight (x - known)^2 + sum over neighbours of bond (x - x')^2,
 
-which is the discrete Laplace equation where nothing is known: gradient-domain blending (Perez et al., "Poisson Image
-Editing", 2003), but for the known pixels, which pull and do not bind, so that their noise is averaged.
+which is the discrete Laplace equation where nothing is known. It is gradient-domain blending (Perez et al., "Poisson
+Image Editing", 2003) with one difference: known pixels pull the membrane but do not fix it, so that their noise is
+averaged.
 """
 
 from __future__ import annotations
@@ -15,22 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TOLERANCE = 1e-3
-"""Residual over the one at the start at which the solution is good enough: what is left is below an 8-bit step."""
-
-MOST_ROUNDS = 400
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class Bonds:
-    """How firmly neighbours are tied, from 0: right (H, W - 1) to the next pixel in the row, down (H - 1, W)."""
+    """Weights, 0 or more, by which neighbouring pixels are tied: right (H, W - 1) those of each pixel and the next in
+    its row, down (H - 1, W) those of each pixel and the one below it."""
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
 
     @staticmethod
     def within(domain: NDArray[np.bool_]) -> Bonds:
-        """1 between neighbours that are both in the domain (H, W), 0 elsewhere."""
+        """Return bonds of 1 between neighbours that are both in the domain (H, W), and of 0 elsewhere."""
         right, down = domain[:, 1:] & domain[:, :-1], domain[1:] & domain[:-1]
         return Bonds(right.astype(np.float32), down.astype(np.float32))
 
@@ -41,11 +40,12 @@ def spread(
     domain: NDArray[np.bool_],
     bonds: Bonds,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = TUNING.membrane_tolerance,
 ) -> NDArray[np.float32]:
-    """The membrane (H, W, C) over `domain` (H, W), 0 elsewhere and where nothing known is within reach.
+    """Return the membrane (H, W, C) over `domain` (H, W); 0 elsewhere, and where no bonds lead to a known pixel.
 
-    known (H, W, C) counts where weight (H, W), from 0, is above 0. Bonds count within the domain.
+    known (H, W, C) counts where weight (H, W) is above 0, and by it. Bonds count within the domain. tolerance is the
+    residual, as a share of the first one, at which the solution is good enough.
     """
     result = np.zeros(known.shape, np.float32)
     if not domain.any():
@@ -57,14 +57,14 @@ def spread(
 
 
 class _System:
-    """The linear system over the N pixels of the domain, in the mask's order."""
+    """Linear system over the N pixels of the domain, in the mask's order; pull (N,) is the weight of what is known."""
 
     def __init__(self, domain: NDArray[np.bool_], bonds: Bonds, weight: NDArray) -> None:
         self.pull = weight[domain].astype(np.float64)
         count = self.pull.size
         places = np.full(domain.shape, count, np.intp)
         places[domain] = np.arange(count)
-        # Left, right, up and down; the place past the last stands for no neighbour, at which there is always 0.
+        # Neighbours before, after, above and below. The place past the last stands for none: the value there is 0.
         self._neighbours = np.full((4, count), count, np.intp)
         self._strength = np.zeros((4, count))
         for k, (axis, strength) in enumerate(((1, bonds.right), (0, bonds.down))):
@@ -76,7 +76,8 @@ class _System:
         self._diagonal = self._strength.sum(axis=0) + self.pull
 
     def solve(self, known: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
-        """Conjugate gradients (preconditioned by the diagonal), for all channels of known (N, C) at once."""
+        """Return the solution (N, C) for known (N, C), all channels at once, by conjugate gradients that are
+        preconditioned by the diagonal."""
         x, reached = self._islands(known)
         inverse = np.where(reached, 1.0 / np.where(reached, self._diagonal, 1.0), 0.0)[:, None]
         residual = self.pull[:, None] * known - self._apply(x)
@@ -84,7 +85,7 @@ class _System:
         direction = inverse * residual
         steepness = np.sum(residual * direction, axis=0)
         enough = tolerance**2 * steepness
-        for _ in range(MOST_ROUNDS):
+        for _ in range(TUNING.max_membrane_rounds):
             if np.all(steepness <= enough):
                 break
             applied = self._apply(direction)
@@ -97,6 +98,7 @@ class _System:
         return x
 
     def _apply(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the system's matrix times x (N, C)."""
         padded = np.concatenate([x, np.zeros((1, x.shape[1]))])
         result = self._diagonal[:, None] * x
         for neighbours, strength in zip(self._neighbours, self._strength, strict=True):
@@ -104,7 +106,8 @@ class _System:
         return result
 
     def _islands(self, known: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """To start with, the mean of what is known of each connected island (N, C), and (N,) where there is any."""
+        """Return a first guess (N, C), which is the mean of what is known of each connected island of pixels, and the
+        pixels (N,) of islands of which anything is known."""
         island = np.arange(self.pull.size + 1)
         while True:
             lowest = np.minimum(island[self._neighbours].min(axis=0), island[:-1])
@@ -120,9 +123,10 @@ class _System:
 
 
 def _pairs(places: NDArray[np.intp], axis: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Each pixel's place and that of the next along the axis."""
+    """Return the places of all pixels but the last along the axis, and those of the pixels after them."""
     return (places[:, :-1], places[:, 1:]) if axis == 1 else (places[:-1], places[1:])
 
 
 def _over(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a / b, and 0 where b is not above 0."""
     return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)

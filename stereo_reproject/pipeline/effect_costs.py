@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..estimate.evidence import TileEvidence
 from ..estimate.expected_excess import CONFIDENCE_95_SIGMAS
-from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
-from ..images.effects_pass import UNKNOWN, flagged
+from ..images.effects import SEEN_DIFFERENTLY, WHOLE_FRAME_EFFECTS, Effect
+from ..images.effects_pass import UNKNOWN_EFFECTS, flagged
 from ..images.reasons import Reason
 
 FROM_REASON = {
@@ -50,9 +50,9 @@ def effect_costs(
 ) -> dict[Effect, EffectCost]:
     """Return the cost of each effect that is called for and may be seen differently by each eye.
 
-    shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN where that is not known; reasons (H, W) say
-    why pixels were traced, and traced (H, W) which: those without a reason were traced because a full render was the
-    cheaper way. seconds are by stage; evidence is that of the probes, None where none tell.
+    shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN_EFFECTS where that is not known; reasons
+    (H, W) say why pixels were traced, and traced (H, W) which: those without a reason were traced because a full render
+    was the cheaper way. seconds are by stage; evidence is that of the probes, None where none tell.
     """
     wanted = called_for & SEEN_DIFFERENTLY
     strands = _edges_of_strands(wanted, shown, reasons)
@@ -78,7 +78,7 @@ def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray
 
 def _effects_to_charge(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:
     """Return flags (H, W) of the effects that a pixel counts for."""
-    result = np.where(shown == UNKNOWN, int(wanted), shown | int(wanted & OF_THE_WHOLE_FRAME))
+    result = np.where(shown == UNKNOWN_EFFECTS, int(wanted), shown | int(wanted & WHOLE_FRAME_EFFECTS))
     own = np.zeros_like(result)
     for reason, effect in FROM_REASON.items():
         own |= np.where((reasons & reason.bit) > 0, effect.value, 0)

@@ -18,8 +18,8 @@ from ..holes.classifier import Optics
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
 from ..images.effects import Effect, EffectsPlan
-from ..images.effects_pass import UNKNOWN, effects_of
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_ours
+from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
+from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_internal_passes
 from ..images.reasons import Reason
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
@@ -293,7 +293,7 @@ def _finished_frame(
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reprojection, refinement, target = done.reprojection, done.refinement, done.tracing.target
     reasons = _all_reasons(reprojection.reasons, target)
-    shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN)
+    shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN_EFFECTS)
     evidence = None if refinement.whole else refinement.evidence
     spent = effect_costs(renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
     better = next_better(source.accuracy) if refinement.can_promise else WHOLE
@@ -302,7 +302,10 @@ def _finished_frame(
     next_accuracy = cost_of(better, completed, seconds)
     watch.lap()
     return StereoFrame(
-        eyes={settings.source: without_ours(source.rendered.passes), settings.target: without_ours(finished)},
+        eyes={
+            settings.source: without_internal_passes(source.rendered.passes),
+            settings.target: without_internal_passes(finished),
+        },
         reasons=reasons,
         traced=target.traced,
         grid=reprojection.grid,

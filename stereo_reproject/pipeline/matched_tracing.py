@@ -15,7 +15,7 @@ from ..estimate.tracing import Refinement
 from ..holes.reprojection import Reprojection
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from ..images.reasons import Reason
-from ..matching.matching import Correction, Traced, correction_of, match, ring_of
+from ..matching.matching import Correction, TracedPixels, correction_of, match, ring_of
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice, SourceCost
 from ..trace.planner import FillPlanner
@@ -35,7 +35,7 @@ class LightMatcher(Protocol):
         """Trace pixels, as `trace.requests.Tracer` says."""
         ...
 
-    def traced_features(self, passes: Passes) -> Traced:
+    def traced_features(self, passes: Passes) -> TracedPixels:
         """Return what the tracer tells of the pixels of passes (N, C), which are those of a trace."""
         ...
 

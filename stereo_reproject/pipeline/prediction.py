@@ -1,7 +1,7 @@
-"""What a pair will cost before it is rendered, from a sketch of it: small, with few samples.
+"""Prediction of a pair's seconds before it is rendered, from a sketch of it: a small render with few samples.
 
-What probes will ask for is not known beforehand. So the prediction is a range: from the holes and probes alone to all
-that is called for and may be seen differently by each eye.
+Which pixels the probes will have traced is not known beforehand. So the prediction is a range: from the holes and
+probes alone to all pixels that may look different from each eye.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.effects import OF_THE_WHOLE_FRAME, SEEN_DIFFERENTLY, Effect
+from ..images.effects import SEEN_DIFFERENTLY, WHOLE_FRAME_EFFECTS, Effect
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice, SourceCost, choose_fill
@@ -22,9 +22,9 @@ from ..trace.planner import FillPlanner
 
 @dataclass(frozen=True)
 class Sketch:
-    """Two renders of the source eye as a sketch, of `pixels` each, with a few samples and a few more.
+    """Measurements of two small renders of the source, of `pixels` each, with a few samples and with a few more.
 
-    samples, seconds and sync_seconds are of the first and the second.
+    samples (per pixel), seconds and sync_seconds are those of the first and of the second render.
     """
 
     pixels: int
@@ -34,24 +34,29 @@ class Sketch:
 
 
 @dataclass(frozen=True)
-class Holes:
-    """Shares of the target's pixels by reason, and of all that are holes, at the picture's own size."""
+class HoleShares:
+    """Predicted shares of the target's pixels, 0 to 1, that are holes: for three reasons, and in total."""
 
     disoccluded: float
     outside: float
     silhouette: float
     total: float
     beforehand: float = 0.0
-    """Of what the sketch shows to be beyond a warp: blurred edges, volumes before the sky, contrast behind glass."""
+    """Share of pixels that are not to be warped: blurred edges, volumes before the sky, contrast behind glass."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Seconds and shares that are predicted; total, refine and gain are (least, most)."""
+    """Predicted seconds and shares of a frame.
+
+    source is the cost of the source render; warp and fill_seconds are seconds, refine is the least and most seconds of
+    refining. probes is the number of probe traces and called_for that of pixels that may look different from each eye,
+    both as a share of the target's pixels and apart from holes.
+    """
 
     source: SourceCost
     warp: float
-    holes: Holes
+    holes: HoleShares
     probes: float
     called_for: float
     fill: FillChoice
@@ -60,51 +65,58 @@ class Prediction:
 
     @property
     def multiview(self) -> float:
-        """Blender's own multiview renders both eyes, denoises both, and syncs the scene once."""
+        """Seconds of Blender's own multiview, which renders both eyes, denoises both, and syncs the scene once."""
         return self.source.seconds + self.source.per_frame + self.denoise
 
     @property
     def denoise(self) -> float:
-        """Of both eyes."""
+        """Seconds that it takes to denoise both eyes."""
         return 2.0 * self.source.denoise_seconds
 
     @property
     def total(self) -> tuple[float, float]:
+        """Least and most seconds of the pair."""
         least = self.source.seconds + self.denoise + self.warp + self.fill_seconds
         return least + self.refine[0], least + self.refine[1]
 
     @property
     def gain(self) -> tuple[float, float]:
+        """Least and greatest speed-up over multiview."""
         least, most = self.total
         return self.multiview / most, self.multiview / least
 
 
 def sketch_accuracy(accuracy: Accuracy, scale: float) -> Accuracy:
-    """The accuracy with which a sketch is warped to count the holes of a picture 1 / scale times as wide.
+    """Return the accuracy with which a sketch is warped to count the holes of a picture 1 / scale times as wide.
 
-    Steps in disparity are as much smaller in pixels. The sketch's noise tells nothing about which silhouettes look the
-    same on both sides: all are counted.
+    Steps in disparity are smaller in the sketch's pixels by that factor. The sketch's noise is not the picture's, by
+    which silhouettes that look alike on both sides are left out: so all of them are counted.
     """
     return replace(accuracy, silhouette_step=accuracy.silhouette_step * scale, colour_tolerance=0.0)
 
 
 def predict_samples(sketch: Sketch, pixels: int, samples: int, limit: float) -> int:
-    """Return the samples, at most `samples`, that the source eye comes to in `limit` seconds (0: in any time)."""
+    """Return the samples per pixel, at most `samples`, for which a source of `pixels` has time in `limit` seconds; 0 is
+    no limit."""
     per_sample = _sample_seconds(sketch) * pixels
     return samples if limit <= 0.0 or per_sample * samples <= limit else max(int(limit / per_sample), 1)
 
 
 def _sample_seconds(sketch: Sketch) -> float:
-    """Seconds of a sample of a pixel."""
+    """Return the seconds of one sample of one pixel."""
     first, second = (s - sync for s, sync in zip(sketch.seconds, sketch.sync_seconds, strict=True))
     few, more = sketch.samples
     per_sample = (second - first) / (sketch.pixels * (more - few))
-    # Else it is lost among what a call costs anyway.
+    # Without a difference, samples are lost among what a call costs anyway: all of it is a safe guess.
     return per_sample if per_sample > 0.0 else max(second, 0.0) / (sketch.pixels * more)
 
 
 def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
-    """The cost of the source eye at its own size: what a call takes apart from its samples stays, samples add up."""
+    """Return the cost of the source at its own size, of `pixels` with `samples` each.
+
+    The seconds of a render call that do not depend on samples stay as they are in the sketch; those of samples grow
+    with their number.
+    """
     per_sample = _sample_seconds(sketch)
     first = sketch.seconds[0] - sketch.sync_seconds[0]
     fixed = max(first - per_sample * sketch.pixels * sketch.samples[0], 0.0)
@@ -112,11 +124,11 @@ def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
     return SourceCost(sync + fixed + per_sample * pixels * samples, sync)
 
 
-def predict_holes(reasons: NDArray[np.uint16], scale: float) -> Holes:
-    """Shares at the picture's size, from the sketch's `reasons.Reason` flags (H, W).
+def predict_holes(reasons: NDArray[np.uint16], scale: float) -> HoleShares:
+    """Return the shares of holes at the picture's size, from the sketch's `reasons.Reason` flags (H, W).
 
-    What is disoccluded, outside or known beforehand to be beyond a warp keeps its share of the picture; a band along
-    silhouettes keeps its pixels.
+    scale is the sketch's width over the picture's. Areas keep their share of the picture; a band along silhouettes
+    keeps its width in pixels, so that its share shrinks by scale.
     """
     lost = (reasons & (Reason.DISOCCLUDED.bit | Reason.OUTSIDE.bit)) > 0
     edges = (reasons & Reason.SILHOUETTE.bit) > 0
@@ -124,25 +136,26 @@ def predict_holes(reasons: NDArray[np.uint16], scale: float) -> Holes:
     known = (reasons & (Reason.DEFOCUS.bit | Reason.VOLUME.bit | Reason.TRANSPARENT.bit)) > 0
     beforehand = float(np.mean(known & ~lost & ~edges))
     shares = [float(np.mean((reasons & reason.bit) > 0)) for reason in (Reason.DISOCCLUDED, Reason.OUTSIDE)]
-    return Holes(shares[0], shares[1], band, min(float(np.mean(lost)) + band + beforehand, 1.0), beforehand)
+    return HoleShares(shares[0], shares[1], band, min(float(np.mean(lost)) + band + beforehand, 1.0), beforehand)
 
 
 def effect_shares(called_for: Effect, flags: NDArray | None) -> dict[Effect, float]:
-    """Share of the picture in which each effect that is called for may be seen; flags (H, W) are of the sketch.
+    """Return the share of the picture, 0 to 1, in which each effect that is called for may be seen.
 
-    Without flags, nobody knows where: all of it.
+    flags (H, W) are the `Effect` flags of the sketch; without them an effect may be anywhere, and its share is 1.
     """
     return {effect: _share(effect, flags) for effect in called_for & SEEN_DIFFERENTLY}
 
 
 def _share(effects: Effect, flags: NDArray | None) -> float:
-    if flags is None or effects & OF_THE_WHOLE_FRAME:
+    """Return the share of the picture in which any of the effects may be seen; 1 where that is not known."""
+    if flags is None or effects & WHOLE_FRAME_EFFECTS:
         return 1.0
     return float(np.mean((flags.astype(np.int32) & effects.value) > 0))
 
 
 def shown_differently(called_for: Effect, flags: NDArray | None) -> float:
-    """Share of the picture in which anything may look different from each eye."""
+    """Return the share of the picture, 0 to 1, that may look different from each eye; flags as for `effect_shares`."""
     differently = called_for & SEEN_DIFFERENTLY
     return _share(differently, flags) if differently else 0.0
 
@@ -150,13 +163,17 @@ def shown_differently(called_for: Effect, flags: NDArray | None) -> float:
 def predict(
     cost: SourceCost,
     warp_seconds: float,
-    holes: Holes,
+    holes: HoleShares,
     accuracy: Accuracy,
     asked: str,
     blockers: Mapping[str, str | None],
     shown: float,
 ) -> Prediction:
-    """The way of a frame, in predicted seconds; shown is the share of the picture that may be seen differently."""
+    """Return the prediction of a frame at a given accuracy.
+
+    asked is the fill method, or "auto"; blockers say in words why a method cannot be used, None where it can. shown is
+    the share of the picture that may look different from each eye.
+    """
     fill = choose_fill(asked, holes.total, cost, blockers)
     rest = 1.0 - holes.total
     if fill.method == "full" or accuracy.promise is None or shown == 0.0:
@@ -169,7 +186,7 @@ def predict(
 
 
 def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
-    """A prediction as JSON has it; rests_on says in words what it was drawn from."""
+    """Return a prediction as an object of report.json; rests_on says in words what it was drawn from."""
     holes = prediction.holes
     least, most = prediction.total
     low, high = prediction.gain

@@ -1,4 +1,4 @@
-"""What one frame of an animation has found, and others then go by."""
+"""Findings that the frames of an animation share, so that all of them are made in one way."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ from ..trace.fill import SourceCost
 
 
 class SharedFindings:
-    """Of a frame on its own: there was none before, and it goes by what it finds itself."""
+    """Findings of a frame on its own, which shares none: each method returns what this frame has found.
+
+    An animation has a subclass that returns the findings of its first frame instead.
+    """
 
     def cost(self, found: SourceCost) -> SourceCost:
-        """What the source render has cost, for the fill methods to be chosen by."""
+        """Return the cost of the source render by which the fill method is chosen; `found` is this frame's."""
         return found
 
     def noise_left(self, find: Callable[[], float]) -> float:
-        """What `denoising.noise_left` finds, or has found."""
+        """Return the share of a pixel's variance that denoising leaves; `find` measures it on this frame
+        (`denoising.noise_left`)."""
         return find()
 
-    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:  # noqa: ARG002 - for those that there are more frames of
-        """Whether warping on the GPU is found, or was, to be faster than in numpy. Not for a frame on its own: to warp
-        it on both would cost more than the faster one saves."""
+    def gpu_is_faster(self, find: Callable[[], bool]) -> bool:  # noqa: ARG002 - for animations
+        """Return whether the GPU warps faster than NumPy; `find` measures it on this frame.
+
+        A frame on its own is not measured, and is warped by NumPy: to warp it with both would cost more than the faster
+        one saves.
+        """
         return False

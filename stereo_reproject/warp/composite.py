@@ -12,12 +12,12 @@ from ..images.lookup import lookup
 from ..images.passes import (
     COLOUR_PASS,
     DEPTH_PASS,
-    OF_SOURCE,
     POSITION_PASS,
+    SOURCE_ONLY_PASSES,
     VECTOR_PASS,
     Passes,
-    decides,
     filtered,
+    is_essential,
     known_depth,
 )
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
@@ -52,7 +52,7 @@ def passes_seen(
 ) -> Passes:
     """Return what `warp_passes` does, with any means of lookup: seen (H, W) is the depth that the target sees.
 
-    Passes that tell something of the source alone (`passes.OF_SOURCE`) are left out.
+    Passes that tell something of the source alone (`passes.SOURCE_ONLY_PASSES`) are left out.
     """
     warped: Passes = {}
     for name, image in source.passes.items():
@@ -63,7 +63,7 @@ def passes_seen(
         elif name == VECTOR_PASS:
             depth = source.passes[DEPTH_PASS]
             warped[name] = warp_motion(image, depth, warp, source.view.moving, target.moving, seen)
-        elif name not in OF_SOURCE:
+        elif name not in SOURCE_ONLY_PASSES:
             warped[name] = look_up(image, options.interpolation_of(name))
     return warped
 
@@ -135,19 +135,19 @@ def count_pixels(found: Mapping[str, NDArray[np.bool_]]) -> int:
 
 
 def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
-    """Return the passes with NaN and infinities set to 0, and a mask (H, W) of where one that decides had any.
+    """Return the passes with NaN and infinities set to 0, and a mask (H, W) of where an essential one had any.
 
     Depth keeps its infinities.
 
-    Nothing else follows from a pass that does not decide (`passes.decides`): a whole surface may have an AOV that is no
-    number, and another trace of it would be none either.
+    Nothing else follows from a pass that is not essential (`passes.is_essential`): a whole surface may have an AOV that
+    is no number, and another trace of it would be none either.
     """
     clean, invalid = dict(passes), np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     if DEPTH_PASS in passes:
         clean[DEPTH_PASS] = known_depth(passes[DEPTH_PASS])
     for name, pixels in not_numbers(passes).items():
         clean[name] = np.where(np.isfinite(passes[name]), passes[name], 0.0).astype(np.float32)
-        if decides(name):
+        if is_essential(name):
             invalid |= pixels
     return clean, invalid
 
@@ -157,13 +157,13 @@ def spoilt(
 ) -> dict[str, NDArray[np.bool_]]:
     """Return (h, w) target pixels whose lookup takes any share of what is no number in their source, by pass.
 
-    lost has, for each source, the masks (H, W) that `not_numbers` returns. Passes that decide are left out, because
+    lost has, for each source, the masks (H, W) that `not_numbers` returns. Essential passes are left out, because
     such pixels are traced, and so is the position, which is computed from the depth.
     """
     found: dict[str, NDArray[np.bool_]] = {}
     for number, masks in enumerate(lost):
         for name, pixels in masks.items():
-            if name == POSITION_PASS or decides(name):
+            if name == POSITION_PASS or is_essential(name):
                 continue
             how = interpolation if filtered(name) else "nearest"
             share = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0]

@@ -50,7 +50,7 @@ class Images:
 def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: float) -> Images | None:
     """Return the images in mirrors; None where no mirror is seen or the passes do not tell.
 
-    source holds depth, the materials and passes.OF_SOURCE, of which the roughness may be missing.
+    source holds depth, the materials and passes.SOURCE_ONLY_PASSES, of which the roughness may be missing.
     """
     shown = materials_of(source)
     if shown is None or not {LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS} <= set(source):

@@ -250,7 +250,7 @@ def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArr
 
 
 def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
-    """Yield the boxes of quads that hold pixel centres, in their order, about `bands.PIXELS` pixels at a time.
+    """Yield the boxes of quads that hold pixel centres, in their order, about `bands.BAND_PIXELS` pixels at a time.
 
     A quad that is larger by itself comes some rows at a time: near the plane in which the target's camera stands, a
     quad may cover the whole picture. All of its parts count from its own first row, and so agree to the bit.
@@ -260,8 +260,8 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
     quad = np.flatnonzero((count_x > 0) & (count_y > 0) & quads.drawn)
     left, top, count_x, count_y = (values.ravel().take(quad) for values in (left, top, count_x, count_y))
     pixels, drawn = count_x * count_y, np.zeros_like(top)
-    if pixels.max(initial=0) > bands.PIXELS:
-        rows = np.maximum(bands.PIXELS // count_x, 1)
+    if pixels.max(initial=0) > bands.BAND_PIXELS:
+        rows = np.maximum(bands.BAND_PIXELS // count_x, 1)
         parts = -(-count_y // rows)
         part = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
         quad, left, top, count_x, count_y, rows = (
@@ -270,7 +270,7 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
         drawn = part * rows
         count_y = np.minimum(count_y - drawn, rows)
         pixels = count_x * count_y
-    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // bands.PIXELS, prepend=-1))
+    starts = np.flatnonzero(np.diff((np.cumsum(pixels) - pixels) // bands.BAND_PIXELS, prepend=-1))
     for start, stop in itertools.pairwise([*starts.tolist(), quad.size]):
         part = slice(start, stop)
         yield quad[part], left[part], top[part], count_x[part], count_y[part], drawn[part]

@@ -1,15 +1,16 @@
-"""Denoised pictures: who gives which pixel, and how much noise a denoiser leaves."""
+"""Denoised pictures: the view that each pixel comes from, and the noise that a denoiser leaves."""
 
 import numpy as np
 import pytest
 
 from stereo_reproject.images.contrast import box_sum
-from stereo_reproject.images.denoising import WINDOW, WINDOWS, Denoising, denoise_source, denoise_target, noise_left
+from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target, noise_left
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
+from stereo_reproject.images.tuning import TUNING
 
 NOISE = 0.05
-ROUGHLY = 0.2
-"""How far the share that is said to be left may be off: the windows hold some ten thousand independent means."""
+LEFT_TOLERANCE = 0.2
+"""Relative error that the measured share may have: the windows hold some ten thousand independent means."""
 
 
 def blurred(pictures, reach=2):
@@ -51,7 +52,7 @@ def test_the_share_of_noise_that_is_left_is_found_without_another_render(side):
     clean = source[COLOUR_PASS].copy()
     clean[..., :3] = in_blocks([source], side)[0]
     left = noise_left({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
-    assert left == pytest.approx(side**-2, rel=ROUGHLY)
+    assert left == pytest.approx(side**-2, rel=LEFT_TOLERANCE)
 
 
 def test_a_denoiser_that_does_nothing_leaves_all_of_it():
@@ -69,7 +70,7 @@ def test_a_picture_of_any_size_has_windows(shape):
 
     left = noise_left(picture(shape), denoise)
     assert 0.0 < left <= 1.0
-    assert set(sizes) == {WINDOW if len(sizes) == WINDOWS[0] * WINDOWS[1] else shape}
+    assert set(sizes) == {TUNING.denoise_window_px if len(sizes) == int(np.prod(TUNING.denoise_windows)) else shape}
 
 
 def test_the_source_keeps_its_alpha_and_its_noisy_pixels():
@@ -83,12 +84,12 @@ def test_the_source_keeps_its_alpha_and_its_noisy_pixels():
 
 def test_of_the_target_only_what_was_traced_is_denoised_as_a_whole():
     target = picture()
-    warped = np.full_like(target[COLOUR_PASS], 0.7)
-    kept = np.zeros(warped.shape[:2], bool)
-    kept[:, :100] = True
-    finished = denoise_target({**target, COLOUR_PASS: warped}, kept, Denoising(blurred))
-    assert np.array_equal(finished[COLOUR_PASS][kept], warped[kept])
-    assert np.array_equal(finished[COLOUR_PASS][~kept][:, :3], blurred([target])[0][~kept])
+    colour = np.full_like(target[COLOUR_PASS], 0.7)
+    warped = np.zeros(colour.shape[:2], bool)
+    warped[:, :100] = True
+    finished = denoise_target({**target, COLOUR_PASS: colour}, warped, Denoising(blurred))
+    assert np.array_equal(finished[COLOUR_PASS][warped], colour[warped])
+    assert np.array_equal(finished[COLOUR_PASS][~warped][:, :3], blurred([target])[0][~warped])
 
 
 def test_a_target_of_which_nothing_was_traced_is_not_denoised_at_all():
@@ -96,8 +97,8 @@ def test_a_target_of_which_nothing_was_traced_is_not_denoised_at_all():
         raise AssertionError
 
     target = picture()
-    kept = np.ones(target[COLOUR_PASS].shape[:2], bool)
-    assert denoise_target(target, kept, Denoising(never)) is target
+    warped = np.ones(target[COLOUR_PASS].shape[:2], bool)
+    assert denoise_target(target, warped, Denoising(never)) is target
 
 
 def test_beside_what_was_refined_the_warped_colours_change_over():

@@ -1,4 +1,4 @@
-"""Cryptomatte read back: which material a hash stands for, and how much of a pixel it must cover."""
+"""Cryptomatte read back: the material that a hash stands for, and the share of a pixel that it must cover."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Files in and out, read back and written by OpenEXR itself."""
+"""Files in and out, checked against OpenEXR itself."""
 
 import contextlib
 import os
@@ -43,7 +43,7 @@ def check_channel(pixels, name, expected):
     np.testing.assert_array_equal(pixels[name], expected, err_msg=name)
 
 
-# What is delivered
+# Delivered files
 
 
 def test_an_eye_is_one_part_with_its_colour_on_top_and_every_pass_bit_by_bit(tmp_path):
@@ -95,9 +95,9 @@ def test_a_stereo_file_has_a_part_for_each_layer_pass_and_view(tmp_path):
     for layer in layers:
         for name, letters in CHANNELS.items():
             for view in VIEWS:
-                told, channels = found[f"{layer}.{name}-{view}"]
+                found_view, channels = found[f"{layer}.{name}-{view}"]
                 plain = (layer, name) == ("View Layer", "Combined")
-                assert told == view
+                assert found_view == view
                 assert set(channels) == {letter if plain else f"{layer}.{name}.{letter}" for letter in letters}
                 for k, letter in enumerate(letters):
                     expected = eyes[view][layer][name][..., k]
@@ -130,12 +130,12 @@ def with_mattes():
     return {"View Layer": passes() | levels, "Fog.Near": passes() | levels}
 
 
-def test_what_cryptomattes_hold_is_told_where_they_are(tmp_path):
-    """In the first part, where readers look; of those alone that the file has."""
+def test_texts_about_cryptomattes_are_in_the_first_part(tmp_path):
+    """Readers look there; only the cryptomattes that the file has are described."""
     write_stereo(tmp_path / "stereo.exr", {view: with_mattes() for view in VIEWS}, metadata=MATTES)
     headers = [header for header, _ in parts_of(tmp_path / "stereo.exr")]
-    told = {key: value for key, value in headers[0].items() if key.startswith("cryptomatte/")}
-    assert told == {key: value for key, value in MATTES.items() if key[12] in "13"}
+    texts = {key: value for key, value in headers[0].items() if key.startswith("cryptomatte/")}
+    assert texts == {key: value for key, value in MATTES.items() if key[12] in "13"}
     assert not any(key.startswith("cryptomatte/") for header in headers[1:] for key in header)
 
 
@@ -167,11 +167,11 @@ def test_a_picture_cut_out_of_a_larger_one_is_written_as_it_is(tmp_path):
     check_channel(pixels, "G", values[..., 1])
 
 
-# What Blender wrote
+# Files of Blender
 
 
 def write_one_part(path, views, layer="View Layer"):
-    """As Blender 4.5 does: one part, the view's name before the channel's letter."""
+    """Write a render as Blender 4.5 does: one part, the view's name before the channel's letter."""
     channels = {}
     for view, seed in views.items():
         for name, image in passes(seed).items():
@@ -184,7 +184,7 @@ def write_one_part(path, views, layer="View Layer"):
 
 
 def write_many_parts(path, views, layer="View Layer"):
-    """As Blender 5.2 does: a part for each pass and view, which has the view in its header."""
+    """Write a render as Blender 5.2 does: a part for each pass and view, which has the view in its header."""
     parts = []
     for name, letters in CHANNELS.items():
         for view, seed in views.items():
@@ -259,7 +259,7 @@ def test_channels_come_in_the_order_that_their_letters_have(tmp_path, name):
         np.testing.assert_array_equal(written[f"{name}.{letter}"].pixels, image[..., k])
 
 
-# What goes wrong
+# Errors
 
 
 def test_a_render_cut_off_in_the_middle_is_an_error(tmp_path):

@@ -1,4 +1,4 @@
-"""Looking passes up between their pixels: what each interpolation reproduces, and what it does at the border."""
+"""Passes looked up between their pixels: functions that each interpolation reproduces, and its values at the border."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,14 @@ import pytest
 from stereo_reproject.images.lookup import lookup, touches
 
 INTERPOLATIONS = ["linear", "cubic", "nearest"]
-SIZE = (30, 150)  # more rows than are looked up at a time
+SIZE = (30, 150)  # width and height in pixels
 
 FLOAT32_TOLERANCE = 2e-5
-"""For values of up to some ten: sixteen products in float32, whose positions up to 150 are rounded to 8e-6."""
+"""Error of values of up to some ten: sixteen products in float32, whose positions up to 150 are rounded to 8e-6."""
 
 
-OF_THE_LARGEST = 1e-6
-"""Of the largest of four pixels, in float64, what a mean of them may be off: some roundings of a float32."""
+MEAN_TOLERANCE = 1e-6
+"""Error of a mean of four pixels, as a share of the largest of them: some roundings of a float32."""
 
 
 def picture(function, size=SIZE):
@@ -61,7 +61,7 @@ def test_linear_is_bilinear_between_four_pixels():
 
 
 def test_cubic_reproduces_quadratics_in_the_interior():
-    """Those without a peak between the pixels, which is beyond what it may give."""
+    """Only those without a peak between the pixels: it stays within the range of the pixels."""
 
     def quadratic(x, y):
         u, v = (x + 1.0) / 20.0, (y + 1.0) / 100.0
@@ -74,7 +74,7 @@ def test_cubic_reproduces_quadratics_in_the_interior():
 
 
 def test_cubic_keeps_more_of_a_wave_than_linear():
-    """What it is for: at four pixels per wave linear loses 29 % halfway between pixels, the spline 12 %."""
+    """At four pixels per wave linear loses 29 % halfway between pixels, the spline 12 %."""
     image = picture(lambda x, y: [np.sin(np.pi / 2 * (x - 0.5)) + 0.0 * y])
     x = np.arange(10, 20, dtype=np.float32)[None]
     y = np.full_like(x, 75.5)
@@ -184,14 +184,14 @@ def test_linear_is_bilinear_for_colours_of_any_size(value, share):
     with np.errstate(all="raise", under="ignore"):
         got = lookup(image, x, y)
     expected, largest = mean_of_four(image, x, y)
-    tolerance = OF_THE_LARGEST * largest + 4.0 * np.finfo(np.float32).smallest_subnormal
+    tolerance = MEAN_TOLERANCE * largest + 4.0 * np.finfo(np.float32).smallest_subnormal
     assert np.all(np.abs(got - expected) <= tolerance)
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 @pytest.mark.parametrize("value", [3e38, np.finfo(np.float32).max])
 def test_no_finite_colour_overflows(interpolation, value):
-    """Of either sign beside each other, too, where the spline's overshoot is the largest."""
+    """Also those of either sign beside each other, where the spline's overshoot is the largest."""
     rng = np.random.default_rng(6)
     image = rng.choice(np.float32([-value, 0.0, value]), (*SIZE[::-1], 3))
     image[..., 1] = value

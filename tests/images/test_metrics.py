@@ -1,4 +1,4 @@
-"""How wrong a picture is, measured in its own noise."""
+"""Errors of a picture, measured in its own noise."""
 
 import numpy as np
 import pytest

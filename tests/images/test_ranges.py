@@ -1,9 +1,9 @@
-"""Values that a file cannot hold, or that no light has, are told of."""
+"""Warnings of values that a file cannot hold, or that no light has."""
 
 import numpy as np
 import pytest
 
-from stereo_reproject.images.ranges import HALF_MAX, range_warnings
+from stereo_reproject.images.ranges import MAX_HALF_FLOAT, range_warnings
 
 SHAPE = (4, 5)
 
@@ -16,7 +16,7 @@ def eye(**changes):
 @pytest.mark.parametrize("half", [False, True])
 def test_an_ordinary_eye_is_passed_without_a_word(half):
     passes = eye(Position=3, CryptoObject00=4)
-    passes["Combined"][0, 0] = HALF_MAX
+    passes["Combined"][0, 0] = MAX_HALF_FLOAT
     passes["Position"][:] = -1e6
     passes["CryptoObject00"][:] = 1e30
     assert range_warnings(passes, view="left", half=half) == []
@@ -30,7 +30,7 @@ def test_negative_light_is_counted_by_pixel():
 
 
 @pytest.mark.parametrize("name", ["Combined", "Depth"])
-def test_what_is_no_number_is_told_by_pass(name):
+def test_values_that_are_no_number_are_counted_by_pass(name):
     passes = eye()
     passes[name][0, 1, 0] = np.nan
     passes["Depth"][3, 3] = np.inf
@@ -40,7 +40,7 @@ def test_what_is_no_number_is_told_by_pass(name):
 
 @pytest.mark.parametrize("name", ["Combined", "Diffuse Direct", "Combined_Sun", "Normal map"])
 @pytest.mark.parametrize("value", [65536.0, np.inf])
-def test_what_half_floats_cannot_hold_is_told_by_pass(name, value):
+def test_values_beyond_half_floats_are_counted_by_pass(name, value):
     passes = eye(**{"Diffuse Direct": 3, "Combined_Sun": 3, "Normal map": 4})
     passes[name][2, 2, 0] = value
     assert range_warnings(passes, view="left", half=False) == []

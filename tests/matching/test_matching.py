@@ -1,19 +1,19 @@
-"""Traced pixels matched to a picture: where engines agree nothing changes, where they differ by a law it is found."""
+"""Traced pixels matched to a picture: nothing changes where engines agree, and a law is found where one holds."""
 
 import numpy as np
 import pytest
 
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.metrics import tone
-from stereo_reproject.matching.matching import Correction, Traced, correction_of, match, ring_of
+from stereo_reproject.matching.matching import Correction, TracedPixels, correction_of, match, ring_of
 
 HEIGHT, WIDTH = 40, 60
 
-SEEN_STEP = 1.0 / 255.0
-"""After tone mapping."""
+VISIBLE_STEP = 1.0 / 255.0
+"""Difference after tone mapping that can be seen: a step of 8 bits."""
 
-LEARNED = 8.0 * SEEN_STEP
-"""The most that a law may be off that was learned from 180 pixels full of noise."""
+LEARNED_ERROR = 8.0 * VISIBLE_STEP
+"""Largest error, after tone mapping, of a law that was learned from 180 pixels full of noise."""
 
 
 class Room:
@@ -27,7 +27,7 @@ class Room:
         self.normal = np.stack([0.7 * bend, 0.0 * bend, np.sqrt(1.0 - 0.49 * bend**2)], axis=-1)
         self.nearness = np.full((HEIGHT, WIDTH), 0.2)
         self.light = self.albedo * random.uniform(0.2, 0.6, (HEIGHT, WIDTH, 1))
-        self.seen = np.zeros((HEIGHT, WIDTH, 3))
+        self.emitted = np.zeros((HEIGHT, WIDTH, 3))
         self.holes = np.zeros((HEIGHT, WIDTH), bool)
         self.holes[10:30, 15:45] = True
         self.refracts = np.zeros_like(self.holes)
@@ -36,9 +36,9 @@ class Room:
         """The picture with its holes matched; seen_at (H, W) is its nearness, where that is not what is traced."""
         ring = ring_of(self.holes, np.ones_like(self.holes))
         domain = self.holes | ring
-        fields = [self.light + self.seen, self.seen, self.albedo, 0.0 * self.albedo, self.normal]
+        fields = [self.light + self.emitted, self.emitted, self.albedo, 0.0 * self.albedo, self.normal]
         depth = np.divide(1.0, self.nearness, out=np.zeros_like(self.nearness), where=self.nearness > 0.0)
-        traced = Traced(
+        traced = TracedPixels(
             *(field[domain].astype(np.float32) for field in (*fields, self.nearness, depth)), self.refracts[domain]
         )
         doubted = np.zeros_like(domain) if doubted is None else doubted
@@ -52,34 +52,34 @@ class Room:
 
 def test_where_both_engines_agree_nothing_changes():
     room = Room()
-    assert np.abs(tone(room.matched(room.light)) - tone(room.light)).max() < SEEN_STEP
+    assert np.abs(tone(room.matched(room.light)) - tone(room.light)).max() < VISIBLE_STEP
 
 
-def test_light_from_all_around_is_told_from_what_surfaces_reflect():
+def test_light_from_all_around_is_learned_apart_from_albedo():
     """The tracer has shadows and noise where the picture is evenly lit."""
     room = Room()
     even = room.albedo * (1.5 + 0.6 * room.normal[..., :1] + 0.4 * room.normal[..., 2:])
-    assert np.abs(tone(room.matched(even)) - tone(even)).max() < LEARNED
+    assert np.abs(tone(room.matched(even)) - tone(even)).max() < LEARNED_ERROR
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.5), (3.0, 0.0), (0.5, 0.1)])
 def test_a_constant_difference_is_taken_out(gain, offset):
     room = Room()
     picture = gain * room.light + offset
-    assert np.abs(tone(room.matched(picture)) - tone(picture)).max() < LEARNED
+    assert np.abs(tone(room.matched(picture)) - tone(picture)).max() < LEARNED_ERROR
 
 
 def test_the_sky_and_lamps_stay_as_they_are():
     room = Room()
     sky = np.zeros((HEIGHT, WIDTH), bool)
     sky[:, 30:] = True
-    room.seen[sky] = np.random.default_rng(1).uniform(3.0, 9.0, (int(sky.sum()), 3))
+    room.emitted[sky] = np.random.default_rng(1).uniform(3.0, 9.0, (int(sky.sum()), 3))
     room.albedo[sky] = room.light[sky] = room.normal[sky] = 0.0
     room.nearness[sky] = 0.0
-    picture = room.seen + 2.0 * room.albedo
+    picture = room.emitted + 2.0 * room.albedo
     matched = room.matched(picture)
     inside = room.holes & ~dilate(~sky, 1)
-    assert np.abs(tone(matched) - tone(picture))[inside].max() < SEEN_STEP
+    assert np.abs(tone(matched) - tone(picture))[inside].max() < VISIBLE_STEP
 
 
 def test_colours_stay_from_zero():
@@ -129,7 +129,7 @@ def test_what_refracts_is_no_brighter_than_what_is_beside_it():
         room.refracts = rim & refracts
         shown.append(room.matched(picture, doubted=band)[rim].max())
     assert shown[1] <= picture.max() < 0.5 * shown[0]
-    # Of one side alone nothing follows.
+    # From one side alone nothing follows.
     assert room.matched(picture, doubted=rim)[rim].max() > picture.max()
 
 

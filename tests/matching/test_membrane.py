@@ -1,4 +1,4 @@
-"""The membrane: what is harmonic stays, what is constant is exact, and what nothing is known of stays nothing."""
+"""Membrane: harmonic functions are kept, constants are exact, and holes of which nothing is known stay 0."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,12 @@ from stereo_reproject.matching.membrane import Bonds, spread
 
 HEIGHT, WIDTH = 24, 36
 
-SOLVED = 4e-3
-"""Far below an 8-bit step, for values of about 1."""
+SOLUTION_ERROR = 4e-3
+"""Largest error, for values of about 1: as small as an 8-bit step."""
 
 
 def frame_of(mask):
-    """The outermost pixels of the mask's picture."""
+    """Return the outermost pixels of the mask's picture."""
     frame = np.zeros_like(mask)
     frame[[0, -1]] = frame[:, [0, -1]] = True
     return frame & mask
@@ -34,7 +34,7 @@ def test_a_harmonic_function_is_put_together_from_its_rim(harmonic):
     rim = frame_of(domain)
     # So firm that the rim does not give.
     result = spread(np.where(rim[..., None], truth, 99.0), 1e4 * rim, domain, Bonds.within(domain), tolerance=1e-7)
-    assert np.abs(result - truth).max() < SOLVED
+    assert np.abs(result - truth).max() < SOLUTION_ERROR
 
 
 def test_a_constant_is_exact():
@@ -62,8 +62,8 @@ def test_nothing_passes_where_there_is_no_bond():
     rim = np.zeros_like(domain)
     rim[:, [0, -1]] = True
     result = spread(known, 1.0 * rim, domain, bonds, tolerance=1e-7)
-    assert np.allclose(result[:, : WIDTH // 2], 1.0, atol=SOLVED)
-    assert np.allclose(result[:, WIDTH // 2 :], 5.0, atol=SOLVED)
+    assert np.allclose(result[:, : WIDTH // 2], 1.0, atol=SOLUTION_ERROR)
+    assert np.allclose(result[:, WIDTH // 2 :], 5.0, atol=SOLUTION_ERROR)
 
 
 def test_a_hole_of_which_nothing_is_known_stays_as_it_is():
@@ -73,7 +73,7 @@ def test_a_hole_of_which_nothing_is_known_stays_as_it_is():
     weight[10, 10:20] = 1.0
     result = spread(np.full((HEIGHT, WIDTH, 1), 3.0), weight, domain, Bonds.within(domain))
     assert np.all(result[2:6, 2:6] == 0.0)
-    assert np.allclose(result[10:20, 10:20], 3.0, atol=SOLVED)
+    assert np.allclose(result[10:20, 10:20], 3.0, atol=SOLUTION_ERROR)
     assert np.all(result[~domain] == 0.0)
 
 

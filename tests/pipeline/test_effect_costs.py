@@ -7,7 +7,7 @@ from stereo_reproject.estimate.evidence import ProbeTraces, measure_tiles
 from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.effects import Effect
-from stereo_reproject.images.effects_pass import UNKNOWN
+from stereo_reproject.images.effects_pass import UNKNOWN_EFFECTS
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.effect_costs import effect_costs
@@ -70,7 +70,9 @@ def test_a_reason_that_is_an_effect_s_own_is_on_its_account():
 
 def test_where_it_is_not_known_what_is_shown_all_effects_pay():
     shown, reasons = frame()
-    told = effect_costs(Effect.GLOSSY | Effect.ALPHA, np.full_like(shown, UNKNOWN), reasons, reasons > 0, SECONDS, None)
+    told = effect_costs(
+        Effect.GLOSSY | Effect.ALPHA, np.full_like(shown, UNKNOWN_EFFECTS), reasons, reasons > 0, SECONDS, None
+    )
     assert told[Effect.GLOSSY] == told[Effect.ALPHA]
     assert told[Effect.GLOSSY].fraction == pytest.approx(12 / 200)
 

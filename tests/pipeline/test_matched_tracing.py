@@ -7,7 +7,7 @@ import pytest
 
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.matching.matching import Traced
+from stereo_reproject.matching.matching import TracedPixels
 from stereo_reproject.pipeline.matched_tracing import MatchedTracing, foreseen_fill
 from stereo_reproject.pipeline.tuning import PipelineTuning
 from stereo_reproject.settings.accuracy import SETTINGS
@@ -49,7 +49,7 @@ class LightMatcher:
         some = np.full_like(colour, 0.5)
         normal = np.tile(np.float32((0, 0, 1)), (len(colour), 1))
         depth = passes[DEPTH_PASS][:, 0]
-        return Traced(colour, 0.0 * colour, some, 0.0 * colour, normal, 1.0 / depth, depth, depth < 0.0)
+        return TracedPixels(colour, 0.0 * colour, some, 0.0 * colour, normal, 1.0 / depth, depth, depth < 0.0)
 
     def clean(self, colour):
         return colour

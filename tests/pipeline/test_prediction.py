@@ -6,7 +6,7 @@ import pytest
 from stereo_reproject.images.effects import Effect
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.prediction import (
-    Holes,
+    HoleShares,
     Sketch,
     effect_shares,
     predict,
@@ -94,7 +94,7 @@ def test_without_flags_anything_may_be_anywhere():
 
 
 COST = SourceCost(102.0, 2.0)
-TENTH = Holes(0.04, 0.01, 0.05, 0.1)
+TENTH = HoleShares(0.04, 0.01, 0.05, 0.1)
 
 
 def predicted(accuracy=BALANCED, asked="auto", blockers=FREE, shown=0.0):

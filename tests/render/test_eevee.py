@@ -1,5 +1,7 @@
 """EEVEE as source: what Cycles traces is matched to it, and no seam shows."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -11,8 +13,8 @@ from stereo_reproject.blender.scene.working import open_blend, working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.metrics import border_step, tone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline import tuning
 from stereo_reproject.pipeline.frame import render_stereo_frame
-from stereo_reproject.pipeline.tuning import PipelineTuning
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
@@ -160,8 +162,7 @@ def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
 
 
 def test_the_second_eye_of_a_simple_scene_is_eevees_own(room, tmp_path, monkeypatch):
-    long_enough = PipelineTuning(min_seconds_to_hand_over=1000.0)
-    monkeypatch.setattr("stereo_reproject.pipeline.tuning.TUNING", long_enough)
+    monkeypatch.setattr(tuning, "TUNING", replace(tuning.TUNING, min_seconds_to_hand_over=1000.0))
     frame, plain = render(room, tmp_path, "auto")
     assert frame.fill.method == "full"
     assert frame.fill.reason.startswith("a second EEVEE render")

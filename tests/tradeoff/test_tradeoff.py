@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.images.glossy_mask import heuristic_mask
+from stereo_reproject.images.glossy_mask import glossy_mask
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.tradeoff.cases import (
@@ -228,7 +228,7 @@ def source(**changes):
 
 
 def test_glossy_and_transmitting_pixels_are_masked():
-    assert heuristic_mask(source()).tolist() == [[[0.0], [1.0], [1.0]]]
+    assert glossy_mask(source()).tolist() == [[[0.0], [1.0], [1.0]]]
 
 
 def test_names_of_either_blender_are_known():
@@ -241,14 +241,14 @@ def test_names_of_either_blender_are_known():
         "TransCol": "Transmission Color",
     }
     renamed = {new.get(name, name): image for name, image in source().items()}
-    np.testing.assert_array_equal(heuristic_mask(renamed), heuristic_mask(source()))
+    np.testing.assert_array_equal(glossy_mask(renamed), glossy_mask(source()))
 
 
 def test_partial_alpha_is_masked_and_an_empty_pixel_is_not():
     colour = np.ones((1, 3, 4), np.float32)
     colour[0, :, 3] = (0.5, 0.0, 1.0)
     dull = {name: np.zeros_like(image) for name, image in source().items() if name != COLOUR_PASS}
-    assert heuristic_mask({COLOUR_PASS: colour, **dull}).ravel().tolist() == [1.0, 0.0, 0.0]
+    assert glossy_mask({COLOUR_PASS: colour, **dull}).ravel().tolist() == [1.0, 0.0, 0.0]
 
 
 # Places of labels

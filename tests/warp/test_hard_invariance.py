@@ -175,7 +175,7 @@ def noisy_passes(source):
     return passes_of(depth, colour, IndexOB=np.float32(index)[..., None])
 
 
-TILES = [(bands, "PIXELS"), (quads, "CHUNK_CELLS"), (silhouettes, "CHUNK_WINDOWS")]
+TILES = [(bands, "BAND_PIXELS"), (quads, "CHUNK_CELLS"), (silhouettes, "CHUNK_WINDOWS")]
 
 
 @pytest.mark.parametrize(("module", "name"), TILES, ids=lambda value: getattr(value, "__name__", value))

@@ -221,5 +221,5 @@ def test_reasons_are_single_bits_that_a_mask_holds():
     assert np.bitwise_or.reduce([reason.bit for reason in Reason]) <= np.iinfo(np.uint16).max
     assert Reason.VIEW_DEPENDENT.label == "view-dependent"
     labels = {reason.label for reason in Reason}
-    named = {"disoccluded", "outside", "silhouette", "transparent", "view-dependent", "volume", "defocus", "motion"}
+    named = {"disoccluded", "outside", "silhouette", "transparent", "view-dependent", "volume", "defocus"}
     assert named | {"refined", "probe"} <= labels

@@ -12,9 +12,9 @@ from stereo_reproject.images.passes import (
     EFFECTS_PASS,
     LENGTH_PASS,
     MATERIAL_PASS,
-    OF_SOURCE,
     REFLECTANCE_PASS,
     ROUGHNESS_PASS,
+    SOURCE_ONLY_PASSES,
     SURFACE_NORMAL_PASS,
 )
 from stereo_reproject.settings.accuracy import SETTINGS
@@ -232,7 +232,7 @@ def test_a_mirror_keeps_its_own_depth_and_index():
     kept = result.views[0].mirrors.shown & (result.reasons == 0)
     np.testing.assert_allclose(result.passes[DEPTH_PASS][kept], WALL, rtol=1e-5)
     np.testing.assert_array_equal(result.passes["Index"][kept], 5.0)
-    assert not set(OF_SOURCE) & set(result.passes)
+    assert not set(SOURCE_ONLY_PASSES) & set(result.passes)
 
 
 def test_where_the_other_eye_looks_farther_around_a_mirror_s_edge_is_a_hole():

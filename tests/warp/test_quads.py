@@ -46,7 +46,7 @@ def test_quads_that_cover_the_picture_are_drawn_in_parts(at_once, monkeypatch):
     assert max(largest for _, largest in at_once) > AT_ONCE, "the scene has such quads, or nothing is shown here"
     tried = sum(pixels for pixels, _ in at_once)
     at_once.clear()
-    monkeypatch.setattr(bands, "PIXELS", AT_ONCE)
+    monkeypatch.setattr(bands, "BAND_PIXELS", AT_ONCE)
     parts = drawn()
     assert max(pixels for pixels, _ in at_once) <= 2 * AT_ONCE
     assert sum(pixels for pixels, _ in at_once) == tried

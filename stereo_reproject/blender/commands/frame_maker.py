@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 
 from ...errors import StereoReprojectError, in_one_line
-from ...images.denoising import LEAST_LEFT
 from ...images.exr import VIEWS, write_eye
+from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
 from ...pipeline.frame import colour
@@ -82,7 +82,7 @@ class AgreedPrecedent(SharedFindings):
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
     def noise_left(self, find: Callable[[], float]) -> float:
-        return float(np.clip(self._found(self._of_block, "noise_left", find), LEAST_LEFT, 1.0))
+        return float(np.clip(self._found(self._of_block, "noise_left", find), TUNING.min_noise_left, 1.0))
 
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
         return bool(self._found(f"{self._of_layer}-gpu", "gpu_is_faster", lambda: float(find())))

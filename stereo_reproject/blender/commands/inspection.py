@@ -16,7 +16,7 @@ from ...holes.classifier import Optics
 from ...holes.reprojection import reproject
 from ...images.denoising import Denoise, Denoising
 from ...images.effects import SEEN_DIFFERENTLY, Effect
-from ...images.effects_pass import CRYPTOMATTE
+from ...images.effects_pass import MATERIAL_CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ...pipeline.frame import interpolations_of
 from ...pipeline.matched_tracing import foreseen_fill
@@ -121,7 +121,7 @@ def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
     """What the source is rendered with: colour, depth, what the user has asked for, and what the plan needs."""
     layer = rendered_layer(working)
     asked = [*_switched_on(layer), *_switched_on(layer.cycles)] if hasattr(layer, "cycles") else _switched_on(layer)
-    ours = [CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
+    ours = [MATERIAL_CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
     if layer.use_pass_cryptomatte_material:
         ours = []
     if renderer.denoise is not None:
@@ -193,9 +193,9 @@ def _predicted(
 def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
     """What denoising the sketch takes, once the denoiser is set up."""
     denoising = Denoising(denoise)
-    denoising.of(sketch)
+    denoising.denoised_colour(sketch)
     start = time.perf_counter()
-    denoising.of(sketch)
+    denoising.denoised_colour(sketch)
     return time.perf_counter() - start
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
-from ...images.glossy_mask import LIGHT_PASSES, PARTS, heuristic_mask, light_pass_names
+from ...images.glossy_mask import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, glossy_mask, light_pass_names
 from ...images.passes import MASKED_PASS, Passes
 from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
@@ -197,7 +197,7 @@ class HeuristicRenderer(BlenderRenderer):
             raise BadInputError("only Cycles has the light passes of which the mask is made")
         with _light_passes(self.scene) as added:
             passes, cost = super().render_source(view)
-        passes[MASKED_PASS] = heuristic_mask(passes)
+        passes[MASKED_PASS] = glossy_mask(passes)
         return {name: image for name, image in passes.items() if name not in added}, cost
 
 
@@ -205,7 +205,11 @@ class HeuristicRenderer(BlenderRenderer):
 def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
     """Glossy and transmission passes switched on; yields the names of those that were not."""
     layer = rendered_layer(scene)
-    switches = {f"use_pass_{kind}_{part}": light_pass_names(kind, part) for kind in LIGHT_PASSES for part in PARTS}
+    switches = {
+        f"use_pass_{kind}_{part}": light_pass_names(kind, part)
+        for kind in LIGHT_PASS_PREFIXES
+        for part in LIGHT_PASS_SUFFIXES
+    }
     off = {switch: names for switch, names in switches.items() if not getattr(layer, switch)}
     try:
         for switch in off:

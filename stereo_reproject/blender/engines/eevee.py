@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
-from ...matching.matching import Traced
+from ...matching.matching import TracedPixels
 from ...pipeline.matched_tracing import LightMatcher
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
@@ -133,15 +133,15 @@ class EeveeRenderer(BlenderRenderer):
         assert self._last is not None
         return cost_of(self._last)
 
-    def traced_features(self, passes: Passes) -> Traced:
+    def traced_features(self, passes: Passes) -> TracedPixels:
         nothing = np.zeros_like(passes[ALBEDO])
         seen = sum((passes[name] for name in DIRECT_LIGHT_PASSES if name in passes), nothing)
         albedo = _numbers(passes[ALBEDO] - seen)
         depth = passes[DEPTH_PASS][:, 0]
         known = np.isfinite(depth) & (depth > 0.0)
-        return Traced(
+        return TracedPixels(
             colour=_numbers(passes[COLOUR_PASS][:, :3]),
-            seen=_numbers(seen),
+            emitted=_numbers(seen),
             albedo=np.clip(albedo, 0.0, 1.0),
             specular=np.clip(_numbers(passes.get(SPECULAR, nothing)), 0.0, 1.0),
             normal=_numbers(passes[NORMAL]),

@@ -1,4 +1,4 @@
-"""Passes about the way that a pixel's rays take, for thin things and mirrors: `OF_SOURCE` in `images/passes`."""
+"""Passes about the way of a pixel's rays, for thin things and mirrors: `SOURCE_ONLY_PASSES` in `images/passes`."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import BadInputError
 from ...images.denoising import Denoise
 from ...images.effects import Effect
-from ...images.effects_pass import CRYPTOMATTE, effects_pass, material_pass
+from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...pipeline.matched_tracing import LightMatcher
 from ...settings.frame import EYES
@@ -144,7 +144,7 @@ class BlenderRenderer:
         """Return the passes without the materials' cryptomatte, if the user has not asked for it."""
         if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
             return passes
-        return {name: image for name, image in passes.items() if cryptomatte_of(name) != CRYPTOMATTE}
+        return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         if self.scene.render.engine != CYCLES:

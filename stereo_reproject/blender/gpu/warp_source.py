@@ -7,7 +7,7 @@ there is none.
 
 from __future__ import annotations
 
-from ...images.bands import PIXELS
+from ...images.bands import BAND_PIXELS
 from ...images.reasons import Reason
 from ...views.camera import OrthographicCamera
 from ...warp.grid import CELL_QUADS
@@ -35,7 +35,7 @@ COMMON = f"""
 #define INFINITE uintBitsToFloat(0x7f800000u)
 #define NOWHERE uintBitsToFloat(0xff800000u)
 #define BROAD {WARP_TUNING.broad_pixels}
-#define MOST {PIXELS}
+#define MOST {BAND_PIXELS}
 #define HIGHEST int(0x7ffffffeu)
 #define LOWEST int(0x80000000u)
 

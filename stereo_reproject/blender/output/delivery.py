@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...errors import StereoReprojectError, in_one_line
 from ...images.exr import VIEWS
-from ...images.passes import COLOUR_PASS, Passes, as_blender_has_it, pass_letters
+from ...images.passes import COLOUR_PASS, Passes, pass_letters, to_blender
 from ..engines.render import call_render, output_path, written_to
 from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
 from ..scene.effects import is_animated
@@ -107,9 +107,7 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
             for name, image in passes.items():
                 taken = result.layers[0].passes.find_by_name(name, view)
                 if taken is not None:
-                    taken.rect.foreach_set(
-                        np.ascontiguousarray(as_blender_has_it(name, image)[::-1], np.float32).ravel()
-                    )
+                    taken.rect.foreach_set(np.ascontiguousarray(to_blender(name, image)[::-1], np.float32).ravel())
             self.end_result(result)
             delivery.taken.add((view, layer))
         for key, text in delivery.metadata.items():

@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 import bpy
 
-from ...images.effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
+from ...images.effects import EEVEE_HANDLING, HANDLING, NOT_CALLED_FOR, SEEN_DIFFERENTLY, Effect, EffectsPlan, Finding
 from .denoiser import denoises
 from .instancing import brought_along
 from .materials import Shadings, world_shading
@@ -127,7 +127,7 @@ class _Claims:
         if not by:
             return Finding(effect, by, NOT_CALLED_FOR)
         probed = self._cycles or not effect & SEEN_DIFFERENTLY
-        return Finding(effect, by, HANDLING[effect] if probed else AS_SEEN)
+        return Finding(effect, by, HANDLING[effect] if probed else EEVEE_HANDLING)
 
 
 @cache

@@ -76,7 +76,7 @@ def test_a_source_is_rendered_noisy_and_becomes_what_a_denoised_render_is(scene,
         source, _ = renderer.render_source("left")
         assert np.array_equal(source[NOISY_PASS], source[COLOUR_PASS])
         assert not any(name.startswith("Denoising ") for name in source)
-        clean = Denoising(renderer.denoise).of(source)
+        clean = Denoising(renderer.denoise).denoised_colour(source)
     assert np.allclose(clean, plain[COLOUR_PASS], rtol=0.0, atol=ROUNDING)
 
 

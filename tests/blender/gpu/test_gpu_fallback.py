@@ -144,7 +144,7 @@ def test_numpy_warps_what_the_memory_has_no_room_for(monkeypatch):
 
 def test_numpy_warps_what_one_invocation_would_take_too_long_for(untried, monkeypatch, dispatched):
     """A quad near the plane in which the target's camera stands covers the picture; drivers end what does not end."""
-    few = gpu_shaders.COMMON.replace(f"#define MOST {bands.PIXELS}\n", "#define MOST 150\n")
+    few = gpu_shaders.COMMON.replace(f"#define MOST {bands.BAND_PIXELS}\n", "#define MOST 150\n")
     assert few != gpu_shaders.COMMON
     # Its trial is of pictures that have such quads, too.
     assert (gpu_warp.usable() is not None) == HAS_GPU

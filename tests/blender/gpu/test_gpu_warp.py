@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.gpu import warp as gpu_warp
-from stereo_reproject.images.passes import OF_SOURCE
+from stereo_reproject.images.passes import SOURCE_ONLY_PASSES
 from stereo_reproject.views.camera import target_px_from_source_px
 from stereo_reproject.views.motion import moving
 from tests.bench.warp.scenes import SCENES as SCENES_OF_THE_BENCH
@@ -115,7 +115,7 @@ def test_positions_and_vectors_are_the_target_s_own(kind):
     position = origin + source["Depth"].reshape(-1, 1) * direction
     source["Position"] = position.reshape(*SIZE[::-1], 3).astype(np.float32)
     source["Vector"] = np.random.default_rng(3).uniform(-4.0, 4.0, (*SIZE[::-1], 4)).astype(np.float32)
-    source |= dict.fromkeys(OF_SOURCE, source["Combined"])
+    source |= dict.fromkeys(SOURCE_ONLY_PASSES, source["Combined"])
     motion = tuple(moving(eye, eye, eye) for eye in (one, other))
     ours, numpys = both(source, one, other, motion=motion)
     assert_same(ours, numpys)

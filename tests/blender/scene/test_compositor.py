@@ -13,7 +13,7 @@ from stereo_reproject.blender.output.delivery import deliver_composited, deliver
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.compositor import compositor_blocker, compositor_tree, is_composited
 from stereo_reproject.blender.scene.warnings import scene_warnings
-from stereo_reproject.images.exr import CRYPTOMATTE_KEY, _read_parts
+from stereo_reproject.images.exr import CRYPTOMATTE_ATTRIBUTE_PREFIX, _read_parts
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import (
     add_camera,
@@ -248,7 +248,7 @@ def plain_eyes(scene, folder):
     texts = {}
     with without_compositor(scene):
         eyes = render_plain_layers(scene, folder, texts=texts)
-    return eyes, {key: text for key, text in texts.items() if key.startswith(CRYPTOMATTE_KEY)}
+    return eyes, {key: text for key, text in texts.items() if key.startswith(CRYPTOMATTE_ATTRIBUTE_PREFIX)}
 
 
 def plain_files(scene, path, *, animation=False):
@@ -263,7 +263,9 @@ def held_by(path):
     if path.suffix != ".exr":
         return {"": read_png(path)}, {}
     parts = _read_parts(path)
-    texts = {key: text for part in parts for key, text in part.header.items() if key.startswith(CRYPTOMATTE_KEY)}
+    texts = {
+        key: text for part in parts for key, text in part.header.items() if key.startswith(CRYPTOMATTE_ATTRIBUTE_PREFIX)
+    }
     return {name: channel.pixels for part in parts for name, channel in part.channels.items()}, texts
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from stereo_reproject.blender.scene.effects import plan_effects
 from stereo_reproject.blender.scene.working import open_blend, working_scene
-from stereo_reproject.images.effects import AS_SEEN, HANDLING, NOT_CALLED_FOR, Effect
+from stereo_reproject.images.effects import EEVEE_HANDLING, HANDLING, NOT_CALLED_FOR, Effect
 from stereo_reproject.settings.frame import SceneOverrides
 from tests.blender.toolbox import (
     Material,
@@ -549,7 +549,7 @@ def test_how_each_effect_is_handled(scene):
     assert told[Effect.HAIR] == NOT_CALLED_FOR
     scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
     told = {finding.effect: finding.handling for finding in plan(scene).findings}
-    assert told[Effect.GLOSSY] == AS_SEEN
+    assert told[Effect.GLOSSY] == EEVEE_HANDLING
 
 
 # Materials without nodes

@@ -1,0 +1,73 @@
+"""Tuned numbers of this room, in one place.
+
+None of them is varied by `make spending`. Each field says where its value comes from; "by hand" means that it was set
+by the reasoning that is given and was not compared with other values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ImagesTuning:
+    """Numbers by which contrast, noise, shown materials, glossy pixels and samples are read off a picture."""
+
+    # Contrast
+    noise_reach_px: int = 1
+    """Pixels each way over which noise is averaged before contrast is measured. By hand: the smallest window there
+    is."""
+    contrast_reach_px: tuple[int, int] = (2, 5)
+    """Pixels, down and across, within which contrast is gathered. By hand: the views stand side by side, so what a
+    surface reflects mostly moves across."""
+
+    # Denoised pictures
+    blend_reach_px: int = 6
+    """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.
+    By hand, about the width of a tile: with it the edges of tiles no longer show on living-room's floor, and its noise
+    ratio falls from 1.137 to 1.128 (docs/production.md)."""
+    denoise_window_px: tuple[int, int] = (96, 120)
+    """Height and width of each part of the source that is denoised a second time to measure the noise that is left. By
+    hand: without `window_margin_px` on either side, half of the height and more of the width are still read."""
+    denoise_windows: tuple[int, int] = (2, 4)
+    """Number of those parts, down and across. By hand; on three scenes the noise that they find to be left is 1.6, 1.2
+    and 0.9 times that between two renders (docs/production.md)."""
+    window_margin_px: int = 24
+    """Pixels along the border of such a part that are not read: the denoiser sees less around them than it does in the
+    whole picture. By hand."""
+    min_noise_left: float = 1e-4
+    """Share of the variance that denoising is taken to leave at least. By hand: far below the 2 to 5 % that were
+    measured (docs/production.md), so that it only keeps later divisions from zero."""
+
+    # Materials that a pixel shows
+    min_material_coverage: float = 0.1
+    """Share of a pixel that a material must cover to count as shown there. By hand: less is hardly seen."""
+
+    # Mask of glossy pixels, for comparison
+    min_glossy_light_share: float = 0.1
+    """Share of a pixel's light that must be glossy or transmitted for the pixel to be masked: a tenth, as
+    docs/accuracy.md says of the row of its table that has this mask. By hand, as a plain guess."""
+
+    # Number of samples, read off a cryptomatte
+    min_samples: int = 8
+    """Smallest number of samples that is believed. By hand: below it, a few edges that happen to have the same coverage
+    look like fewer samples than there are."""
+    max_coverages: int = 300
+    """Number of coverages that are looked at, at most; of more, as many are drawn by chance. By hand: time
+    grows with their number."""
+    coverage_error: float = 3e-7
+    """Error of a coverage, from 0 to 1: it has been rounded to float32 twice, each time by up to 6e-8. The rest is a
+    margin, set by hand."""
+    sample_error: float = 1e-4
+    """Error, in samples, that the product of a coverage and the number of samples may have beside that; a coverage as
+    close as that to 0 or 1 tells nothing and is left out. By hand."""
+    min_explained_share: float = 0.5
+    """Share of the coverages that a number of samples must explain to be believed. By hand: smoke and half transparent
+    surfaces have coverages that no number explains."""
+    min_share_of_best: float = 0.9
+    """Share, of the coverages that the best number explains, from which a smaller number is preferred to it: each
+    multiple of the true number explains them as well as it does. By hand."""
+
+
+TUNING = ImagesTuning()
+"""The numbers that are in use."""
