@@ -25,7 +25,7 @@ from ..jobs.work_folder import pair_files, publish, superseded_by, work_folder
 from ..sequence.progress import Listener
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
-from .commands.animation import render_animation_files
+from .commands.animation import SavedScene, render_animation_files
 from .commands.frame import render_files
 from .commands.inspection import inspect_scene
 from .commands.processes import save_copy
@@ -79,6 +79,8 @@ def compare(
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
 
+# It has more parameters than our other functions may have: scripts call it with them, as docs/scripting.md says, and
+# each stands for one option of `animate`.
 def render_animation(
     settings: StereoSettings | None = None,
     *,
@@ -126,8 +128,8 @@ def render_animation(
             scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             layers=tuple(layers_to_render(scene)),
         )
-        told = Listener(on_frame=on_frame)
-        return render_animation_files(scene, settings, options, work, save_copy(work), session, told=told)
+        saved = SavedScene(save_copy(work), session)
+        return render_animation_files(scene, settings, options, work, saved, listener=Listener(on_frame=on_frame))
 
 
 def _absolute(path: Any, what: str) -> str:

@@ -89,13 +89,13 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
 def _animate(job: dict[str, Any], emit: Emit) -> None:
     """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
-    from ..blender.commands.animation import render_animation_files
+    from ..blender.commands.animation import SavedScene, render_animation_files
     from ..jobs.supervisor import Session
     from ..sequence.progress import Listener
 
     warn = _warn_once(emit)
     scene, _ = _open(job, emit, warn)
-    told = Listener(
+    listener = Listener(
         _on_stage(emit),
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
@@ -106,10 +106,9 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         _settings(job["settings"]),
         _animation(job["animation"]),
         Path(job["work"]),
-        Path(job["blend"]),
-        Session(**job["session"]),
+        SavedScene(Path(job["blend"]), Session(**job["session"])),
         files=job["files"],
-        told=told,
+        listener=listener,
     )
     # Without a frame of its own to render, a run leaves none.
     emit("done", report=report, files=job["files"] if report["last"] is not None else [])

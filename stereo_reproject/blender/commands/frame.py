@@ -90,12 +90,12 @@ def render_pair(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
-    precedents: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
+    findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
 ) -> tuple[StereoPair, FrameReport]:
     """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
     `render_files`.
 
-    scenes are those of a sequence, which go on to its next frame; precedents has, by view layer, what others of its
+    scenes are those of a sequence, which go on to its next frame; findings has, by view layer, what others of its
     frames have found. What the report tells of one layer is of the main one, but seconds are of all.
     """
     frames: dict[str, StereoFrame] = {}
@@ -105,7 +105,7 @@ def render_pair(
             watch = Stopwatch(on_stage)
             watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], found = _render_layer(scene, working, settings, work, watch, precedents(layer))
+            frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer))
             facts.append(found)
     pair = StereoPair(frames)
     return pair, pair_report(pair, facts, settings, _memory())
@@ -117,11 +117,11 @@ def _render_layer(
     settings: StereoSettings,
     work: Path,
     watch: Stopwatch,
-    precedent: SharedFindings,
+    findings: SharedFindings,
 ) -> tuple[StereoFrame, LayerFacts]:
     header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, watch=watch, precedent=precedent)
+        frame = render_stereo_frame(renderer, settings, watch=watch, precedent=findings)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
             header=header,

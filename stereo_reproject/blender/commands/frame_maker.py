@@ -55,24 +55,26 @@ ALIKE = 24
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What the frames of a run have in common: their journal, their fingerprints, the run's own token, and whether they
-    are written as half floats."""
+    """What the frames of a run have in common: settings and options, the journal and the fingerprints that its records
+    need, the run's own token, and whether the files hold half floats."""
 
+    settings: StereoSettings
+    options: AnimationSettings
     journal: Journal
     wanted: Fingerprints
     token: str
     half_floats: bool
 
 
-class AgreedPrecedent(SharedFindings):
+class AgreedFindings(SharedFindings):
     """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
 
     block is what is different where something else may be found. Raises OutputError.
     """
 
-    def __init__(self, belonging: FrameContext, layer: str, block: tuple[int, str]) -> None:
-        self._journal = belonging.journal
-        of_layer = [belonging.wanted.settings, dict(belonging.wanted.scene), layer]
+    def __init__(self, context: FrameContext, layer: str, block: tuple[int, str]) -> None:
+        self._journal = context.journal
+        of_layer = [context.wanted.settings, dict(context.wanted.scene), layer]
         self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
 
     def cost(self, found: SourceCost) -> SourceCost:
@@ -105,19 +107,18 @@ class BlenderFrameMaker:
     def __init__(
         self,
         scene: bpy.types.Scene,
-        settings: StereoSettings,
-        options: AnimationSettings,
         order: WriterOrder,
-        belonging: FrameContext,
+        context: FrameContext,
         work: Path,
         on_stage: Callable[[str, str], None],
         *,
         keeps_last: bool,
     ) -> None:
-        """work is a private folder for what passes between the stages of a frame; order says how they are written.
-        keeps_last is whether the last frame's eyes are asked for in the end."""
-        self._scene, self._settings, self._options = scene, settings, options
-        self._belonging, self._on_stage = belonging, on_stage
+        """order says how frames are written; work is a private folder for what passes between the stages of a frame.
+        on_stage gets each stage's name and its frame. keeps_last: True where the last frame's eyes are asked for in the
+        end."""
+        self._scene, self._settings, self._options = scene, context.settings, context.options
+        self._context, self._on_stage = context, on_stage
         self._work, self._private = work, Path(order.private)
         self._scenes = WorkingScenes(scene)
         self._writer = WriterProcess(order, module_in_blender("programs.writer"))
@@ -131,7 +132,7 @@ class BlenderFrameMaker:
         except Exception as error:
             # Whatever one frame meets with, the others may be spared, with a scene that is set up anew.
             self._scenes.close()
-            raise blamed_on_output(self._belonging.journal.frames_folder, as_told(error)) from error
+            raise blamed_on_output(self._context.journal.frames_folder, as_told(error)) from error
 
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()
@@ -144,12 +145,12 @@ class BlenderFrameMaker:
             self._work,
             on_stage=lambda stage: self._on_stage(stage, where),
             scenes=self._scenes,
-            precedents=lambda layer: AgreedPrecedent(self._belonging, layer, self._block_of(frame)),
+            findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
         )
-        told = as_json(report)
-        figures = {key: told[key] for key in OF_A_FRAME if key in told}
+        fields = as_json(report)
+        figures = {key: fields[key] for key in OF_A_FRAME if key in fields}
         figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
-        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._belonging.half_floats)]
+        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
         folder = self._hand_out(frame, pair)
         figures["wall_seconds"] = wall = time.perf_counter() - start
         figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
@@ -162,9 +163,9 @@ class BlenderFrameMaker:
             figures["compare"] = {**as_json(compared), "synced_anew": True}
         record = {
             "frame": frame,
-            "settings": self._belonging.wanted.settings,
-            "scene": dict(self._belonging.wanted.scene),
-            "run": self._belonging.token,
+            "settings": self._context.wanted.settings,
+            "scene": dict(self._context.wanted.scene),
+            "run": self._context.token,
             "figures": figures,
         }
         self._on_stage(HANDED_OVER, where)
@@ -186,7 +187,7 @@ class BlenderFrameMaker:
                 target = colour(pair.eyes[self._settings.target][pair.main])
                 write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
         except (OSError, StereoReprojectError) as error:
-            raise failed_output(self._belonging.journal.frames_folder, error) from error
+            raise failed_output(self._context.journal.frames_folder, error) from error
         return folder
 
     def _block_of(self, frame: int) -> tuple[int, str]:
@@ -199,7 +200,7 @@ class BlenderFrameMaker:
         return every is not None and (frame - self._scene.frame_start) % every == 0
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        folder = self._belonging.journal.frames_folder
+        folder = self._context.journal.frames_folder
         return [
             (frame, blamed_on_output(folder, result) if isinstance(result, StereoReprojectError) else result)
             for frame, result in self._writer.finished(wait=wait)
