@@ -24,17 +24,17 @@ from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
-CHARACTER_WIDTH = 6.2
+CHARACTER_WIDTH_PIXELS = 6.2
 """Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
 
-SHOWN_EFFECTS = 6
+MAX_SHOWN_EFFECTS = 6
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
     """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH * scale)), 20)
+    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
     column = layout.column(align=True)
     column.scale_y = 0.8
     for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
@@ -198,11 +198,11 @@ class _Check:
             paragraph(layout, context, "It calls for nothing but colour and depth.")
             return
         paragraph(layout, context, "It calls for:")
-        for row in called[:SHOWN_EFFECTS]:
+        for row in called[:MAX_SHOWN_EFFECTS]:
             more = f" and {len(row['by']) - 1} more" if len(row["by"]) > 1 else ""
             paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
-        if len(called) > SHOWN_EFFECTS:
-            paragraph(layout, context, f"and {len(called) - SHOWN_EFFECTS} more effects")
+        if len(called) > MAX_SHOWN_EFFECTS:
+            paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
 
 
 def is_current(scene: bpy.types.Scene, found: Any) -> bool:

@@ -60,7 +60,7 @@ def show_image(image: bpy.types.Image) -> bool:
     return bool(editors)
 
 
-REDRAWS = 50
+MAX_FOREIGN_REDRAWS = 50
 """After so many redraws of a Render Result without two views, it is not the pair that is looked at."""
 
 
@@ -70,7 +70,7 @@ def redraw_with_both_eyes() -> None:
     It learns of them as it draws the result, after it has chosen what to draw: the first time, that is one eye, and
     the button for stereo is missing. F12 draws often while it renders; what was handed over is drawn once.
     """
-    left = iter(range(REDRAWS))
+    left = iter(range(MAX_FOREIGN_REDRAWS))
 
     def redraw() -> float | None:
         image = render_result()

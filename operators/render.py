@@ -28,7 +28,7 @@ from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
-WORTH_IT = 1.05
+LEAST_GAIN = 1.05
 """A predicted gain below this is none."""
 
 
@@ -205,7 +205,7 @@ def summary(report: Mapping[str, Any]) -> str:
 def gain_words(predicted: Mapping[str, Any]) -> str:
     """What a prediction comes to, in a line."""
     low, high = predicted["gain"]["low"], predicted["gain"]["high"]
-    if high < WORTH_IT:
+    if high < LEAST_GAIN:
         return f"Reprojection will not pay: {predicted['fill']['reason']}"
     gain = f"{high:.1f}" if high - low < 0.1 else f"{low:.1f} to {high:.1f}"
     return f"Predicted: {gain} times as fast as multiview"

@@ -116,7 +116,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     """Make the runs of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
-    from ..tradeoff.charts import check_charts
+    from ..report.chart_canvas import check_charts
 
     check_charts()
     from ..blender.commands.price_list import render_prices

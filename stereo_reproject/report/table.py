@@ -9,7 +9,7 @@ from typing import Any
 
 from ..pipeline.stages import OUTSIDE_TOTAL, in_order, label_of
 
-COMPARISONS = (
+COMPARED_KEYS = (
     "multiview_seconds",
     "speedup",
     "rmse",
@@ -20,7 +20,7 @@ COMPARISONS = (
     "noise_flip",
 )
 
-SHOWN_SECONDS = 0.05
+LEAST_SHOWN_SECONDS = 0.05
 """Seconds that a figure with one decimal shows, at least."""
 
 
@@ -115,7 +115,7 @@ def _price_lines(report: Mapping[str, Any]) -> list[str]:
 def more_seconds_text(price: Mapping[str, Any]) -> str:
     """What the next better accuracy costs above this one, as a person reads it; `price.Price` as JSON has it."""
     more = price["more_seconds"]
-    if more < SHOWN_SECONDS:
+    if more < LEAST_SHOWN_SECONDS:
         return "less than 0.1 s more" + ("" if price["complete"] else ", but for what its probes ask for")
     return f"{'' if price['complete'] else 'at least '}{_number(more, '.1f')} s more"
 
@@ -124,7 +124,7 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     peer = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:
-        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARISONS}
+        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARED_KEYS}
         speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
         why_none, error = compare.get("no_noise"), f"  error       {figures['rmse']}   root mean square, tone-mapped"
         return [

@@ -51,7 +51,7 @@ from .frame_maker import BlenderFrameMaker, FrameContext
 ANIMATION_FILES = ("left.exr", "right.exr")
 """What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
 
-MANY_FRAMES = 20_000
+ANNOUNCED_FRAMES = 20_000
 """Frames of which it is said that they are planned: from then on it takes seconds."""
 
 
@@ -203,7 +203,7 @@ def _make_journal(journal: Journal) -> None:
 def _say_many(scene: bpy.types.Scene, options: AnimationSettings, listener: Listener) -> None:
     listener.on_stage(Stage.PLAN, "")
     frames = scene_frames(scene) if options.frames is None else options.frames
-    if len(frames) >= MANY_FRAMES and not options.goes_on:
+    if len(frames) >= ANNOUNCED_FRAMES and not options.goes_on:
         listener.note(f"plans {len(frames)} frames, which takes a moment")
 
 

@@ -32,7 +32,7 @@ from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
 from .processes import module_in_blender
 
-OF_A_FRAME = (
+KEYS_OF_A_FRAME = (
     "size",
     "samples",
     "time_limit",
@@ -49,7 +49,7 @@ OF_A_FRAME = (
 )
 """What of a pair's report an animation's has for each frame."""
 
-ALIKE = 24
+FRAMES_OF_ONE_NOISE_LEVEL = 24
 """Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
 
 
@@ -148,7 +148,7 @@ class BlenderFrameMaker:
             findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
         )
         fields = as_json(report)
-        figures = {key: fields[key] for key in OF_A_FRAME if key in fields}
+        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
         figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
         figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
         folder = self._hand_out(frame, pair)
@@ -191,9 +191,9 @@ class BlenderFrameMaker:
         return folder
 
     def _block_of(self, frame: int) -> tuple[int, str]:
-        """What a frame has in common with those around it: their number over ALIKE, and the camera."""
+        """Return what a frame shares with its neighbours: its number over FRAMES_OF_ONE_NOISE_LEVEL, and the camera."""
         camera = camera_at(self._scene, frame)
-        return frame // ALIKE, camera.name_full if camera else ""
+        return frame // FRAMES_OF_ONE_NOISE_LEVEL, camera.name_full if camera else ""
 
     def _is_compared(self, frame: int) -> bool:
         every = self._options.compare_every

@@ -48,10 +48,10 @@ from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .frame import parallax_report, report_header
 
-SKETCH_WIDTH = 480
+SKETCH_WIDTH_PIXELS = 480
 """Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
 
-MORE_SAMPLES = 4
+MAX_MORE_SAMPLES = 4
 """Samples that the second render of a sketch has on top of the first one's, at most."""
 
 NO_PASSES = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
@@ -75,7 +75,7 @@ def inspect_scene(
         header = report_header(scene, working, settings)
         cycles = working.render.engine == CYCLES
         frame_width = frame_region(working.render).full_width
-        scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
+        scale = make_small(working, SKETCH_WIDTH_PIXELS) if sketch and cycles else 1.0
         with renderer_of(working, work, user_scene=scene) as renderer:
             check_fill(settings.fill, renderer.fill_blockers())
             rows = effects_rows(renderer.plan)
@@ -228,7 +228,7 @@ def _render_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, samples: int
 ) -> tuple[Passes, list[SourceCost], tuple[int, int]]:
     """The source eye as a sketch, rendered with a sample and then with a few: the passes, and both costs and counts."""
-    counts = (1, 1 + min(max(samples // 16, 1), MORE_SAMPLES))
+    counts = (1, 1 + min(max(samples // 16, 1), MAX_MORE_SAMPLES))
     costs = []
     passes: Passes = {}
     for count in counts:

@@ -47,7 +47,7 @@ DIFFERENCE_GAIN = 4
 PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
-GRID_WIDTH = 2880
+GRID_WIDTH_PIXELS = 2880
 """Pixels up to which the picture of the grid is enlarged."""
 FONT = 0
 
@@ -124,7 +124,7 @@ def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     """The subdivided grid as a wireframe over the source eye (paper, figure 4), enlarged where that is small."""
-    scale = max(1, min(3, GRID_WIDTH // grid.width))
+    scale = max(1, min(3, GRID_WIDTH_PIXELS // grid.width))
     picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
     strength = np.full(picture.shape[:2], 0, np.uint8)
     fine = _cells_in_pixels(grid, scale)

@@ -1,24 +1,31 @@
-"""What the charts share: their canvas, colours, titles and notes."""
+"""The canvas, colours, texts and files that all charts share.
+
+Only charts use matplotlib, which is no part of the Blender extension. They are drawn on canvases of their own, without
+pyplot: nothing that a caller does with matplotlib changes them, and they change nothing of the caller's.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .cases import HEURISTIC
+from ..errors import BadInputError
+from ..files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 9.0
-"""Inches."""
-NOTE_LINE = 0.15
+WIDTH_INCHES = 9.0
+"""Width of every figure."""
+NOTE_LINE_INCHES = 0.15
 """Inches from one line of the notes to the next."""
-NOTE_LENGTH = 145
+NOTE_LINE_CHARACTERS = 145
 """Characters in a line of the notes."""
-DPI = 160
+DOTS_PER_INCH = 160
 
 # The palette of M. Okabe and K. Ito, "Color universal design", 2008, which the colour-blind tell apart too.
 BLUE, SKY, GREEN, ORANGE, VERMILLION = "#0072b2", "#56b4e9", "#009e73", "#e69f00", "#d55e00"
@@ -31,7 +38,7 @@ def new_figure(height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
+    figure = Figure(figsize=(WIDTH_INCHES, height), dpi=DOTS_PER_INCH, facecolor="white")
     # Labels are measured before they are placed, and only a canvas measures.
     FigureCanvasAgg(figure)
     return figure
@@ -40,19 +47,11 @@ def new_figure(height: float) -> Figure:
 def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -> Axes:
     """Axes from `left` to `right` in shares of the width, with room for the titles above and the notes below."""
     height = figure.get_figheight()
-    above, below = 1.0, 0.65 + NOTE_LINE * len(notes.splitlines())
+    above, below = 1.0, 0.65 + NOTE_LINE_INCHES * len(notes.splitlines())
     axes = figure.add_axes((left, below / height, right - left, 1.0 - (above + below) / height))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     return axes
-
-
-def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: str) -> None:
-    """What a chart of a price list is of, what was rendered, and the notes."""
-    width, rows = prices["size"]
-    frame = f", frame {prices['frame']}" if "frame" in prices else ""
-    details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
-    write_texts(figure, f"{prices['scene']}: {what}", details, notes)
 
 
 def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
@@ -67,17 +66,7 @@ def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
 
 def wrapped(notes: Sequence[str]) -> str:
     """The notes one below the other, in lines that fit."""
-    return "\n".join(line for note in notes for line in textwrap.wrap(note, NOTE_LENGTH))
-
-
-def source_note(prices: Mapping[str, Any]) -> str:
-    """What is counted of the source: what the prices say of it themselves, or how a price list has it."""
-    if "note" in prices:
-        return str(prices["note"])
-    seconds = prices["source"]["seconds"]
-    shared = f"The source eye was rendered once; its {seconds:.2f} s, with the sync of the scene, count in every run"
-    own = any(row["kind"] == HEURISTIC for row in prices["rows"])
-    return f"{shared}{', but the heuristic mask has a source with more passes of its own' if own else ''}."
+    return "\n".join(line for note in notes for line in textwrap.wrap(note, NOTE_LINE_CHARACTERS))
 
 
 def percent(share: float) -> str:
@@ -98,3 +87,46 @@ def reported_note(reported: Mapping[str, Any]) -> str:
         f"Yellow: {reported['name']}'s own figures ({reported['told']}): the seconds that its speed-ups would come to "
         f"over this multiview, and {traced} traced on average."
     )
+
+
+def check_charts() -> None:
+    """Raises BadInputError where matplotlib is missing: better known before an hour of rendering than after."""
+    try:
+        import matplotlib.figure  # noqa: F401 - whether it can be imported is all that is asked
+    except ImportError as error:
+        raise BadInputError(f"the charts need matplotlib ({error}); run `pip install matplotlib`") from error
+
+
+@contextlib.contextmanager
+def chart_style() -> Iterator[None]:
+    """matplotlib's own defaults, whatever the user's are, and texts that stay texts in an SVG."""
+    import matplotlib.style
+
+    ours = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "stereo_reproject",
+        "font.size": 9.0,
+        "axes.edgecolor": PALE,
+        "axes.labelcolor": GREY,
+        "xtick.color": GREY,
+        "ytick.color": GREY,
+        "text.color": BLACK,
+    }
+    with matplotlib.style.context(["default", ours]):
+        yield
+
+
+def draw_whole(
+    draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path, until_whole: Path | None = None
+) -> None:
+    """Write path.svg and path.png of the figure that `draw` makes of `data`; until_whole is as `whole_file` has it.
+
+    Raises OSError.
+    """
+    with chart_style():
+        figure = draw(data)
+        # Several runs on the same frames may end at once.
+        with whole_file(path.with_name(f"{path.name}.svg"), until_whole=until_whole) as beside:
+            figure.savefig(beside, format="svg", metadata={"Date": None})
+        with whole_file(path.with_name(f"{path.name}.png"), until_whole=until_whole) as beside:
+            figure.savefig(beside, format="png", dpi=DOTS_PER_INCH)
