@@ -1,4 +1,4 @@
-"""Where people look for it: the Output properties beside Stereoscopy, the 3D View's sidebar, and the Render menu."""
+"""Panels in the Output properties beside Stereoscopy and in the 3D View's sidebar, and entries of the Render menu."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class _Main:
 
 
 def _means(scene: bpy.types.Scene) -> str:
-    """How holes will be filled on this device, and why."""
+    """Show how holes will be filled on this device, and why."""
     chosen = scene.stereo_reproject
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
     if engine != CYCLES and engine not in EEVEE:
@@ -108,7 +108,7 @@ def _draw_buttons(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Where a pair lies that could not be handed over, and a button that opens it."""
+    """Show the folder of a pair that could not be handed over, and a button that opens it."""
     folder = kept_pair()
     if folder is not None:
         paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
@@ -206,7 +206,7 @@ class _Check:
 
 
 def is_current(scene: bpy.types.Scene, found: Any) -> bool:
-    """Whether a check was made for the frame, size, samples and accuracy that are set now."""
+    """Return whether a check was made for the frame, size, samples and accuracy that are set now."""
     region = frame_region(scene.render)
     now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
     samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
@@ -244,7 +244,7 @@ class _Advanced:
 
 
 def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
-    """The same panels for another place; the first is the parent of the others."""
+    """Return the panels for one place; the first is the parent of the others."""
     main = f"{prefix}_PT_stereo_reproject"
     parts = {"camera": _Camera, "check": _Check, "preview": _Preview, "advanced": _Advanced}
     below = {"bl_parent_id": main, **place}

@@ -10,7 +10,7 @@ SHOWN = [
     ("PAIR", "Stereo Pair", "The Render Result, with both eyes"),
     *((key, name, description) for key, (_, name, description) in PICTURES.items()),
 ]
-"""What can be shown, as an enumeration has it."""
+"""Pictures that can be shown, as items of an enumeration."""
 
 
 class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
@@ -61,7 +61,7 @@ def show_image(image: bpy.types.Image) -> bool:
 
 
 MAX_FOREIGN_REDRAWS = 50
-"""After so many redraws of a Render Result without two views, it is not the pair that is looked at."""
+"""Redraws of a Render Result without two views after which something else than the pair is shown."""
 
 
 def redraw_with_both_eyes() -> None:

@@ -1,4 +1,4 @@
-"""What a script calls, in Blender or with Blender as a Python module: a handful of functions on the open file.
+"""Functions for scripts, in Blender or with Blender as a Python module, on the open file.
 
     from stereo_reproject.blender.api import compare, inspect, render_animation, render_frame
 
@@ -74,7 +74,9 @@ def compare(
     scene: bpy.types.Scene | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """The same, and Blender's multiview in the same run: `speedup`, `noise_ratio`, `worst_tiles` and more."""
+    """Do what `render_frame` does, and render Blender's multiview in the same run.
+
+    Returns `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
@@ -101,7 +103,7 @@ def render_animation(
     frames are the scene's, and they go into its own output path, format and stereo layout, unless others are given;
     output is a folder. existing says what becomes of frames that are there ("refuse", "resume", "overwrite", or "keep",
     whoever has rendered them); as the scene's Overwrite has it, without it. movie, layout, file_format, holes and
-    compare_every are as `AnimationSettings` has them. on_frame is told of each finished frame: its number, seconds,
+    compare_every are as `AnimationSettings` has them. on_frame gets each finished frame: its number, seconds,
     traced fraction, and how far the animation is. strict is as for `render_frame`; it makes no frame another one. When
     it ends early, frames that are finished stay.
     """
@@ -161,7 +163,7 @@ def inspect(
     sketch: bool = True,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """What the scene calls for and what its pair will cost, as `python -m stereo_reproject inspect --json` prints it.
+    """Return what `python -m stereo_reproject inspect --json` prints: what the scene calls for, and its pair's cost.
 
     Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """

@@ -34,7 +34,7 @@ GREY, PALE = "#5c6670", "#aab2ba"
 
 
 def new_figure(height: float) -> Figure:
-    """A white figure of `height` inches, without pyplot."""
+    """Return a white figure of `height` inches, made without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -45,7 +45,7 @@ def new_figure(height: float) -> Figure:
 
 
 def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -> Axes:
-    """Axes from `left` to `right` in shares of the width, with room for the titles above and the notes below."""
+    """Add axes from `left` to `right` in shares of the width, with room for the titles above and the notes below."""
     height = figure.get_figheight()
     above, below = 1.0, 0.65 + NOTE_LINE_INCHES * len(notes.splitlines())
     axes = figure.add_axes((left, below / height, right - left, 1.0 - (above + below) / height))
@@ -55,7 +55,7 @@ def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -
 
 
 def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
-    """The title and the details above the axes, the notes below, each at its distance from the edge."""
+    """Write the title and the details above the axes and the notes below, each at its distance from the edge."""
     height = figure.get_figheight()
     # A file's name may hold dollar signs, which are no formula.
     plain: dict[str, Any] = {"parse_math": False}
@@ -65,23 +65,23 @@ def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
 
 
 def wrapped(notes: Sequence[str]) -> str:
-    """The notes one below the other, in lines that fit."""
+    """Return the notes one below the other, in lines that fit."""
     return "\n".join(line for note in notes for line in textwrap.wrap(note, NOTE_LINE_CHARACTERS))
 
 
 def percent(share: float) -> str:
-    """A share with two digits that matter."""
+    """Return a share in percent, with two digits that matter."""
     return f"{100.0 * share:.1f} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
 
 
 def reported_name(reported: Mapping[str, Any]) -> str:
-    """What the marks of others' own figures are called: "name" with the ends of their "speedup"."""
+    """Return the name of the marks of others' figures: their "name", with the least and the greatest "speedup"."""
     least, most = reported["speedup"]
     return f"{reported['name']}, {least:g} to {most:g} ×"
 
 
 def reported_note(reported: Mapping[str, Any]) -> str:
-    """What those marks are: "told" says of what they are, and "traced" is a share on average."""
+    """Return the note on those marks: "told" says of which pictures they are, "traced" is a mean share."""
     traced = percent(reported["traced"])
     return (
         f"Yellow: {reported['name']}'s own figures ({reported['told']}): the seconds that its speed-ups would come to "
@@ -90,7 +90,7 @@ def reported_note(reported: Mapping[str, Any]) -> str:
 
 
 def check_charts() -> None:
-    """Raises BadInputError where matplotlib is missing: better known before an hour of rendering than after."""
+    """Raise BadInputError where matplotlib is missing, before an hour of rendering is lost."""
     try:
         import matplotlib.figure  # noqa: F401 - whether it can be imported is all that is asked
     except ImportError as error:
@@ -99,7 +99,7 @@ def check_charts() -> None:
 
 @contextlib.contextmanager
 def chart_style() -> Iterator[None]:
-    """matplotlib's own defaults, whatever the user's are, and texts that stay texts in an SVG."""
+    """Apply matplotlib's own defaults, whatever the user's are; texts stay texts in an SVG."""
     import matplotlib.style
 
     ours = {

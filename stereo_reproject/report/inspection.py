@@ -1,4 +1,4 @@
-"""What `inspect` prints: the effects plan and the predicted cost, as a table for people and as JSON."""
+"""The output of `inspect`: the effects plan and the predicted cost, as a table for people and as JSON."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from ..images.effects import EffectsPlan
 INSPECTION_SCHEMA = 1
 
 MAX_SHOWN_CAUSES = 2
-"""How many of those that call for an effect the table names."""
+"""Number of objects or materials that the table names for each effect, at most."""
 
 
 REFINE_NOTE = "how much, only probes tell"
 
 
 def effects_rows(plan: EffectsPlan) -> list[dict[str, Any]]:
-    """The plan's findings as JSON has them."""
+    """Return the plan's findings as JSON has them."""
     return [finding.fields() for finding in plan.findings]
 
 
 def format_inspection(inspection: Mapping[str, Any]) -> str:
-    """The table, in lines of plain ASCII save for the names that the scene gives."""
+    """Return the table, in lines of plain ASCII save for the names that the scene gives."""
     size = "x".join(map(str, inspection["size"]))
     how = f"{inspection['samples']} samples, {inspection['accuracy']}, {inspection['engine']} on {inspection['device']}"
     lines = [

@@ -1,5 +1,5 @@
-"""Where the labels of a chart's points go, so that none covers another, a point, or more of a line than it must; and
-where those of its lines go, one below the other."""
+"""Places for the labels of a chart's points, so that none covers another, a point, or more of a line than it must; and
+places for those of its lines, one below the other."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ LABEL_DISTANCES_IN_GAPS = (1.0, 2.2, 3.6, 5.2, 7.2, 9.6, 12.5, 16.0, 20.0, 25.0)
 LABEL_DIRECTIONS = 24
 MAX_SWEEPS = 12
 RANDOM_ORDERS = 8
-"""How often all labels are placed, each time in another order: the first to come has the choice."""
+"""Random orders in which all labels are placed: the first label has the choice."""
 
-# Prices of one place, in gaps of distance from the point. A leader is the line from a label to its point.
+# Penalties of one place, in gaps of distance from the point. A leader is the line from a label to its point.
 OVERLAP, OUTSIDE, CROSSING, LINE, ALIGNED = 1000.0, 1000.0, 40.0, 3.0, 0.4
 LABEL_MARGIN_PIXELS = np.array((6.0, 2.0))
-"""Left free beside each label, and above and below it."""
+"""Free space beside each label, and above and below it."""
 
 Frame = tuple[float, float, float, float]
 
@@ -30,7 +30,7 @@ Frame = tuple[float, float, float, float]
 def place_labels(
     points: NDArray, sizes: NDArray, *, obstacles: NDArray, lines: NDArray, frame: Frame
 ) -> NDArray[np.float64]:
-    """Lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
+    """Return the lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
 
     obstacles (K, 4) are boxes (left, bottom, right, top) that no label may cover, lines (L, 4) small boxes that it
     should not; the labels stay inside `frame`. Each label takes its best place given all others, until none moves; of
@@ -46,7 +46,7 @@ def place_labels(
 def _settle(
     points: NDArray, sizes: NDArray, obstacles: NDArray, lines: NDArray, frame: Frame, rng: np.random.Generator
 ) -> tuple[float, NDArray]:
-    """The summed price and the corners (N, 2) of labels that came in a random order."""
+    """Return the summed penalty and the corners (N, 2) of labels that came in a random order."""
     corners, prices = np.full((len(points), 2), np.nan), np.zeros(len(points))
     order = rng.permutation(len(points))
     for _ in range(MAX_SWEEPS):
@@ -66,7 +66,7 @@ def _settle(
 
 
 def nearest(points: NDArray, corners: NDArray, sizes: NDArray) -> NDArray:
-    """Where the leaders of the points (N, 2) reach their labels."""
+    """Return the points (N, 2) where the leaders of the points (N, 2) reach their labels."""
     return np.clip(points, corners, corners + sizes)
 
 

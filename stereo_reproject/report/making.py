@@ -20,7 +20,7 @@ from .header import ReportHeader
 
 @dataclass(frozen=True, kw_only=True)
 class LayerFacts:
-    """What a report takes of a view layer from its renderer, beside the frame.
+    """The facts about a view layer that a report takes from its renderer.
 
     foreign: True where another engine traces than the one that renders the source. time_limit and samples_rendered
     are as in `FrameReport`.

@@ -76,7 +76,7 @@ def chosen_cases(only: Sequence[str] = ()) -> tuple[TradeoffCase, ...]:
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured of one case.
+    """The measurements of one case.
 
     seconds by stage; speedup over Blender's multiview; rmse, noise_ratio and worst_tiles as in `metrics`, the ratios
     infinite where there is no noise; traced is a share of the target's pixels, fractions the same by reason; fill and

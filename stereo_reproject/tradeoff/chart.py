@@ -237,7 +237,7 @@ def _draw_leader(axes: Axes, point: tuple[float, float], offset: np.ndarray) -> 
 
 
 def extent(artist: Artist) -> tuple[float, float, float, float]:
-    """Left, bottom, width and height in pixels; of an annotation its text alone, without the line to its point."""
+    """Return left, bottom, width and height in pixels; for an annotation, of its text without the line to its point."""
     from matplotlib.text import Text
 
     box = Text.get_window_extent(artist) if isinstance(artist, Text) else artist.get_window_extent()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: str) -> None:
-    """What a chart of a price list is of, what was rendered, and the notes."""
+    """Write the title of a price list's chart, the details of the scene, and the notes."""
     width, rows = prices["size"]
     frame = f", frame {prices['frame']}" if "frame" in prices else ""
     details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
@@ -21,7 +21,7 @@ def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: st
 
 
 def source_note(prices: Mapping[str, Any]) -> str:
-    """What is counted of the source: what the prices say of it themselves, or how a price list has it."""
+    """Return a note on how the source's seconds count: the "note" of the prices, or the one that fits a price list."""
     if "note" in prices:
         return str(prices["note"])
     seconds = prices["source"]["seconds"]

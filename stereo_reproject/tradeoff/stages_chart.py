@@ -80,7 +80,7 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
 
 
 def _draw_reported(axes: Axes, reported: Mapping[str, Any], multiview_seconds: float, *, below: int) -> None:
-    """Where pairs would end that are as much faster than multiview; its name has a row below the bars."""
+    """Mark the seconds that others' speed-ups over multiview would come to; their name has a row below the bars."""
     ends = sorted(multiview_seconds / speedup for speedup in reported["speedup"])
     axes.axvspan(*ends, color=YELLOW, alpha=0.45, linewidth=0.0, zorder=0.4)
     axes.set_ylim(below + 0.55, -0.55)

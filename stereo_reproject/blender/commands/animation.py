@@ -49,10 +49,10 @@ from ..scene.working import changed, scene_frames
 from .frame_maker import BlenderFrameMaker, FrameContext
 
 ANIMATION_FILES = ("left.exr", "right.exr")
-"""What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
+"""Files of the last frame's eyes, which an animation leaves besides its own where that is asked for."""
 
 ANNOUNCED_FRAMES = 20_000
-"""Frames of which it is said that they are planned: from then on it takes seconds."""
+"""Number of frames from which the user is told that they are planned, since that takes seconds."""
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,10 @@ def _finish(run: _Run, plan: FramePlan, failed: dict[int, str]) -> tuple[dict[st
 
 @contextmanager
 def _run_in(journal: Journal, output: Output, wanted: Fingerprints, listener: Listener) -> Iterator[str]:
-    """A run that works in this journal, and its token. Raises OtherRunError where one is at work that goes by others'
-    settings on the same frames."""
+    """Announce a run in this journal and yield its token.
+
+    Raises OtherRunError where a run with other settings is at work on the same frames.
+    """
     _make_journal(journal)
     try:
         with run_at_work(journal.runs, journal.announcement(output.files, wanted)) as token:
@@ -185,7 +187,7 @@ def _run_in(journal: Journal, output: Output, wanted: Fingerprints, listener: Li
 
 
 def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
-    """The frames that count as rendered by these settings: not those that are kept whatever they are."""
+    """Return the frames that count as rendered by these settings, without those that are kept whatever they are."""
     whatever = {frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE}
     return [frame for frame in output.files if frame not in failed and frame not in whatever]
 
@@ -251,7 +253,7 @@ def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
 
 @contextmanager
 def _errors_of_output(folder: Path) -> Iterator[None]:
-    """What goes wrong with the files of an animation in this folder, in a line."""
+    """Turn an OSError about the files of an animation in this folder into an error of one line."""
     try:
         yield
     except OSError as error:
@@ -260,7 +262,7 @@ def _errors_of_output(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
-    """A private folder on the same drive as the frames: within the run's own where that lies there."""
+    """Yield a private folder on the same drive as the frames: within the run's own where that lies there."""
     if frames.is_dir() and (work / os.pardir).samefile(frames):
         private = work / "frames"
         private.mkdir(exist_ok=True)
@@ -276,8 +278,8 @@ def _settings_digest(settings: StereoSettings, output: Output) -> str:
 
 
 def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
-    """The scene's fingerprints, to which it is nothing what size, samples and seed it has itself where those are
-    overridden, and so among the settings. Another Blender renders another picture of it, too."""
+    """Return the scene's fingerprints, in which its own size, samples and seed do not count where they are overridden:
+    then they are among the settings. The version of Blender counts, since another one renders another picture."""
     with ExitStack() as changes:
         if overrides.size is not None:
             size = {"resolution_x": 1920, "resolution_y": 1080, "resolution_percentage": 100}
@@ -326,14 +328,14 @@ def _order(saved: SavedScene, output: Output, options: AnimationSettings, privat
 
 
 def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
-    """Where the movie of all frames belongs; or several, or none."""
+    """Return the path of the movie of all frames; or several, or none."""
     return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
 
 
 def _check_movies(
     scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, *, for_movie_alone: bool
 ) -> None:
-    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
+    """Raise BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
     them."""
     # What was known of a movie that alone was asked for went with the frames that it was made of.
     if options.existing == "overwrite" or (options.existing == "resume" and for_movie_alone):
@@ -356,7 +358,7 @@ def _check_movies(
 def _movie(
     scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, listener: Listener
 ) -> list[Path]:
-    """The movie of all frames, in its place; or several, or none."""
+    """Write the movie of all frames and return its path; or several, or none."""
     if options.movie is None:
         return []
     path = Path(options.movie)
@@ -400,7 +402,7 @@ def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> 
 
 
 def _put_in_place(made: Path, destination: Path) -> Path:
-    """Move a finished file on the same drive to where it belongs, where it appears whole."""
+    """Move a finished file to its place on the same drive, where it appears whole."""
     flush(made)
     try:
         placed = put_in_place(made, destination)

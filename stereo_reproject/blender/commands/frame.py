@@ -54,11 +54,11 @@ def render_files(
     load_seconds: float = 0.0,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Render the pair of one frame and write its files into work/out; the report, and the files' names.
+    """Render the pair of one frame and write its files into work/out. Return the report as JSON has it, and the names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; all,
     without them. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
-    on_stage is told each stage's name as it begins. Raises BadInputError and StereoReprojectError.
+    on_stage gets each stage's name as it begins. Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
@@ -92,8 +92,8 @@ def render_pair(
     scenes: WorkingScenes | None = None,
     findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
 ) -> tuple[StereoPair, FrameReport]:
-    """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
-    `render_files`.
+    """Render the pair of one frame, all its view layers, and return it with its report as far as that goes without
+    files. The parameters are those of `render_files`.
 
     scenes are those of a sequence, which go on to its next frame; findings has, by view layer, what others of its
     frames have found. What the report tells of one layer is of the main one, but seconds are of all.
@@ -206,7 +206,7 @@ def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
 
 
 def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
-    """A line each for what a picture should not hold, or a file of half floats cannot."""
+    """Return a line for each kind of value that a picture should not hold, or that a file of half floats cannot."""
     invalid = pair.invalid_pixels.items()
     warnings = [
         f"{count} pixels of the {view} eye were no numbers in a pass, and are 0 there"

@@ -47,15 +47,15 @@ KEYS_OF_A_FRAME = (
     "layers",
     "memory",
 )
-"""What of a pair's report an animation's has for each frame."""
+"""Keys of a pair's report that the report of an animation has for each frame."""
 
 FRAMES_OF_ONE_NOISE_LEVEL = 24
-"""Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
+"""Frames in a row, by the same camera, for which the denoiser is taken to leave the same share of the noise."""
 
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What the frames of a run have in common: settings and options, the journal and the fingerprints that its records
+    """Common ground of the frames of a run: settings and options, the journal and the fingerprints that its records
     need, the run's own token, and whether the files hold half floats."""
 
     settings: StereoSettings
@@ -67,7 +67,7 @@ class FrameContext:
 
 
 class AgreedFindings(SharedFindings):
-    """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
+    """Findings of the first frame, whichever run has rendered it, so that a frame is the same when rendered again.
 
     block is what is different where something else may be found. Raises OutputError.
     """
@@ -158,7 +158,7 @@ class BlenderFrameMaker:
             self._on_stage(Stage.COMPARE, where)
             self._scenes.close()
             compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
-            # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:
+            # To keep multiview's scene from frame to frame would hold all of it twice, and be no more than Blender does:
             # it syncs each frame of an animation anew, unless Persistent Data is on.
             figures["compare"] = {**as_json(compared), "synced_anew": True}
         record = {
@@ -176,7 +176,7 @@ class BlenderFrameMaker:
         give_back_freed()
 
     def _hand_out(self, frame: int, pair: StereoPair) -> Path:
-        """The folder with what the writer needs of a frame."""
+        """Write what the writer needs of a frame, and return the folder."""
         folder = self._private / f"frame-{frame}"
         try:
             folder.mkdir(exist_ok=True)
@@ -207,7 +207,7 @@ class BlenderFrameMaker:
         ]
 
     def leave(self, folder: Path) -> int | None:
-        """Leave the last frame's eyes, if they were kept; its number, None where none was rendered here."""
+        """Write the last frame's eyes into `folder`, if they were kept. Return its number; None without a frame."""
         if self._last is None:
             return None
         frame, pair = self._last

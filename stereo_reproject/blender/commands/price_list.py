@@ -56,7 +56,7 @@ NOTHING_SHARED: Mapping[str, float] = MappingProxyType({})
 WARM_UP_WIDTH_PIXELS = 64
 WARM_UP_SAMPLES = 1
 WARM_UP_SPACING_PIXELS = 8
-"""One in so many pixels is traced to warm up."""
+"""Distance between the pixels that are traced to warm up."""
 
 
 def render_prices(
@@ -69,7 +69,7 @@ def render_prices(
 ) -> tuple[dict[str, Any], list[str]]:
     """Make the cases of one frame, all or `only` those named, and write their files into work/out.
 
-    Returns what tradeoff.json holds, and the files' names. on_stage is told each case's name, and the stage that begins
+    Returns what tradeoff.json holds, and the files' names. on_stage gets each case's name, and the stage that begins
     in it. A case that the scene cannot have is left out, with a warning that says why. Raises BadInputError and
     StereoReprojectError.
     """
@@ -123,7 +123,7 @@ class RenderedSource:
 
 @dataclass
 class _Outcome:
-    """What became of the cases: rows, and those that are left out with the reason."""
+    """The outcome of the cases: rows, and those that are left out with the reason."""
 
     rows: list[Row] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
@@ -274,7 +274,7 @@ def _make(
 
 
 def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float]:
-    """Seconds by stage, with those that are shared, and the probes told from the holes."""
+    """Seconds by stage, with those that are shared, and the probes apart from the holes."""
     stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
     stages |= {name: stages[name] + seconds for name, seconds in shared.items()}
     probe = (frame.reasons & Reason.PROBE.bit) > 0

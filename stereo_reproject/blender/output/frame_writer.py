@@ -32,7 +32,7 @@ HOLES = "holes"
 
 
 def holes_name(journal: Journal, frame: int) -> str:
-    """Where the picture of what was traced of a frame lies in the frames' folder."""
+    """Return the path, in the frames' folder, of the picture of a frame's traced pixels."""
     return f"{HOLES}/{journal.name}{frame:04d}.png"
 
 

@@ -66,7 +66,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
-    """The same picture alone, as one of a sequence: of the target's size."""
+    """Write the picture of traced pixels without its legend, as one of a sequence: of the target's size."""
     _write_png(path, _holes(target, reasons)[0])
 
 
@@ -96,8 +96,8 @@ def write_estimate(
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
-    told = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
-    shown = [(told, WITHOUT_PROBES, unknown)] if unknown.any() else []
+    words = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
+    shown = [(words, WITHOUT_PROBES, unknown)] if unknown.any() else []
     if (~unknown & (ratio != 1.0)).any():
         ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
         for (limit, colour), end in zip(ABOVE, ends, strict=True):
@@ -112,7 +112,7 @@ def write_estimate(
 
 
 def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:
-    """How far the target eye is from the same eye of multiview, both (H, W, 4), tone-mapped and brightened.
+    """Write the difference of the target eye to multiview's, both (H, W, 4), tone-mapped and brightened.
 
     Two renders differ by their noise already; what stands out of that is wrong.
     """
