@@ -14,18 +14,18 @@ from ..stereo_reproject.jobs.progress import clock
 from ..stereo_reproject.pipeline.stages import words_of
 from . import slots
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
-from .run import Run
+from .run import BackgroundJob
 
 TICK_SECONDS = 0.1
 
-_running: list[Run] = []
+_running: list[BackgroundJob] = []
 """The run that is under way, if any."""
 
 
 _timers: list[bpy.types.Timer] = []
 
 
-def running() -> Run | None:
+def running() -> BackgroundJob | None:
     return _running[0] if _running else None
 
 
@@ -52,7 +52,7 @@ def _quiet() -> None:
         _show(None)
 
 
-def progress_of(run: Run) -> tuple[float, str]:
+def progress_of(run: BackgroundJob) -> tuple[float, str]:
     """Return the progress of a run, from 0 to 1, and in words."""
     fraction, remaining = run.far()
     words = [words_of(run.stage), *filter(None, [run.detail])]
@@ -65,11 +65,11 @@ class JobOperator:
 
     uses_render_result: ClassVar[bool] = True
 
-    def start(self, scene: bpy.types.Scene) -> Run:
+    def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Raises StereoReprojectError."""
         raise NotImplementedError
 
-    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make what the run has left the user's, and say in a line what it is; without a scene, it was deleted
         meanwhile. Raises StereoReprojectError."""
         raise NotImplementedError
@@ -186,7 +186,7 @@ class JobOperator:
             _show(text)
 
 
-def _words_of_kept(run: Run) -> str:
+def _words_of_kept(run: BackgroundJob) -> str:
     """Keep the pair of a run that nobody has taken, and say where it is; nothing if there is none."""
     try:
         folder = keep_files(run)
@@ -197,7 +197,7 @@ def _words_of_kept(run: Run) -> str:
     )
 
 
-def _scene_of(run: Run) -> bpy.types.Scene | None:
+def _scene_of(run: BackgroundJob) -> bpy.types.Scene | None:
     """The scene that a run is of; None when it was deleted since."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
 

@@ -12,7 +12,7 @@ from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.files import flush
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata, write_stereo
 from .pictures import show_image
-from .run import Run
+from .run import BackgroundJob
 
 BOTH = "stereo.exr"
 
@@ -25,7 +25,7 @@ def kept_pair() -> Path | None:
     return next((folder for folder in reversed(_kept) if folder.is_dir()), None)
 
 
-def keep_files(run: Run) -> Path | None:
+def keep_files(run: BackgroundJob) -> Path | None:
     """Put a finished pair where it stays: beside the .blend that it is of, or else where temporary files go.
 
     Returns the folder, or None if there is no pair. Raises OSError if it can be kept nowhere.
@@ -45,7 +45,7 @@ def keep_files(run: Run) -> Path | None:
     return folder
 
 
-def _copied(run: Run, place: Path) -> Path:
+def _copied(run: BackgroundJob, place: Path) -> Path:
     folder = _new_folder(run, place)
     try:
         for path in sorted(run.folder.iterdir()):
@@ -57,7 +57,7 @@ def _copied(run: Run, place: Path) -> Path:
     return folder
 
 
-def _new_folder(run: Run, place: Path) -> Path:
+def _new_folder(run: BackgroundJob, place: Path) -> Path:
     for number in range(1, 1000):
         folder = place / f"{run.name}_stereo_pair{'' if number == 1 else f'_{number}'}"
         try:

@@ -22,7 +22,7 @@ from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from .jobs import JobOperator
 from .pictures import show_pair
 from .results import keep_inspection, keep_pair, result_of
-from .run import Run, seconds_of
+from .run import BackgroundJob, seconds_of
 from .slots import unused_slot
 from .viewing import VIEWING, needs_our_player
 
@@ -46,12 +46,12 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def start(self, scene: bpy.types.Scene) -> Run:
+    def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         settings = settings_of(scene, preview=self.preview)
         files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
-        return Run(scene, settings, "render", files, _pair_progress(scene, settings))
+        return BackgroundJob(scene, settings, "render", files, _pair_progress(scene, settings))
 
-    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         where = _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
         assert scene is not None
         assert run.report is not None
@@ -65,7 +65,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
     bl_idname = "render.stereo_reproject_animation"
     bl_label = "Render Stereo Animation (Reprojected)"
 
-    def start(self, scene: bpy.types.Scene) -> Run:
+    def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         options = AnimationSettings(existing=existing_as_set(scene))
         options, output = output_of(scene, options)
         pairs = len(output.files) * len(layers_to_render(scene))
@@ -73,9 +73,9 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         settings = settings_of(scene, preview=False)
         asked = AnimationSettings(existing=options.existing)
         written = folders_of(output)
-        return Run(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
+        return BackgroundJob(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
 
-    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         report = run.report
         assert report is not None
         where = ""
@@ -101,12 +101,12 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
     bl_label = "Check Scene"
     uses_render_result = False
 
-    def start(self, scene: bpy.types.Scene) -> Run:
-        return Run(
+    def start(self, scene: bpy.types.Scene) -> BackgroundJob:
+        return BackgroundJob(
             scene, settings_of(scene, preview=False), "inspect", (), Progress(time.monotonic(), USUAL["inspect"])
         )
 
-    def take(self, scene: bpy.types.Scene | None, run: Run) -> str:
+    def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         assert run.report is not None
         if scene is None:
             raise _deleted(run)
@@ -165,7 +165,7 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _deliver(scene: bpy.types.Scene | None, run: Run, *, frame: int | None, to_look_at: bool) -> str:
+def _deliver(scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool) -> str:
     """Put the eyes of a run into the scene's Render Result, show that, and say what is unusual about where it is."""
     if scene is None:
         raise _deleted(run)
@@ -189,7 +189,7 @@ def _named(layers: Sequence[str]) -> str:
     return f"the view layer {names} was" if len(layers) == 1 else f"the view layers {names} were"
 
 
-def _deleted(run: Run) -> BadInputError:
+def _deleted(run: BackgroundJob) -> BadInputError:
     return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
 
 

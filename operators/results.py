@@ -11,7 +11,7 @@ import bpy
 
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
 from ..stereo_reproject.settings.frame import StereoSettings
-from .run import Run
+from .run import BackgroundJob
 
 PICTURES = {
     "HOLES": ("holes.png", "Holes", "Which pixels of the second eye were rendered, and why"),
@@ -33,8 +33,8 @@ class Result:
     warnings: list[str] = field(default_factory=list)
     parallax: Mapping[str, Any] | None = None
     """Parallax of the nearest and farthest point that a pair or a check saw last."""
-    run: Run | None = None
-    """Run that still holds the pictures."""
+    run: BackgroundJob | None = None
+    """Job that still holds the pictures."""
 
     def picture(self, which: str) -> Path | None:
         if self.run is None:
@@ -64,7 +64,7 @@ def _forget(uid: int) -> None:
         result.run.close()
 
 
-def keep_pair(scene: bpy.types.Scene, run: Run) -> None:
+def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
     """Keep the pair of a run that is over, in place of an earlier one."""
     _forget_gone()
     result = result_of(scene)
@@ -75,7 +75,7 @@ def keep_pair(scene: bpy.types.Scene, run: Run) -> None:
         result.parallax = run.report.get("parallax") or result.parallax
 
 
-def keep_inspection(scene: bpy.types.Scene, run: Run) -> None:
+def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:
     """Keep the findings of a check that is over."""
     assert run.report is not None
     result = result_of(scene)

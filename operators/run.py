@@ -39,7 +39,7 @@ class _Cancel(Interrupts):
         self._received = signal.SIGINT
 
 
-class Run:
+class BackgroundJob:
     """A job on a copy of the open file, in a thread that waits for its process. Its files are in `folder`.
 
     After `finished`: `report`, or else `error`. `close` ends it, if need be, and removes the files. `layers` are the

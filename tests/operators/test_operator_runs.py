@@ -49,7 +49,7 @@ def place(tmp_path, monkeypatch):
 def test_cancelled(extension, scene, place, monkeypatch, stage):
     from stereo_reproject_extension.operators import jobs, run
 
-    told = run.Run._on_event
+    told = run.BackgroundJob._on_event
 
     def cancel_there(self, event):
         told(self, event)
@@ -57,11 +57,11 @@ def test_cancelled(extension, scene, place, monkeypatch, stage):
             self.cancel()
 
     before = everything()
-    monkeypatch.setattr(run.Run, "_on_event", cancel_there)
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_there)
     assert bpy.ops.render.stereo_reproject_image() == {"CANCELLED"}
     assert everything() == before
     assert (jobs.running(), list(place.iterdir())) == (None, [])
-    monkeypatch.setattr(run.Run, "_on_event", told)
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", told)
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
     assert everything() == before
 
@@ -149,7 +149,7 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
 ):
     from stereo_reproject_extension.operators import jobs, run
 
-    told = run.Run._on_event
+    told = run.BackgroundJob._on_event
 
     def cancel_at_the_second(self, event):
         told(self, event)
@@ -157,7 +157,7 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
             self.cancel()
 
     before = everything()
-    monkeypatch.setattr(run.Run, "_on_event", cancel_at_the_second)
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", cancel_at_the_second)
     assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
     assert everything() == before
     shots = place / "project" / "shots"
@@ -166,7 +166,7 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     assert not list(shots.glob("film_0002*"))
     assert not list(place.rglob(".*"))
     assert (jobs.running(), [path.name for path in place.iterdir()]) == (None, ["project"])
-    monkeypatch.setattr(run.Run, "_on_event", told)
+    monkeypatch.setattr(run.BackgroundJob, "_on_event", told)
     animated.render.use_overwrite = False
     assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
     assert sorted(path.name for path in shots.glob("film_0*")) == [
@@ -209,12 +209,12 @@ def test_a_delivery_that_fails_leaves_the_scene_as_it_was(extension, scene, plac
 @pytest.fixture
 def meanwhile(extension, monkeypatch):
     """Does something after a run is over, and before its result is taken."""
-    from stereo_reproject_extension.operators.run import Run
+    from stereo_reproject_extension.operators.run import BackgroundJob
 
-    wait = Run.wait
+    wait = BackgroundJob.wait
 
     def have_done(action):
-        monkeypatch.setattr(Run, "wait", lambda self: (wait(self), action()))
+        monkeypatch.setattr(BackgroundJob, "wait", lambda self: (wait(self), action()))
 
     return have_done
 

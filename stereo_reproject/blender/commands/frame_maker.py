@@ -158,8 +158,8 @@ class BlenderFrameMaker:
             self._on_stage(Stage.COMPARE, where)
             self._scenes.close()
             compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
-            # To keep multiview's scene from frame to frame would hold all of it twice, and be no more than Blender does:
-            # it syncs each frame of an animation anew, unless Persistent Data is on.
+            # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
+            # each frame of an animation anew, unless Persistent Data is on.
             figures["compare"] = {**as_json(compared), "synced_anew": True}
         record = {
             "frame": frame,
