@@ -12,6 +12,6 @@ COMMAND = "stereo_reproject"
 
 
 def run_command(arguments: Sequence[str]) -> int:
-    """What Blender calls with what follows the command's name; the exit status."""
+    """Run the command with the arguments after its name, and return the exit status; Blender calls it."""
     host = Host(f"blender --command {COMMAND}", module_in_blender("programs.worker"), devices_in_use())
     return main(arguments, host=host)

@@ -1,4 +1,4 @@
-"""In the Image Editor's sidebar: what the last pair took, how good it is, and the pictures that explain it."""
+"""Panels in the Image Editor's sidebar: the last pair's time, its quality, and the pictures that explain it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ REASONS = {
     "probe": "Probes",
     "rerendered": "All that was rendered",
 }
-"""What the reasons are called here, why pixels of the second eye were rendered."""
+"""Names, for artists, of the reasons why pixels of the second eye were rendered."""
 
 
 class IMAGE_PT_stereo_reproject(bpy.types.Panel):
@@ -111,7 +111,7 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
 
 
 def _price(price: Mapping[str, Any]) -> str:
-    """What the next better accuracy would have cost."""
+    """Show the cost of the next better accuracy."""
     better = "Rendering it whole" if price["accuracy"] == WHOLE else price["accuracy"].capitalize()
     if price["more_seconds"] is None:
         return "It cannot be better: all of it was rendered"

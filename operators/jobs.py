@@ -1,4 +1,4 @@
-"""What all operators that run a job have in common: one at a time, beside the window or at once for a script."""
+"""The common part of operators that run a job: one at a time, with the window usable, or at once for a script."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _quiet() -> None:
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
-    """How far a run is, from 0 to 1, and in words."""
+    """Return the progress of a run, from 0 to 1, and in words."""
     fraction, remaining = run.far()
     words = [words_of(run.stage), *filter(None, [run.detail])]
     left = "" if remaining is None else f", {clock(remaining)} left"
@@ -209,7 +209,7 @@ def sentence(what: object) -> str:
 
 
 def _show(text: str | None) -> None:
-    """In every window's status bar, and in the panels."""
+    """Show a text in every window's status bar, and draw the panels anew."""
     for window in bpy.context.window_manager.windows:
         # The text belongs to the workspace of the context, whichever it is asked of.
         if text is not None:
@@ -223,7 +223,7 @@ def _show(text: str | None) -> None:
 
 
 def _clear_status() -> None:
-    """In every workspace: one that was left under way still has its text."""
+    """Clear the status bar of every workspace: one that was left under way still has its text."""
     for workspace in bpy.data.workspaces:
         with bpy.context.temp_override(workspace=workspace):  # pyright: ignore[reportGeneralTypeIssues] - as above
             workspace.status_text_set(None)

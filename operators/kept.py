@@ -1,4 +1,4 @@
-"""Pairs that were rendered and could not be handed over: where they lie, and how they are looked at."""
+"""Pairs that were rendered and could not be handed over: their folders, and the operator that opens them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _kept: list[Path] = []
 
 
 def kept_pair() -> Path | None:
-    """The folder of the last one that nobody has opened yet."""
+    """Return the folder of the last kept pair that nobody has opened yet."""
     return next((folder for folder in reversed(_kept) if folder.is_dir()), None)
 
 

@@ -1,4 +1,4 @@
-"""Where people look for it: the Output properties beside Stereoscopy, the 3D View's sidebar, and the Render menu."""
+"""Panels in the Output properties beside Stereoscopy and in the 3D View's sidebar, and entries of the Render menu."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
-CHARACTER_WIDTH = 6.2
+CHARACTER_WIDTH_PIXELS = 6.2
 """Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
 
-SHOWN_EFFECTS = 6
+MAX_SHOWN_EFFECTS = 6
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
     """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
-    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH * scale)), 20)
+    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
     column = layout.column(align=True)
     column.scale_y = 0.8
     for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
@@ -66,7 +66,7 @@ class _Main:
 
 
 def _means(scene: bpy.types.Scene) -> str:
-    """How holes will be filled on this device, and why."""
+    """Show how holes will be filled on this device, and why."""
     chosen = scene.stereo_reproject
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
     if engine != CYCLES and engine not in EEVEE:
@@ -108,7 +108,7 @@ def _draw_buttons(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Where a pair lies that could not be handed over, and a button that opens it."""
+    """Show the folder of a pair that could not be handed over, and a button that opens it."""
     folder = kept_pair()
     if folder is not None:
         paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
@@ -198,15 +198,15 @@ class _Check:
             paragraph(layout, context, "It calls for nothing but colour and depth.")
             return
         paragraph(layout, context, "It calls for:")
-        for row in called[:SHOWN_EFFECTS]:
+        for row in called[:MAX_SHOWN_EFFECTS]:
             more = f" and {len(row['by']) - 1} more" if len(row["by"]) > 1 else ""
             paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
-        if len(called) > SHOWN_EFFECTS:
-            paragraph(layout, context, f"and {len(called) - SHOWN_EFFECTS} more effects")
+        if len(called) > MAX_SHOWN_EFFECTS:
+            paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
 
 
 def is_current(scene: bpy.types.Scene, found: Any) -> bool:
-    """Whether a check was made for the frame, size, samples and accuracy that are set now."""
+    """Return whether a check was made for the frame, size, samples and accuracy that are set now."""
     region = frame_region(scene.render)
     now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
     samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
@@ -244,7 +244,7 @@ class _Advanced:
 
 
 def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
-    """The same panels for another place; the first is the parent of the others."""
+    """Return the panels for one place; the first is the parent of the others."""
     main = f"{prefix}_PT_stereo_reproject"
     parts = {"camera": _Camera, "check": _Check, "preview": _Preview, "advanced": _Advanced}
     below = {"bl_parent_id": main, **place}

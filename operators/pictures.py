@@ -10,7 +10,7 @@ SHOWN = [
     ("PAIR", "Stereo Pair", "The Render Result, with both eyes"),
     *((key, name, description) for key, (_, name, description) in PICTURES.items()),
 ]
-"""What can be shown, as an enumeration has it."""
+"""Pictures that can be shown, as items of an enumeration."""
 
 
 class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
@@ -60,8 +60,8 @@ def show_image(image: bpy.types.Image) -> bool:
     return bool(editors)
 
 
-REDRAWS = 50
-"""After so many redraws of a Render Result without two views, it is not the pair that is looked at."""
+MAX_FOREIGN_REDRAWS = 50
+"""Redraws of a Render Result without two views after which something else than the pair is shown."""
 
 
 def redraw_with_both_eyes() -> None:
@@ -70,7 +70,7 @@ def redraw_with_both_eyes() -> None:
     It learns of them as it draws the result, after it has chosen what to draw: the first time, that is one eye, and
     the button for stereo is missing. F12 draws often while it renders; what was handed over is drawn once.
     """
-    left = iter(range(REDRAWS))
+    left = iter(range(MAX_FOREIGN_REDRAWS))
 
     def redraw() -> float | None:
         image = render_result()

@@ -1,4 +1,4 @@
-"""What an artist chooses: a few settings on the scene, each with what it means."""
+"""Settings that an artist chooses on the scene, each with its meaning."""
 
 import bpy
 
@@ -35,7 +35,7 @@ WARP_STAGES = {
 
 
 def promise(name: str) -> str:
-    """What an accuracy promises, as an artist reads it."""
+    """Return in words for artists what an accuracy promises."""
     accuracy = SETTINGS[name]
     if accuracy.promise is None:
         return "No promise: reflections and glass stay as the first eye sees them"

@@ -28,8 +28,8 @@ from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
-WORTH_IT = 1.05
-"""A predicted gain below this is none."""
+LEAST_GAIN = 1.05
+"""Least predicted gain over multiview that counts as one."""
 
 
 class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
@@ -116,7 +116,7 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
 
 
 def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
-    """What the panel asks for. Raises BadInputError."""
+    """Return the settings of the panel. Raises BadInputError."""
     chosen = scene.stereo_reproject
     engine = None if chosen.source_engine == "scene" else chosen.source_engine
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
@@ -204,9 +204,9 @@ def summary(report: Mapping[str, Any]) -> str:
 
 
 def gain_words(predicted: Mapping[str, Any]) -> str:
-    """What a prediction comes to, in a line."""
+    """Return a prediction in a line."""
     low, high = predicted["gain"]["low"], predicted["gain"]["high"]
-    if high < WORTH_IT:
+    if high < LEAST_GAIN:
         return f"Reprojection will not pay: {predicted['fill']['reason']}"
     gain = f"{high:.1f}" if high - low < 0.1 else f"{low:.1f} to {high:.1f}"
     return f"Predicted: {gain} times as fast as multiview"

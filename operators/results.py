@@ -1,4 +1,4 @@
-"""What came of the last runs, for the panels: in memory, and gone with the session."""
+"""Results of the last runs, for the panels: in memory, and gone with the session."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ PICTURES = {
 
 @dataclass
 class Result:
-    """Of one scene: its last pair's report and pictures, and what the last check of it found."""
+    """Results of one scene: its last pair's report and pictures, and the findings of its last check."""
 
     report: Mapping[str, Any] | None = None
     inspection: Mapping[str, Any] | None = None
     inspected: StereoSettings | None = None
-    """What the check was asked about."""
+    """Settings for which the check was made."""
     warnings: list[str] = field(default_factory=list)
     parallax: Mapping[str, Any] | None = None
-    """Nearest and farthest of what was seen last, by whichever saw it."""
+    """Parallax of the nearest and farthest point that a pair or a check saw last."""
     run: BackgroundJob | None = None
-    """That which still holds the pictures."""
+    """Job that still holds the pictures."""
 
     def picture(self, which: str) -> Path | None:
         if self.run is None:
@@ -47,12 +47,12 @@ _by_scene: dict[int, Result] = {}
 
 
 def result_of(scene: bpy.types.Scene) -> Result:
-    """The scene's, by what stays the same when it is renamed or an undo moves it."""
+    """Return the scene's result, by an id that stays when the scene is renamed or an undo moves it."""
     return _by_scene.setdefault(scene.session_uid, Result())
 
 
 def _forget_gone() -> None:
-    """What belongs to scenes that were deleted, or of a file that is no longer open."""
+    """Forget results of scenes that were deleted, or of a file that is no longer open."""
     there = {scene.session_uid for scene in bpy.data.scenes}
     for uid in [uid for uid in _by_scene if uid not in there]:
         _forget(uid)
@@ -65,7 +65,7 @@ def _forget(uid: int) -> None:
 
 
 def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
-    """The pair of a run that is over, in place of an earlier one."""
+    """Keep the pair of a run that is over, in place of an earlier one."""
     _forget_gone()
     result = result_of(scene)
     if result.run is not None:
@@ -76,7 +76,7 @@ def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
 
 
 def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:
-    """What a check that is over has found."""
+    """Keep the findings of a check that is over."""
     assert run.report is not None
     result = result_of(scene)
     result.inspection, result.inspected = run.report, run.settings

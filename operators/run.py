@@ -74,7 +74,7 @@ class BackgroundJob:
         self.error: StereoReprojectError | None = None
         # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
         self.temporary = temporary_folder()
-        """Where temporary files went when it started."""
+        """Folder of temporary files when the run started."""
         self._place = work_folder(self.temporary, ())
         self._files = self._place.__enter__()
         self._written = written
@@ -109,7 +109,7 @@ class BackgroundJob:
 
     @property
     def holds_pair(self) -> bool:
-        """Whether the eyes of a pair are in its folder, and nowhere else: an animation has its frames in files."""
+        """Return whether a pair's eyes are in its folder and nowhere else: an animation has its frames in files."""
         return self._pair and self.report is not None and all((self.folder / name).exists() for name in EYES)
 
     @property
@@ -121,7 +121,7 @@ class BackgroundJob:
         return isinstance(self.error, RunInterruptedError)
 
     def far(self) -> tuple[float, float | None]:
-        """How much is done, from 0 to 1, and the seconds that remain, if that can be told."""
+        """Return how much is done, from 0 to 1, and the seconds that remain, None where nobody knows."""
         now = time.monotonic()
         with self._lock:
             if self._frames is not None:
@@ -187,7 +187,7 @@ class BackgroundJob:
 
 
 def temporary_folder() -> Path:
-    """Where the preferences want temporary files, or else the system."""
+    """Return the folder for temporary files of the preferences, or else the system's."""
     wanted = bpy.context.preferences.filepaths.temporary_directory
     return Path(wanted) if wanted and Path(wanted).is_dir() else Path(tempfile.gettempdir())
 
@@ -211,5 +211,5 @@ def link_folder(folder: Path, link: Path) -> bool:
 
 
 def seconds_of(report: Mapping[str, Any], stages: Mapping[str, float]) -> dict[str, float]:
-    """What each of the stages took in a run that is over."""
+    """Return the seconds of each of the stages in a run that is over."""
     return {stage: report["seconds"].get(stage, 0.0) for stage in stages}

@@ -72,7 +72,7 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
 
 
 def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
-    """Of what was nearest and farthest when the scene was last seen, with the camera's stereo settings as they are."""
+    """Return the parallax of the last nearest and farthest point, by the camera's stereo settings as they are now."""
     seen = result_of(scene).parallax
     if seen is None:
         return []

@@ -18,15 +18,15 @@ _keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:
-    """Whether Blender's own View Animation looks for other files than a stereo animation's."""
+    """Return whether Blender's own View Animation looks for other files than a stereo animation's."""
     render = scene.render
     return not render.use_multiview and render.image_settings.views_format == "INDIVIDUAL"
 
 
 def _first_file(scene: bpy.types.Scene, view: str) -> Path:
-    """Where the scene's output settings put the first frame, or a movie: of a view, or with an empty name of none."""
-    suffix = next((one.file_suffix for one in scene.render.views if one.name == view), "")
-    return Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start, view=suffix)))
+    """Return where the scene's output settings put the first frame, or a movie: the view's file, or with an empty name
+    the one that all views share."""
+    return Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start, view=view)))
 
 
 class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):

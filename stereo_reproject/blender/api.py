@@ -1,4 +1,4 @@
-"""The functions for scripts, in Blender or with Blender as a Python module, on the open file.
+"""Functions for scripts, in Blender or with Blender as a Python module, on the open file.
 
     from stereo_reproject.blender.api import compare, inspect, render_animation, render_frame
 
@@ -25,7 +25,7 @@ from ..jobs.work_folder import pair_files, publish, superseded_by, work_folder
 from ..sequence.progress import Listener
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
-from .commands.animation import render_animation_files
+from .commands.animation import SavedScene, render_animation_files
 from .commands.frame import render_files
 from .commands.inspection import inspect_scene
 from .commands.processes import save_copy
@@ -74,12 +74,15 @@ def compare(
     scene: bpy.types.Scene | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """Render a pair and Blender's multiview in one run; return `speedup`, `noise_ratio`, `worst_tiles` and more."""
+    """Do what `render_frame` does, and render Blender's multiview in the same run.
+
+    Returns `speedup`, `noise_ratio`, `worst_tiles` and more."""
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
 
-# Twelve parameters, because scripts call it by these keywords, which docs/scripting.md promises.
+# It has more parameters than our other functions may have: scripts call it with them, as docs/scripting.md says, and
+# each stands for one option of `animate`.
 def render_animation(
     settings: StereoSettings | None = None,
     *,
@@ -127,8 +130,8 @@ def render_animation(
             scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             layers=tuple(layers_to_render(scene)),
         )
-        listener = Listener(on_frame=on_frame)
-        return render_animation_files(scene, settings, options, work, save_copy(work), session, told=listener)
+        saved = SavedScene(save_copy(work), session)
+        return render_animation_files(scene, settings, options, work, saved, listener=Listener(on_frame=on_frame))
 
 
 def _absolute(path: Any, what: str) -> str:
@@ -160,8 +163,7 @@ def inspect(
     sketch: bool = True,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """Return what the scene calls for and what its pair will cost: the JSON of `python -m stereo_reproject inspect
-    --json`.
+    """Return what `python -m stereo_reproject inspect --json` prints: what the scene calls for, and its pair's cost.
 
     Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """

@@ -22,7 +22,7 @@ from ..settings.frame import (
     SceneOverrides,
     StereoSettings,
 )
-from ..tradeoff.cases import runs
+from ..tradeoff.cases import tradeoff_cases
 from .converters import number, read_by, size, value_of, whole_number
 
 
@@ -153,7 +153,7 @@ def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
 def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
     _add_scene(parser)
     _add_output(parser)
-    names = [run.name for run in runs()]
+    names = [run.name for run in tradeoff_cases()]
     parser.add_argument(
         "--only",
         metavar="RUN",

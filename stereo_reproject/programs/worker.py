@@ -86,7 +86,7 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
 def _animate(job: dict[str, Any], emit: Emit) -> None:
     """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
-    from ..blender.commands.animation import render_animation_files
+    from ..blender.commands.animation import SavedScene, render_animation_files
     from ..jobs.supervisor import Session
     from ..sequence.progress import Listener
 
@@ -103,10 +103,9 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         _settings(job["settings"]),
         _animation(job["animation"]),
         Path(job["work"]),
-        Path(job["blend"]),
-        Session(**job["session"]),
+        SavedScene(Path(job["blend"]), Session(**job["session"])),
         files=job["files"],
-        told=listener,
+        listener=listener,
     )
     # Without a frame of its own to render, a run leaves none.
     emit("done", report=report, files=job["files"] if report["last"] is not None else [])
@@ -114,7 +113,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
     """Make the runs of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
-    from ..tradeoff.charts import check_charts
+    from ..report.chart_canvas import check_charts
 
     check_charts()
     from ..blender.commands.price_list import render_prices

@@ -1,1 +1,1 @@
-"""report.json and what `inspect` prints: what they hold, and their words."""
+"""The report of a pair as dataclasses, the output of `inspect`, their words, and the canvas of all charts."""

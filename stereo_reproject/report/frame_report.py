@@ -44,7 +44,7 @@ class WarpReport:
 
 @dataclass(frozen=True, kw_only=True)
 class EffectReport:
-    """What an effect has cost, and what is left of the error where it is seen.
+    """The cost of an effect, and the error that is left where it is seen.
 
     by names what calls for the effect. fraction is the share of the target's pixels that was traced because of it.
     excess, with its 95 % interval, is the noise ratio squared less 1; None where no probe tells.

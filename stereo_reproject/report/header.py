@@ -1,4 +1,4 @@
-"""The part of a report that is known before anything is rendered, which `inspect` and a price list tell too."""
+"""The part of a report that is known before anything is rendered, which `inspect` and a price list have too."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class StereoReport:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportHeader:
-    """What is rendered and with which settings. size is [width, height] in pixels; accuracy is the setting's name."""
+    """The picture that is rendered, and the settings. size is (width, height) in pixels, accuracy a setting's name."""
 
     schema: int = REPORT_SCHEMA
     scene: str

@@ -1,4 +1,4 @@
-"""What `inspect` prints: the effects plan and the predicted cost, as a table for people and as JSON."""
+"""The output of `inspect`: the effects plan and the predicted cost, as a table for people and as JSON."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from ..images.effects import EffectsPlan
 
 INSPECTION_SCHEMA = 1
 
-SHOWN = 2
-"""How many of those that call for an effect the table names."""
+MAX_SHOWN_CAUSES = 2
+"""Number of objects or materials that the table names for each effect, at most."""
 
 
-WHEN_KNOWN = "how much, only probes tell"
+REFINE_NOTE = "how much, only probes tell"
 
 
 def effects_rows(plan: EffectsPlan) -> list[dict[str, Any]]:
-    """The plan's findings as JSON has them."""
+    """Return the plan's findings as JSON has them."""
     return [finding.fields() for finding in plan.findings]
 
 
 def format_inspection(inspection: Mapping[str, Any]) -> str:
-    """The table, in lines of plain ASCII save for the names that the scene gives."""
+    """Return the table, in lines of plain ASCII save for the names that the scene gives."""
     size = "x".join(map(str, inspection["size"]))
     how = f"{inspection['samples']} samples, {inspection['accuracy']}, {inspection['engine']} on {inspection['device']}"
     lines = [
@@ -53,8 +53,8 @@ def _cost_lines(row: Mapping[str, Any]) -> list[str]:
 
 
 def _abridged(by: list[str]) -> str:
-    more = f" and {len(by) - SHOWN} more" if len(by) > SHOWN else ""
-    return ", ".join(by[:SHOWN]) + more
+    more = f" and {len(by) - MAX_SHOWN_CAUSES} more" if len(by) > MAX_SHOWN_CAUSES else ""
+    return ", ".join(by[:MAX_SHOWN_CAUSES]) + more
 
 
 def _prediction_lines(predicted: Mapping[str, Any] | None) -> list[str]:
@@ -70,7 +70,7 @@ def _prediction_lines(predicted: Mapping[str, Any] | None) -> list[str]:
             *([f"  denoise     {predicted['denoise_seconds']:8.1f} s"] if predicted["denoise_seconds"] else []),
             f"  warp        {predicted['warp_seconds']:8.1f} s",
             f"  fill        {fill['seconds']:8.1f} s   {traced}",
-            f"  refine      {_range(predicted['refine_seconds'], '8.1f')} s   {WHEN_KNOWN}",
+            f"  refine      {_range(predicted['refine_seconds'], '8.1f')} s   {REFINE_NOTE}",
             f"  total       {_range(predicted['total_seconds'], '8.1f')} s",
             f"  multiview   {predicted['multiview_seconds']:8.1f} s",
         ]

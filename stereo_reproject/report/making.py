@@ -20,7 +20,7 @@ from .header import ReportHeader
 
 @dataclass(frozen=True, kw_only=True)
 class LayerFacts:
-    """What a report takes of a view layer from its renderer, beside the frame.
+    """The facts about a view layer that a report takes from its renderer.
 
     time_limit and samples_rendered are as in `FrameReport`.
     """

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..pipeline.stages import OUTSIDE_TOTAL, in_order, label_of
 
-COMPARISONS = (
+COMPARED_KEYS = (
     "multiview_seconds",
     "speedup",
     "rmse",
@@ -20,8 +20,8 @@ COMPARISONS = (
     "noise_flip",
 )
 
-SHOWN_SECONDS = 0.05
-"""Seconds that a figure with one decimal shows, at least."""
+LEAST_SHOWN_SECONDS = 0.05
+"""Least seconds that a figure with one decimal shows."""
 
 
 def _is_number(value: Any) -> bool:
@@ -58,9 +58,9 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
     ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
     interval = f" ({low} to {high})" if _is_number(estimate["low"]) and math.isfinite(estimate["low"]) else ""
-    told = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
+    line = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
     unsure = estimate["kept"] is None
-    lines = [told + _promised(estimate["noise_ratio"], estimate["promise"], unsure=unsure)]
+    lines = [line + _promised(estimate["noise_ratio"], estimate["promise"], unsure=unsure)]
     worst, limit = estimate["worst_tiles"], estimate["worst_tiles_promise"]
     if worst is not None and (worst > 1.0 or limit is not None):
         lines.append(f"              worst tiles {_number(worst, '.2f')}, see estimate.png" + _promised(worst, limit))
@@ -113,34 +113,34 @@ def _price_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def more_seconds_text(price: Mapping[str, Any]) -> str:
-    """What the next better accuracy costs above this one, as a person reads it; `price.Price` as JSON has it."""
+    """Return in words how many seconds more the next better setting costs; price is the report's, as JSON has it."""
     more = price["more_seconds"]
-    if more < SHOWN_SECONDS:
+    if more < LEAST_SHOWN_SECONDS:
         return "less than 0.1 s more" + ("" if price["complete"] else ", but for what its probes ask for")
     return f"{'' if price['complete'] else 'at least '}{_number(more, '.1f')} s more"
 
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
-    peer = "x over Blender's multiview"
+    multiview = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:
-        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARISONS}
+        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARED_KEYS}
         speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
         why_none, error = compare.get("no_noise"), f"  error       {figures['rmse']}   root mean square, tone-mapped"
         return [
-            f"gained        {speedup} {peer} ({multiview_seconds} s), measured",
+            f"gained        {speedup} {multiview} ({multiview_seconds} s), measured",
             f"  noise ratio {figures['noise_ratio']}   {why_none or '1 = as good as rendering it again'}",
             error if why_none else f"  worst tiles {figures['worst_tiles']}",
             f"  FLIP        {figures['flip']}   of noise alone {figures['noise_flip']}",
         ]
     if report.get("predicted_speedup") is not None:
         speedup = _number(report["predicted_speedup"], ".2f")
-        return [f"gained        about {speedup} {peer}, predicted (--compare measures it)"]
+        return [f"gained        about {speedup} {multiview}, predicted (--compare measures it)"]
     return []
 
 
 def samples_text(report: Mapping[str, Any]) -> str:
-    """The samples of a pixel, as a person reads it: with a time limit, how many of them the source came to."""
+    """Return the samples of a pixel in words: with a time limit, also how many of them the source came to."""
     samples = report["samples"]
     if report.get("time_limit") is None:
         return f"{samples} samples"

@@ -11,28 +11,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..settings.animation import spelled
-from ..tradeoff.chart_canvas import (
+from ..report.chart_canvas import (
     BLACK,
     BLUE,
     GREY,
-    NOTE_LENGTH,
-    NOTE_LINE,
+    NOTE_LINE_CHARACTERS,
+    NOTE_LINE_INCHES,
     ORANGE,
     PALE,
     PURPLE,
     SKY,
     VERMILLION,
-    WIDTH,
+    WIDTH_INCHES,
     YELLOW,
+    draw_whole,
     new_figure,
     percent,
     reported_note,
     wrapped,
     write_texts,
 )
-from ..tradeoff.charts import draw_whole
-from ..tradeoff.label_places import spread
+from ..report.label_places import spread
+from ..settings.animation import spelled
 from .series import REST, Series, mean_of, number_in, series_of
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def draw_animation(report: Mapping[str, Any]) -> Figure:
     """
     series = series_of(report)
     notes = _notes(report, series)
-    figure = new_figure(HEIGHT + NOTE_LINE * len(notes.splitlines()))
+    figure = new_figure(HEIGHT + NOTE_LINE_INCHES * len(notes.splitlines()))
     write_texts(figure, _title(report), _details(report, series), notes)
     upper, lower = _add_axes(figure, notes)
     _draw_stages(upper, series)
@@ -142,7 +142,7 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
     for what, frames in (("Not rendered", missing), ("Failed", failed)):
         if frames:
             line = f"{what}: frame{'s' if len(frames) > 1 else ''} {spelled(frames)}"
-            notes.append(textwrap.shorten(line, NOTE_LENGTH, placeholder=" ..."))
+            notes.append(textwrap.shorten(line, NOTE_LINE_CHARACTERS, placeholder=" ..."))
     if report.get("reported"):
         notes.append(reported_note(report["reported"]))
     return wrapped(notes)
@@ -159,7 +159,7 @@ def _seconds_text(seconds: float) -> str:
 def _add_axes(figure: Figure, notes: str) -> tuple[Axes, Axes]:
     """For the seconds, and below them for what was traced, over the same frames."""
     height = figure.get_figheight()
-    below = BELOW + NOTE_LINE * len(notes.splitlines())
+    below = BELOW + NOTE_LINE_INCHES * len(notes.splitlines())
     start = below + TRACED_HEIGHT + BETWEEN
     lower = figure.add_axes((LEFT, below / height, RIGHT - LEFT, TRACED_HEIGHT / height))
     upper = figure.add_axes((LEFT, start / height, RIGHT - LEFT, (height - ABOVE - start) / height), sharex=lower)
@@ -314,7 +314,7 @@ def _draw_name(axes: Axes, name: str, mean: float, look: Mapping[str, Any], heig
     from matplotlib.lines import Line2D
 
     # In shares of the axes' width; the sample is the figure's, since the lines of the axes are data.
-    inch = 1.0 / (WIDTH * (RIGHT - LEFT))
+    inch = 1.0 / (WIDTH_INCHES * (RIGHT - LEFT))
     start, end = 1.0 + 0.1 * inch, 1.0 + 0.36 * inch
     xs = [0.5 * (start + end)] if look.get("linestyle") == "" else [start, 0.5 * (start + end), end]
     sample = Line2D(xs, [height] * len(xs), transform=axes.transAxes, markevery=[len(xs) // 2], **look)

@@ -99,7 +99,7 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
-    from ..tradeoff.charts import check_charts
+    from ..report.chart_canvas import check_charts
     from .chart import draw_animation_chart
 
     try:

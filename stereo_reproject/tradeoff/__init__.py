@@ -1,1 +1,1 @@
-"""What accuracy costs: the runs of a price list, and charts, for which the command line needs matplotlib."""
+"""The cost of accuracy: the cases of a price list, and its charts, for which the command line needs matplotlib."""

@@ -1,6 +1,6 @@
 """The price list of a scene: what each setting, and each other way to make a pair, costs and how good its target is.
 
-Which runs there are, what is kept of each, which of them no other beats, and the files and the table that say so.
+Here are the cases, what is kept of each, which of them no other beats, and the files and the table that say so.
 """
 
 from __future__ import annotations
@@ -22,21 +22,23 @@ TRADEOFF_SCHEMA = 1
 TRADEOFF_FILES = ("tradeoff.csv", "tradeoff.svg", "tradeoff.png", "stages.svg", "stages.png", "tradeoff.json")
 
 HEURISTIC = "heuristic"
-"""The kind of the run whose mask is guessed from the light passes."""
+"""Kind of the case whose mask is guessed from the light passes."""
 
-PEER = "multiview"
-"""The name, and the kind, of Blender's own way among the runs."""
+MULTIVIEW = "multiview"
+"""Name, and kind, of Blender's own way among the cases."""
 
-TELLING = 0.005
-"""Difference in noise ratio that counts: what is less is the noise of the measure itself."""
+NOISE_RATIO_STEP = 0.005
+"""Least difference in noise ratio that counts: what is less is the noise of the measure itself."""
 
-PROBE_TRACES = 2
-"""How often a probe's pixel is traced."""
+TRACES_PER_PROBE = 2
+"""Traces of the pixel of a probe."""
 
 
 @dataclass(frozen=True)
-class Run:
-    """A way to make the pair. kind is "setting" for what users choose by `--accuracy`, else what it stands for.
+class TradeoffCase:
+    """A way to make the pair, to be measured against others.
+
+    kind is "setting" for what users choose by `--accuracy`, else what it stands for.
 
     accuracy_name is the user's setting behind `accuracy`, None where there is none.
     """
@@ -48,36 +50,36 @@ class Run:
     fill: str = "auto"
 
     def settings(self, asked: StereoSettings) -> StereoSettings:
-        """The settings of this run, all else as was asked."""
+        """Return the settings of this case; all that it does not set is as it was asked for."""
         accuracy = self.accuracy_name or StereoSettings.accuracy
         return replace(asked, accuracy=accuracy, tolerance=None, fill=self.fill, compare=False)
 
 
-def runs() -> tuple[Run, ...]:
-    """The runs of a price list, in its order."""
+def tradeoff_cases() -> tuple[TradeoffCase, ...]:
+    """Return the cases of a price list, in its order."""
     balanced = SETTINGS["balanced"]
     unpromised = replace(balanced, promise=None)
     return (
-        *(Run(name, "setting", SETTINGS[name], name) for name in ACCURACIES),
+        *(TradeoffCase(name, "setting", SETTINGS[name], name) for name in ACCURACIES),
         # As the paper has it: what the source has not seen, and nothing else.
-        Run("holes alone", "paper", replace(unpromised, silhouette_radius=0)),
-        Run("heuristic mask", HEURISTIC, unpromised),
-        Run("card", "card", balanced, "balanced", fill="card"),
-        Run("full", "full", unpromised, fill="full"),
+        TradeoffCase("holes alone", "paper", replace(unpromised, silhouette_radius=0)),
+        TradeoffCase("heuristic mask", HEURISTIC, unpromised),
+        TradeoffCase("card", "card", balanced, "balanced", fill="card"),
+        TradeoffCase("full", "full", unpromised, fill="full"),
     )
 
 
-def chosen_runs(only: Sequence[str] = ()) -> tuple[Run, ...]:
-    """The runs of these names, in the order of `runs`; without any, all of them."""
-    return tuple(run for run in runs() if not only or run.name in only)
+def chosen_cases(only: Sequence[str] = ()) -> tuple[TradeoffCase, ...]:
+    """Return the cases of these names, in the order of `tradeoff_cases`; all of them without any name."""
+    return tuple(case for case in tradeoff_cases() if not only or case.name in only)
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured of one run.
+    """The measurements of one case.
 
-    seconds by stage; speedup over the peer; rmse, noise_ratio and worst_tiles as in `metrics`, the ratios infinite
-    where there is no noise; traced is a share of the target's pixels, fractions the same by reason; fill and
+    seconds by stage; speedup over Blender's multiview; rmse, noise_ratio and worst_tiles as in `metrics`, the ratios
+    infinite where there is no noise; traced is a share of the target's pixels, fractions the same by reason; fill and
     refine_fill are the methods; estimate is what the probes say, with "noise_ratio", "low", "high" and "promise".
     """
 
@@ -106,39 +108,40 @@ class Row:
 
 
 def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[str, float]:
-    """Seconds by stage, with the fill's divided between its holes and its probes by the pixels that each traced."""
+    """Return seconds by stage, those of the fill divided between holes and probes by the pixels that each traced."""
     result = dict(seconds)
     if probes > 0:
-        traced = PROBE_TRACES * probes
+        traced = TRACES_PER_PROBE * probes
         result[Stage.PROBES] = result[Stage.FILL] * traced / (holes + traced)
         result[Stage.FILL] -= result[Stage.PROBES]
     return {name: result[name] for name in in_order(result)}
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Which points (seconds, error) no other beats.
+    """Return for each point (seconds, error) whether no other beats it.
 
-    A faster one does when its error is not more by a TELLING difference, one as fast when its error is less.
+    A faster one beats it when its error is not more by NOISE_RATIO_STEP, one as fast when its error is less.
     """
 
     def beaten(seconds: float, error: float) -> bool:
-        return any((s < seconds and e <= error + TELLING) or (s == seconds and e < error) for s, e in points)
+        return any((s < seconds and e <= error + NOISE_RATIO_STEP) or (s == seconds and e < error) for s, e in points)
 
     return [math.isfinite(error) and not beaten(seconds, error) for seconds, error in points]
 
 
 def price_list(
-    facts: Mapping[str, Any], peer: Mapping[str, float], rows: Sequence[Row], left_out: Sequence[tuple[str, str]]
+    facts: Mapping[str, Any], multiview: Mapping[str, float], rows: Sequence[Row], left_out: Sequence[tuple[str, str]]
 ) -> dict[str, Any]:
-    """What tradeoff.json holds. peer has "seconds" and "noise_rmse"; left_out are names of runs with the reason.
+    """Return what tradeoff.json holds. left_out are names of cases with the reason.
 
-    The peer is one of those that may beat a run: its noise ratio is 1 by definition.
+    multiview has the "seconds" and the "noise_rmse" of Blender's multiview, which may beat a case too: its noise ratio
+    is 1 by definition.
     """
-    front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (peer["seconds"], 1.0)])
+    front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (multiview["seconds"], 1.0)])
     return {
         **facts,
         "schema": TRADEOFF_SCHEMA,
-        "peer": {**peer, "noise_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
+        "peer": {**multiview, "noise_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
         "rows": [_entry(row, on_front) for row, on_front in zip(rows, front[:-1], strict=True)],
         "left_out": [{"name": name, "reason": reason} for name, reason in left_out],
     }
@@ -169,10 +172,10 @@ def _known(value: float | None) -> float | None:
 
 
 def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
-    """The rows, and the peer as the last of them, a line each; what a run does not have is left empty."""
+    """Write a line for each row, the last one for multiview; what a case does not have is left empty."""
     stages = in_order(name for row in prices["rows"] for name in row["seconds"] if name != "total")
-    peer = {"name": PEER, "kind": PEER, "traced": 1.0, **prices["peer"]}
-    lines = [_flat(row, stages) for row in (*prices["rows"], {**peer, "seconds": {"total": peer["seconds"]}})]
+    multiview = {"name": MULTIVIEW, "kind": MULTIVIEW, "traced": 1.0, **prices["peer"]}
+    lines = [_flat(row, stages) for row in (*prices["rows"], {**multiview, "seconds": {"total": multiview["seconds"]}})]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(lines[0]), lineterminator="\n")
         writer.writeheader()
@@ -194,13 +197,13 @@ def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
 
 
 def headline(prices: Mapping[str, Any]) -> str:
-    """What was rendered, in a line."""
+    """Return in a line what was rendered."""
     size = "x".join(map(str, prices["size"]))
     return f"{prices['scene']}, frame {prices['frame']}, {size}, {prices['samples']} samples"
 
 
 def format_price_table(prices: Mapping[str, Any]) -> str:
-    """The rows as a person reads them, in lines of plain ASCII save for the scene's name."""
+    """Return the rows as a table for people, in lines of plain ASCII save for the scene's name."""
     lines = [
         f"{headline(prices)}: error against time",
         f"  {'run':<16}{'seconds':>9}{'speed-up':>10}{'noise ratio':>13}{'worst tiles':>13}{'traced':>9}   fill",
@@ -210,8 +213,12 @@ def format_price_table(prices: Mapping[str, Any]) -> str:
         fill = row["fill"] if row["refine_fill"] in (None, row["fill"]) else f"{row['fill']}, then {row['refine_fill']}"
         lines.append(_line(row["name"], row["seconds"]["total"], row["speedup"], f"{figures}   {fill}", row["pareto"]))
     peer = prices["peer"]
-    lines.append(_line(PEER, peer["seconds"], 1.0, f"{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"]))
-    lines.append(f"* no other is as fast and, to within {TELLING:g}, as good; 1 = as good as rendering it again")
+    lines.append(
+        _line(MULTIVIEW, peer["seconds"], 1.0, f"{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"])
+    )
+    lines.append(
+        f"* no other is as fast and, to within {NOISE_RATIO_STEP:g}, as good; 1 = as good as rendering it again"
+    )
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""The chart of error against time: a point for each run, the front of those that none beats, and the peer."""
+"""The chart of error against time: a point for each case and for multiview, and the front of those that none beats."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .cases import HEURISTIC, PEER
-from .chart_canvas import (
+from ..report.chart_canvas import (
     BLACK,
     BLUE,
-    DPI,
+    DOTS_PER_INCH,
     GREEN,
     GREY,
     ORANGE,
@@ -23,11 +22,11 @@ from .chart_canvas import (
     add_axes_between,
     new_figure,
     percent,
-    source_note,
     wrapped,
-    write_titles,
 )
-from .label_places import nearest, place_labels
+from ..report.label_places import nearest, place_labels
+from .cases import HEURISTIC, MULTIVIEW
+from .notes import source_note, write_titles
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -41,24 +40,24 @@ KINDS: dict[str, tuple[str, str]] = {
     HEURISTIC: (VERMILLION, "^"),
     "card": (GREEN, "D"),
     "full": (PURPLE, "p"),
-    PEER: (BLACK, "*"),
+    MULTIVIEW: (BLACK, "*"),
 }
 """Colour and marker of a point: either alone would tell them apart."""
 
-LOGARITHMIC_FROM = 3.0
+LOGARITHMIC_FROM_ERROR_RATIO = 3.0
 """Ratio of the greatest to the smallest error from which the axis is logarithmic."""
 
 # What a logarithmic axis may be labelled with.
 TICKS = (0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50, 100, 200, 500, 1000)
-TICK_DISTANCE = 0.045
+MIN_TICK_DISTANCE_OF_AXIS = 0.045
 """Share of the logarithmic axis that lies between two ticks at least."""
 
-NEAR = 26.0
+UNLINED_LABEL_PIXELS = 26.0
 """Pixels within which a label needs no line to its point."""
 
 
 def draw_tradeoff(prices: Mapping[str, Any]) -> Figure:
-    """Noise ratio over seconds, a point for each run and one for the peer, and the front of those that none beats."""
+    """Noise ratio over seconds, a point for each case and one for multiview, and the front of those that none beats."""
     figure = new_figure(6.2)
     shown = [row for row in prices["rows"] if row["noise_ratio"] is not None]
     points = [(row["seconds"]["total"], row["noise_ratio"]) for row in shown] + [(prices["peer"]["seconds"], 1.0)]
@@ -98,7 +97,7 @@ def _scale(axes: Axes, prices: Mapping[str, Any], points: Sequence[tuple[float, 
     errors = [y for _, y in points]
     low, high = min(errors), max(errors)
     axes.set_ylabel("noise ratio (1 = as good as rendering it again)")
-    if low > 0.0 and high / low > LOGARITHMIC_FROM:
+    if low > 0.0 and high / low > LOGARITHMIC_FROM_ERROR_RATIO:
         _logarithmic(axes, low, high)
     else:
         room = max(0.12 * (high - low), 0.04)
@@ -117,7 +116,7 @@ def _logarithmic(axes: Axes, low: float, high: float) -> None:
     ticks: list[float] = [1.0]
     for tick in sorted(TICKS, key=lambda tick: abs(np.log(tick))):
         apart = np.abs(np.log(np.array(ticks) / tick)).min() / np.log(high / low)
-        if low <= tick <= high and apart >= TICK_DISTANCE:
+        if low <= tick <= high and apart >= MIN_TICK_DISTANCE_OF_AXIS:
             ticks.append(tick)
     axes.yaxis.set_major_locator(FixedLocator(sorted(ticks)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -125,7 +124,7 @@ def _logarithmic(axes: Axes, low: float, high: float) -> None:
 
 
 def _draw_guides(axes: Axes, prices: Mapping[str, Any]) -> Artist:
-    """The noise floor and the peer's time as lines across the axes; the floor's text."""
+    """The noise floor and multiview's time as lines across the axes; the floor's text."""
     axes.axhline(1.0, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1.5)
     axes.axvline(prices["peer"]["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.5)
     return axes.annotate(
@@ -153,9 +152,9 @@ def _draw_front(axes: Axes, prices: Mapping[str, Any], shown: Sequence[Mapping[s
 
 def _draw_points(axes: Axes, prices: Mapping[str, Any], shown: Sequence[Mapping[str, Any]]) -> list[Annotation]:
     """The points, and their labels, not yet in their places. Filled: on the front."""
-    peer = prices["peer"]
+    multiview = prices["peer"]
     entries = [(row["name"], row["kind"], row["seconds"]["total"], row["noise_ratio"], row) for row in shown]
-    entries.append(("Blender's multiview", PEER, peer["seconds"], 1.0, {**peer, "traced": None}))
+    entries.append(("Blender's multiview", MULTIVIEW, multiview["seconds"], 1.0, {**multiview, "traced": None}))
     labels = []
     for name, kind, seconds, error, row in entries:
         colour, marker = KINDS.get(kind, (GREY, "o"))
@@ -213,7 +212,7 @@ def _arrange(
     figure.draw_without_rendering()
     pixels = axes.transData.transform(points)
     sizes = np.array([extent(label) for label in labels])[:, 2:]
-    marker = 6.0 * DPI / 72.0
+    marker = 6.0 * DOTS_PER_INCH / 72.0
     solid = np.concatenate([pixels - marker, pixels + marker], axis=1)
     for text in texts:
         left, bottom, width, height = extent(text)
@@ -225,10 +224,10 @@ def _arrange(
         pixels, sizes, obstacles=solid, lines=lines, frame=(x0 + 2, y0 + 2, figure.bbox.width - 8, y1)
     )
     for label, corner, pixel, size in zip(labels, corners, pixels, sizes, strict=True):
-        label.set_position(tuple((corner - pixel) * 72.0 / DPI))
+        label.set_position(tuple((corner - pixel) * 72.0 / DOTS_PER_INCH))
         offset = nearest(pixel, corner, size) - pixel
-        if np.hypot(*offset) > NEAR:
-            _draw_leader(axes, label.xy, offset * 72.0 / DPI)
+        if np.hypot(*offset) > UNLINED_LABEL_PIXELS:
+            _draw_leader(axes, label.xy, offset * 72.0 / DOTS_PER_INCH)
 
 
 def _draw_leader(axes: Axes, point: tuple[float, float], offset: np.ndarray) -> None:
@@ -238,7 +237,7 @@ def _draw_leader(axes: Axes, point: tuple[float, float], offset: np.ndarray) -> 
 
 
 def extent(artist: Artist) -> tuple[float, float, float, float]:
-    """Left, bottom, width and height in pixels; of an annotation its text alone, without the line to its point."""
+    """Return left, bottom, width and height in pixels; for an annotation, of its text without the line to its point."""
     from matplotlib.text import Text
 
     box = Text.get_window_extent(artist) if isinstance(artist, Text) else artist.get_window_extent()

@@ -1,4 +1,4 @@
-"""The chart of where the time goes: a bar for each run, made of its stages, as in the paper's figure 9."""
+"""The chart of where the time goes: a bar for each case, made of its stages, as in the paper's figure 9."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..pipeline.stages import Stage, in_order
-from .chart_canvas import (
+from ..report.chart_canvas import (
     BLACK,
     BLUE,
     GREEN,
@@ -21,10 +21,9 @@ from .chart_canvas import (
     percent,
     reported_name,
     reported_note,
-    source_note,
     wrapped,
-    write_titles,
 )
+from .notes import source_note, write_titles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,16 +39,16 @@ STAGE_COLOURS: Mapping[str, str] = {
     Stage.REFINE: GREEN,
     Stage.COMPOSITE: PURPLE,
 }
-BOTH_EYES = "both eyes"
-"""What the peer's bar is called: its time has no stages."""
+MULTIVIEW_LABEL = "both eyes"
+"""Name of multiview's bar: its time has no stages."""
 
 
 def draw_stages(prices: Mapping[str, Any]) -> Figure:
-    """A bar for each run and one for the peer, made of their stages, as in the paper's figure 9.
+    """Return a bar for each case and one for multiview, made of their stages, as in the paper's figure 9.
 
     prices may have "reported": what others say of their own, for `reported_note`.
     """
-    rows, peer, reported = prices["rows"], prices["peer"], prices.get("reported")
+    rows, multiview, reported = prices["rows"], prices["peer"], prices.get("reported")
     notes = _stage_notes(rows, source_note(prices), reported)
     figure = new_figure(1.95 + 0.36 * (len(rows) + (2 if reported else 1)))
     axes = add_axes_between(figure, notes, left=0.16, right=0.81)
@@ -60,12 +59,12 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
         seconds = [row["seconds"].get(name, 0.0) for row in rows]
         starts = [_before(row, name, used) for row in rows]
         axes.barh(range(len(rows)), seconds, left=starts, height=0.68, color=colour, label=name)
-    axes.barh([len(rows)], [peer["seconds"]], height=0.68, color=GREY, label=BOTH_EYES)
-    axes.axvline(peer["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)
-    _name_bars(axes, rows, peer)
+    axes.barh([len(rows)], [multiview["seconds"]], height=0.68, color=GREY, label=MULTIVIEW_LABEL)
+    axes.axvline(multiview["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=0.5)
+    _name_bars(axes, rows, multiview)
     _write_seconds(axes, rows, used)
     if reported:
-        _draw_reported(axes, reported, peer["seconds"], below=len(rows) + 1)
+        _draw_reported(axes, reported, multiview["seconds"], below=len(rows) + 1)
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(-0.005, 1.0),
@@ -80,9 +79,9 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _draw_reported(axes: Axes, reported: Mapping[str, Any], peer: float, *, below: int) -> None:
-    """Where pairs would end that are as much faster than the peer; its name has a row below the bars."""
-    ends = sorted(peer / speedup for speedup in reported["speedup"])
+def _draw_reported(axes: Axes, reported: Mapping[str, Any], multiview_seconds: float, *, below: int) -> None:
+    """Mark the seconds that others' speed-ups over multiview would come to; their name has a row below the bars."""
+    ends = sorted(multiview_seconds / speedup for speedup in reported["speedup"])
     axes.axvspan(*ends, color=YELLOW, alpha=0.45, linewidth=0.0, zorder=0.4)
     axes.set_ylim(below + 0.55, -0.55)
     axes.text(0.5 * sum(ends), below, reported_name(reported), ha="center", va="center", size=8)
@@ -99,11 +98,11 @@ def _before(row: Mapping[str, Any], stage: str, used: Sequence[str]) -> float:
     return sum(row["seconds"].get(name, 0.0) for name in used[: used.index(stage)])
 
 
-def _name_bars(axes: Axes, rows: Sequence[Mapping[str, Any]], peer: Mapping[str, Any]) -> None:
+def _name_bars(axes: Axes, rows: Sequence[Mapping[str, Any]], multiview: Mapping[str, Any]) -> None:
     axes.set_yticks(range(len(rows) + 1), [*(row["name"] for row in rows), "Blender's multiview"], color=BLACK)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(rows) + 0.55, -0.55)
-    totals = [row["seconds"]["total"] for row in rows] + [peer["seconds"]]
+    totals = [row["seconds"]["total"] for row in rows] + [multiview["seconds"]]
     axes.set_xlim(0.0, max(totals) * 1.13)
     axes.set_xlabel("seconds")
     axes.xaxis.grid(color=PALE, alpha=0.3, linewidth=0.6)

@@ -21,7 +21,7 @@ MODULE = "bl_ext.user_default.stereo_reproject"
 LIMIT = 240.0
 """Seconds after which something that is waited for will never come."""
 
-REDRAWS = 10
+MAX_FOREIGN_REDRAWS = 10
 """How often Blender has drawn what is to be drawn, at least: more often than anything takes to settle."""
 
 facts: dict = {"steps": []}
@@ -91,7 +91,7 @@ def until(condition, what):
 def redrawn():
     """However slow that is: Blender draws each time after its events."""
     since = turns["count"]
-    yield from until(lambda: turns["count"] - since > REDRAWS, "the window stood still")
+    yield from until(lambda: turns["count"] - since > MAX_FOREIGN_REDRAWS, "the window stood still")
 
 
 def scroll(kind, region_type, wheel):

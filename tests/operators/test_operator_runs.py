@@ -294,6 +294,15 @@ def test_a_stereo_animation_is_found_without_stereoscopy(extension, scene, tmp_p
     assert everything() == before
 
 
+def test_a_stereo_animation_is_found_where_a_suffix_is_the_name_of_the_other_view(extension, scene, tmp_path):
+    scene.render.image_settings.views_format = "INDIVIDUAL"
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.filepath = str(tmp_path / "shot_")
+    scene.render.views["left"].file_suffix, scene.render.views["right"].file_suffix = "right", "_R"
+    with pytest.raises(RuntimeError, match=r"to play: .*shot_0001right\.png does not exist"):
+        bpy.ops.render.stereo_reproject_view_animation()
+
+
 def test_a_second_start_is_refused_with_a_word(extension, scene, place):
     from stereo_reproject_extension.operators import jobs
     from stereo_reproject_extension.operators.render import RENDER_OT_stereo_reproject_image as operator

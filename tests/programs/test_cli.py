@@ -296,7 +296,6 @@ def test_how_the_worker_ends_after_done_changes_nothing(place, monkeypatch, beha
         ("error 2", 2, ["error: room.blend has no camera; add one"]),
         ("exit 3", 1, ["unexpectedly (exit status 3) during fill", "; last in its log: ModuleNotFoundError"]),
         ("incomplete", 1, ["did not write stereo.png"]),
-        ("bad report", 1, ["samples in the report must be"]),
         pytest.param(
             "segmentation fault",
             1,

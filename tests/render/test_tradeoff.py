@@ -23,7 +23,7 @@ from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
-from stereo_reproject.tradeoff.cases import TRADEOFF_FILES, runs
+from stereo_reproject.tradeoff.cases import TRADEOFF_FILES, tradeoff_cases
 from tests.blender.toolbox import (
     Material,
     add_camera,
@@ -83,10 +83,10 @@ def test_every_file_is_there_and_nothing_else(demo):
 
 def test_every_run_is_a_row(demo):
     folder, finished, prices = demo
-    names = [run.name for run in runs()]
+    names = [run.name for run in tradeoff_cases()]
     assert [row["name"] for row in prices["rows"]] == names
     assert prices["left_out"] == []
-    assert [row["accuracy"] for row in prices["rows"]] == [run.accuracy_name for run in runs()]
+    assert [row["accuracy"] for row in prices["rows"]] == [run.accuracy_name for run in tradeoff_cases()]
     with (folder / "tradeoff.csv").open(encoding="utf-8", newline="") as file:
         assert [line["name"] for line in csv.DictReader(file)] == [*names, "multiview"]
     assert all(f"{name} " in finished.stdout for name in names)
@@ -152,7 +152,7 @@ def scene(tmp_path):
 
 
 def test_the_heuristic_traces_the_mirror_and_leaves_the_wall(scene, tmp_path):
-    run = next(run for run in runs() if run.kind == "heuristic")
+    run = next(run for run in tradeoff_cases() if run.kind == "heuristic")
     with working_scene(scene, SceneOverrides()) as working:
         renderer = HeuristicRenderer(working, tmp_path)
         masked, _ = renderer.render_source("left")

@@ -196,10 +196,12 @@ def test_linear_files_know_nothing_of_display(scene, tmp_path, change, shows):
 
 def test_multiview_is_compared_with_all_its_layers(scene, tmp_path):
     """What a layer costs is in the peer's seconds too."""
-    from stereo_reproject.blender.commands.compare import render_peer
+    from stereo_reproject.blender.commands.compare import render_reference
 
     scene.view_layers["Lit"].samples = 64 * SAMPLES
-    alone, all_of_them = (render_peer(scene, StereoSettings(), tmp_path, layers=layers) for layers in (None, LAYERS))
+    alone, all_of_them = (
+        render_reference(scene, StereoSettings(), tmp_path, layers=layers) for layers in (None, LAYERS)
+    )
     assert all_of_them.seconds > 4.0 * alone.seconds
     # With several layers Blender gives the second view another seed.
     assert rms(all_of_them.reference - alone.reference) < AS_GOOD * rms(alone.again - alone.reference)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.files import whole_file, write_json
+from stereo_reproject.report.label_places import spread
 from stereo_reproject.sequence.report import totals
 from stereo_reproject.sequence.series import REST, series_of
-from stereo_reproject.tradeoff.label_places import spread
 
 pytest.importorskip("matplotlib")
 

@@ -16,19 +16,19 @@ import pytest
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.glossy_mask import glossy_mask
 from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.report.label_places import nearest, place_labels
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.tradeoff.cases import (
-    PEER,
-    TELLING,
+    MULTIVIEW,
+    NOISE_RATIO_STEP,
     Row,
     format_price_table,
     pareto_front,
     price_list,
-    runs,
     split_probes,
+    tradeoff_cases,
     write_csv,
 )
-from stereo_reproject.tradeoff.label_places import nearest, place_labels
 
 ROOT = Path(__file__).resolve().parents[2]
 PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -89,19 +89,19 @@ def prices(rows=ROWS, left_out=()):
 
 
 def test_every_setting_and_every_other_way_is_a_run():
-    names = [run.name for run in runs()]
+    names = [run.name for run in tradeoff_cases()]
     assert names == [*ACCURACIES, "holes alone", "heuristic mask", "card", "full"]
-    assert len({run.kind for run in runs()}) == 5
+    assert len({run.kind for run in tradeoff_cases()}) == 5
 
 
 def test_holes_alone_trace_no_silhouette_and_promise_nothing():
-    run = next(run for run in runs() if run.kind == "paper")
+    run = next(run for run in tradeoff_cases() if run.kind == "paper")
     assert (run.accuracy.silhouette_radius, run.accuracy.promise) == (0, None)
 
 
 def test_a_run_keeps_what_was_asked_of_the_scene():
     asked = StereoSettings(source="right", compare=True, tolerance=1.3, scene=SceneOverrides(samples=3, seed=7))
-    for run in runs():
+    for run in tradeoff_cases():
         settings = run.settings(asked)
         assert (settings.source, settings.scene, settings.compare) == ("right", asked.scene, False)
         assert (settings.fill, settings.tolerance) == (run.fill, None)
@@ -115,7 +115,7 @@ def test_no_point_of_the_front_is_beaten_and_every_other_is():
     points = [tuple(point) for point in rng.uniform(1.0, 20.0, (60, 2))]
     front = [point for point, on_front in zip(points, pareto_front(points), strict=True) if on_front]
     for point in points:
-        better = [(s, e) for s, e in front if s <= point[0] and e <= point[1] + TELLING and (s, e) != point]
+        better = [(s, e) for s, e in front if s <= point[0] and e <= point[1] + NOISE_RATIO_STEP and (s, e) != point]
         assert bool(better) == (point not in front)
 
 
@@ -124,7 +124,7 @@ def test_error_falls_along_the_front_by_what_tells():
     points = [tuple(point) for point in rng.uniform(1.0, 1.1, (200, 2))]
     front = sorted(point for point, on_front in zip(points, pareto_front(points), strict=True) if on_front)
     assert len(front) > 3
-    assert all(before[1] - after[1] > TELLING for before, after in itertools.pairwise(front))
+    assert all(before[1] - after[1] > NOISE_RATIO_STEP for before, after in itertools.pairwise(front))
 
 
 def test_the_fastest_is_on_the_front_and_an_unknown_error_never_is():
@@ -179,7 +179,7 @@ def test_csv_holds_what_json_holds(tmp_path):
     write_csv(tmp_path / "t.csv", listed)
     with (tmp_path / "t.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
-    assert [line["name"] for line in lines] == [*(r.name for r in ROWS), PEER]
+    assert [line["name"] for line in lines] == [*(r.name for r in ROWS), MULTIVIEW]
     for line, entry in zip(lines, listed["rows"], strict=False):
         assert float(line["seconds"]) == entry["seconds"]["total"]
         assert float(line["fill_seconds"]) == entry["seconds"]["fill"]
@@ -207,7 +207,7 @@ def test_table_has_a_line_for_each_run_and_marks_the_front():
     lines = format_price_table(prices()).splitlines()
     assert lines[0] == "bathroom, frame 1, 480x270, 32 samples: error against time"
     shown = {line[2:18].strip(): line.startswith("*") for line in lines[2:-1]}
-    assert shown == {**{entry["name"]: entry["pareto"] for entry in prices()["rows"]}, PEER: False}
+    assert shown == {**{entry["name"]: entry["pareto"] for entry in prices()["rows"]}, MULTIVIEW: False}
 
 
 # The heuristic mask
@@ -391,7 +391,7 @@ def test_what_has_no_noise_ratio_is_named_below_the_chart(charts):
 
 
 def test_without_matplotlib_one_line_says_what_to_install(monkeypatch):
-    from stereo_reproject.tradeoff.charts import check_charts
+    from stereo_reproject.report.chart_canvas import check_charts
 
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.delitem(sys.modules, "matplotlib.figure", raising=False)

@@ -1,1 +1,1 @@
-"""One command each: a frame, an animation, an inspection, a price list, and the comparison."""
+"""The commands, one in each module: a frame, an animation, an inspection, a price list, a comparison."""

@@ -10,7 +10,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from ...delivery.layouts import LAYOUTS
 from ...errors import BadInputError, OtherRunError, StereoReprojectError
 from ...files import flush, flush_folder, put_in_place
 from ...jobs.supervisor import Session
+from ...jobs.warn_once import WarnOnce
 from ...jobs.work_folder import work_folder
 from ...pipeline.stages import Stage
 from ...sequence.fingerprints import Fingerprints, FrameState, digest
@@ -45,10 +46,34 @@ from ..scene.working import changed, scene_frames
 from .frame_maker import BlenderFrameMaker, FrameContext
 
 ANIMATION_FILES = ("left.exr", "right.exr")
-"""What is left of an animation besides its own files where that is asked for: the last frame's eyes."""
+"""Files of the last frame's eyes, which an animation leaves besides its own where that is asked for."""
 
-MANY_FRAMES = 20_000
-"""Frames of which it is said that they are planned: from then on it takes seconds."""
+ANNOUNCED_FRAMES = 20_000
+"""Number of frames from which the user is told that they are planned, since that takes seconds."""
+
+
+@dataclass(frozen=True)
+class SavedScene:
+    """The file that a scene was saved in, and what an open Blender knows of the scene and its copy does not."""
+
+    blend: Path
+    session: Session
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A run of an animation whose frames are known: what its steps work on.
+
+    for_movie_alone: True where frames are rendered only to become a movie. warnings are those of the whole run, which
+    the animation's report has.
+    """
+
+    scene: bpy.types.Scene
+    output: Output
+    context: FrameContext
+    listener: Listener
+    warnings: WarnOnce
+    for_movie_alone: bool
 
 
 def render_animation_files(
@@ -56,64 +81,40 @@ def render_animation_files(
     settings: StereoSettings,
     options: AnimationSettings,
     work: Path,
-    blend: Path,
-    session: Session,
+    saved: SavedScene,
     *,
     files: Sequence[str] = (),
-    told: Listener | None = None,
+    listener: Listener | None = None,
 ) -> dict[str, Any]:
     """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
 
     A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`, left in work/out; work is
-    a private folder; blend and session are the file that the scene is in, as it was saved, for the writer to open.
-    Returns the animation's report, and raises BadInputError and StereoReprojectError; frames that are
-    finished stay.
+    a private folder; saved is the scene's file, for the writer to open. Returns the animation's report, and raises
+    BadInputError and StereoReprojectError; frames that are finished stay.
     """
+    listener = listener or Listener()
     # `warnings_ahead` has said these, before the first frame.
-    said = scene_warnings(scene, settings.scene)
-    told = _also_kept(told or Listener(), said)
+    warnings = WarnOnce(listener.warn, given=scene_warnings(scene, settings.scene))
+    listener = replace(listener, warn=warnings)
     for_movie_alone = scene.render.is_movie_format and options.output is None
-    _say_many(scene, options, told)
+    _say_many(scene, options, listener)
     options, output = output_of(scene, options)
     journal = Journal(output.folder, output.name)
     _check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
     wanted = Fingerprints(_settings_digest(settings, output), _scene_prints(scene, settings.scene))
     with _folder_for(output.folder, work) as private, ExitStack() as stack:
-        stack.enter_context(_told_of_output(output.folder))
-        token = stack.enter_context(_run_in(journal, output, wanted, told))
-        there = all(path.exists() for path in _movies_of(scene, options, output))
-        plan = _plan(journal, output, wanted, options, told, movies_are_there=there)
-        for doubt in journal.records.new_doubts():
-            told.warn(doubt)
-        _say_plan(plan, options, told)
+        stack.enter_context(_errors_of_output(output.folder))
+        token = stack.enter_context(_run_in(journal, output, wanted, listener))
+        context = FrameContext(settings, options, journal, wanted, token, output.half_floats)
+        run = _Run(scene, output, context, listener, warnings, for_movie_alone)
+        plan = _announced_plan(run)
         if options.movie is not None and plan.todo:
             _try_movie(scene, settings, Path(options.movie), output, private / "tried")
         failed, last = dict(options.skip), None
         if plan.todo:
-            progress = AnimationProgress(plan, len(output.files), told, failed)
-            order = _order(blend, session, output, options, private)
-            belonging = FrameContext(journal, wanted, token, output.half_floats)
-            keeps_last = bool(files)
-            with closing(
-                BlenderFrameMaker(
-                    scene, settings, options, order, belonging, work, told.on_stage, keeps_last=keeps_last
-                )
-            ) as maker:
-                try:
-                    render_frames(plan, journal, wanted, token, maker, progress.frame_listener)
-                except StereoReprojectError as error:
-                    _tell_of_early_end(error, journal, wanted, options, failed, said)
-                    raise
-                last = maker.leave(work / "out")
-        told.on_stage(Stage.WRITE, "")
-        check_frames_stayed(journal, _finished(output, plan, failed), wanted)
-        report = write_animation_report(journal, wanted, options, failed, said)
-        _check_all_rendered(failed, len(output.files))
-        # Another run may have made one meanwhile.
-        _check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
-        movies = _movie(scene, options, output, journal, told)
-        if for_movie_alone:
-            _remove_waiting(journal, output, movies[0], token)
+            order = _order(saved, output, options, private)
+            last = _render_planned(run, plan, failed, order, work, keeps_last=bool(files))
+        report, movies = _finish(run, plan, failed)
     if for_movie_alone:
         with contextlib.suppress(OSError):
             output.folder.rmdir()
@@ -123,33 +124,67 @@ def render_animation_files(
     return {**report, "files": [str(path) for path in written], **done}
 
 
-def _also_kept(told: Listener, said: list[str]) -> Listener:
-    """The same, with its warnings kept for the report as well; each is said once, of however many frames it is."""
+def _announced_plan(run: _Run) -> FramePlan:
+    """Return which frames are to be rendered, after the listener has heard of them."""
+    context = run.context
+    there = all(path.exists() for path in _movies_of(run.scene, context.options, run.output))
+    plan = _plan(context.journal, run.output, context.wanted, context.options, run.listener, movies_are_there=there)
+    for doubt in context.journal.records.new_doubts():
+        run.listener.warn(doubt)
+    _say_plan(plan, context.options, run.listener)
+    return plan
 
-    def warn(text: str) -> None:
-        if text not in said:
-            said.append(text)
-            told.warn(text)
 
-    return replace(told, warn=warn)
+def _render_planned(
+    run: _Run, plan: FramePlan, failed: dict[int, str], order: WriterJob, work: Path, *, keeps_last: bool
+) -> int | None:
+    """Render the frames of the plan. Return the number of the last one, whose eyes are left in work/out if keeps_last;
+    None where none was rendered here. Frames that fail go into `failed`, with the reason."""
+    context = run.context
+    progress = AnimationProgress(plan, len(run.output.files), run.listener, failed)
+    maker = BlenderFrameMaker(run.scene, order, context, work, run.listener.on_stage, keeps_last=keeps_last)
+    with closing(maker):
+        try:
+            render_frames(plan, context.journal, context.wanted, context.token, maker, progress.told)
+        except StereoReprojectError as error:
+            _report_early_end(error, run, failed)
+            raise
+        return maker.leave(work / "out")
+
+
+def _finish(run: _Run, plan: FramePlan, failed: dict[int, str]) -> tuple[dict[str, Any], list[Path]]:
+    """Write the report and the movies of an animation whose frames are rendered, and return both."""
+    context, options = run.context, run.context.options
+    run.listener.on_stage(Stage.WRITE, "")
+    check_frames_stayed(context.journal, _finished(run.output, plan, failed), context.wanted)
+    report = write_animation_report(context.journal, context.wanted, options, failed, run.warnings.given)
+    _check_all_rendered(failed, len(run.output.files))
+    # Another run may have made one meanwhile.
+    _check_movies(run.scene, options, run.output, context.journal, for_movie_alone=run.for_movie_alone)
+    movies = _movie(run.scene, options, run.output, context.journal, run.listener)
+    if run.for_movie_alone:
+        _remove_waiting(context.journal, run.output, movies[0], context.token)
+    return report, movies
 
 
 @contextmanager
-def _run_in(journal: Journal, output: Output, wanted: Fingerprints, told: Listener) -> Iterator[str]:
-    """A run that works in this journal, and its token. Raises OtherRunError where one is at work that goes by others'
-    settings on the same frames."""
+def _run_in(journal: Journal, output: Output, wanted: Fingerprints, listener: Listener) -> Iterator[str]:
+    """Announce a run in this journal and yield its token.
+
+    Raises OtherRunError where a run with other settings is at work on the same frames.
+    """
     _make_journal(journal)
     try:
         with run_at_work(journal.runs, announcement(journal, output.files, wanted)) as token:
             waits = "waits to see whether another run is at work"
-            settle(journal, output.files, wanted, token, lambda _: told.on_stage(Stage.PLAN, waits))
+            settle(journal, output.files, wanted, token, lambda _: listener.on_stage(Stage.PLAN, waits))
             yield token
     finally:
         journal.place.remove_empty()
 
 
 def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
-    """The frames that count as rendered by these settings: not those that are kept whatever they are."""
+    """Return the frames that count as rendered by these settings, without those that are kept whatever they are."""
     whatever = {frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE}
     return [frame for frame in output.files if frame not in failed and frame not in whatever]
 
@@ -164,11 +199,11 @@ def _make_journal(journal: Journal) -> None:
         ) from error
 
 
-def _say_many(scene: bpy.types.Scene, options: AnimationSettings, told: Listener) -> None:
-    told.on_stage(Stage.PLAN, "")
+def _say_many(scene: bpy.types.Scene, options: AnimationSettings, listener: Listener) -> None:
+    listener.on_stage(Stage.PLAN, "")
     frames = scene_frames(scene) if options.frames is None else options.frames
-    if len(frames) >= MANY_FRAMES and not options.goes_on:
-        told.note(f"plans {len(frames)} frames, which takes a moment")
+    if len(frames) >= ANNOUNCED_FRAMES and not options.goes_on:
+        listener.note(f"plans {len(frames)} frames, which takes a moment")
 
 
 def _plan(
@@ -176,7 +211,7 @@ def _plan(
     output: Output,
     wanted: Fingerprints,
     options: AnimationSettings,
-    told: Listener,
+    listener: Listener,
     *,
     movies_are_there: bool,
 ) -> FramePlan:
@@ -190,7 +225,7 @@ def _plan(
         files,
         wanted,
         options.existing,
-        on_look=lambda _: told.on_stage(Stage.PLAN, f"{next(looked)} of {len(files)} frames looked at"),
+        on_look=lambda _: listener.on_stage(Stage.PLAN, f"{next(looked)} of {len(files)} frames looked at"),
     )
     if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
@@ -198,18 +233,13 @@ def _plan(
     return plan
 
 
-def _tell_of_early_end(
-    error: StereoReprojectError,
-    journal: Journal,
-    wanted: Fingerprints,
-    options: AnimationSettings,
-    failed: Mapping[int, str],
-    said: Sequence[str],
-) -> None:
-    # Where another run has the frames, what tells of them is that one's to write.
+def _report_early_end(error: StereoReprojectError, run: _Run, failed: Mapping[int, str]) -> None:
+    """Write the report of a run that ends early, unless another run has the frames: then that one writes it."""
+    context = run.context
     with contextlib.suppress(OSError):
-        if not isinstance(error, OtherRunError) and (failed or journal.records.read_all()):
-            write_animation_report(journal, wanted, options, failed, said)
+        if not isinstance(error, OtherRunError) and (failed or context.journal.records.read_all()):
+            texts = run.warnings.given
+            write_animation_report(context.journal, context.wanted, context.options, failed, texts)
 
 
 def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
@@ -219,8 +249,8 @@ def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
 
 
 @contextmanager
-def _told_of_output(folder: Path) -> Iterator[None]:
-    """What goes wrong with the files of an animation in this folder, in a line."""
+def _errors_of_output(folder: Path) -> Iterator[None]:
+    """Turn an OSError about the files of an animation in this folder into an error of one line."""
     try:
         yield
     except OSError as error:
@@ -229,7 +259,7 @@ def _told_of_output(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
-    """A private folder on the same drive as the frames: within the run's own where that lies there."""
+    """Yield a private folder on the same drive as the frames: within the run's own where that lies there."""
     if frames.is_dir() and (work / os.pardir).samefile(frames):
         private = work / "frames"
         private.mkdir(exist_ok=True)
@@ -245,8 +275,8 @@ def _settings_digest(settings: StereoSettings, output: Output) -> str:
 
 
 def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
-    """The scene's fingerprints, to which it is nothing what size, samples and seed it has itself where those are
-    overridden, and so among the settings. Another Blender renders another picture of it, too."""
+    """Return the scene's fingerprints, in which its own size, samples and seed do not count where they are overridden:
+    then they are among the settings. The version of Blender counts, since another one renders another picture."""
     with ExitStack() as changes:
         if overrides.size is not None:
             size = {"resolution_x": 1920, "resolution_y": 1080, "resolution_percentage": 100}
@@ -262,27 +292,29 @@ def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str
     return {"Blender": ".".join(map(str, bpy.app.version[:2])), **prints}
 
 
-def _say_plan(plan: FramePlan, options: AnimationSettings, told: Listener) -> None:
+def _say_plan(plan: FramePlan, options: AnimationSettings, listener: Listener) -> None:
     by_state: dict[FrameState, list[int]] = {}
     for frame, state in plan.todo.items():
         by_state.setdefault(state, []).append(frame)
     if plan.kept and not options.goes_on:
-        told.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
+        listener.note(f"{len(plan.kept)} of {len(plan.kept) + len(plan.todo)} frames are there already")
         if FrameState.MISSING in by_state:
-            told.note(f"to be rendered: {spelled(by_state[FrameState.MISSING])}")
+            listener.note(f"to be rendered: {spelled(by_state[FrameState.MISSING])}")
     for state in (FrameState.DAMAGED, FrameState.UNKNOWN, FrameState.OTHER_SETTINGS):
         if options.existing != "overwrite" and state in by_state:
-            told.note(f"rendered again, for being {state.value}: {spelled(by_state[state])}")
+            listener.note(f"rendered again, for being {state.value}: {spelled(by_state[state])}")
     others = [frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE]
     if others:
-        told.warn(f"kept, for Overwrite is off, though not of the scene and settings as they are: {spelled(others)}")
+        listener.warn(
+            f"kept, for Overwrite is off, though not of the scene and settings as they are: {spelled(others)}"
+        )
 
 
-def _order(blend: Path, session: Session, output: Output, options: AnimationSettings, private: Path) -> WriterJob:
+def _order(saved: SavedScene, output: Output, options: AnimationSettings, private: Path) -> WriterJob:
     return WriterJob(
-        blend=str(blend),
+        blend=str(saved.blend),
         # The writer renders nothing.
-        session=replace(session, devices=None),
+        session=replace(saved.session, devices=None),
         private=str(private),
         folder=str(output.folder),
         name=output.name,
@@ -293,14 +325,14 @@ def _order(blend: Path, session: Session, output: Output, options: AnimationSett
 
 
 def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
-    """Where the movie of all frames belongs; or several, or none."""
+    """Return the path of the movie of all frames; or several, or none."""
     return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
 
 
 def _check_movies(
     scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, *, for_movie_alone: bool
 ) -> None:
-    """Raises BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
+    """Raise BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
     them."""
     # What was known of a movie that alone was asked for went with the frames that it was made of.
     if options.existing == "overwrite" or (options.existing == "resume" and for_movie_alone):
@@ -321,15 +353,15 @@ def _check_movies(
 
 
 def _movie(
-    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, told: Listener
+    scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, listener: Listener
 ) -> list[Path]:
-    """The movie of all frames, in its place; or several, or none."""
+    """Write the movie of all frames and return its path; or several, or none."""
     if options.movie is None:
         return []
     path = Path(options.movie)
-    told.on_stage(Stage.MOVIE, "")
+    listener.on_stage(Stage.MOVIE, "")
     for warning in movie_warnings(path, output.movie_layout):
-        told.warn(warning)
+        listener.warn(warning)
     with work_folder(path.parent, ()) as beside:
         made = write_movie(
             scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
@@ -367,7 +399,7 @@ def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> 
 
 
 def _put_in_place(made: Path, destination: Path) -> Path:
-    """Move a finished file on the same drive to where it belongs, where it appears whole."""
+    """Move a finished file to its place on the same drive, where it appears whole."""
     flush(made)
     try:
         placed = put_in_place(made, destination)

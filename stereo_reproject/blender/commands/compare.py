@@ -1,4 +1,4 @@
-"""The peer, in the same run: Blender's own multiview, and the target eye once more with another seed."""
+"""The reference for a pair, in the same run: Blender's multiview, and its target eye once more with another seed."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from ..output.delivery import deliver_side_by_side
 from ..output.pictures import read_png
 from ..scene.working import CYCLES, rendered_layer, working_scene
 
-PEER_SEED = 3_000_017
-"""Added to the scene's seed for the peer: noise that ours has must not be measured as agreement."""
+REFERENCE_SEED_OFFSET = 3_000_017
+"""Added to the scene's seed for multiview: noise that ours has must not be measured as agreement."""
 
-AGAIN_SEED = 2_000_003
+REPEATED_SEED_OFFSET = 2_000_003
+"""Added to the scene's seed for the second render of multiview's target eye, whose difference is noise alone."""
 
 
 @dataclass(frozen=True)
-class Peer:
+class MultiviewReference:
     """Blender's multiview: engine and seconds, its target eye (H, W, 4), and that eye once more with another seed."""
 
     engine: str
@@ -44,7 +45,7 @@ class Peer:
         return rmse(self.again, self.reference)
 
     def judge(self, ours: NDArray[np.float32]) -> dict[str, float]:
-        """How far a target eye (H, W, 4) is from the peer's, as `metrics` has it."""
+        """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`."""
         return {
             "rmse": rmse(ours, self.reference),
             "noise_ratio": noise_ratio(ours, self.reference, self.again),
@@ -52,23 +53,23 @@ class Peer:
         }
 
 
-def render_peer(
+def render_reference(
     scene: bpy.types.Scene, settings: StereoSettings, folder: Path, *, layers: Sequence[str] | None = None
-) -> Peer:
-    """Render the peer, in a scene copy of its own, so that it finds nothing synced by ours.
+) -> MultiviewReference:
+    """Render multiview in a scene copy of its own, so that it finds nothing synced by ours.
 
-    It has all these view layers, or the first alone; the first is what it is judged by.
+    It has all these view layers, or the first alone; pictures are compared with the first.
     """
     target = settings.target
-    with working_scene(scene, settings.scene) as peer:
-        engine, seed = peer.render.engine, peer.cycles.seed
-        main = rendered_layer(peer).name
-        _use_layers(peer, layers or [main])
-        both = render_views(peer, ("left", "right"), folder, seed=shifted_seed(seed, PEER_SEED))
-        _use_layers(peer, [main])
-        again = render_views(peer, (target,), folder, seed=shifted_seed(seed, AGAIN_SEED))
+    with working_scene(scene, settings.scene) as copy:
+        engine, seed = copy.render.engine, copy.cycles.seed
+        main = rendered_layer(copy).name
+        _use_layers(copy, layers or [main])
+        both = render_views(copy, ("left", "right"), folder, seed=shifted_seed(seed, REFERENCE_SEED_OFFSET))
+        _use_layers(copy, [main])
+        again = render_views(copy, (target,), folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
     reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
-    return Peer(engine, both.seconds, reference, repeated)
+    return MultiviewReference(engine, both.seconds, reference, repeated)
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
@@ -83,15 +84,15 @@ def compare_with_multiview(
 
     Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
     """
-    peer = render_peer(scene, settings, folder, layers=list(pair.frames))
+    multiview = render_reference(scene, settings, folder, layers=list(pair.frames))
     ours = colour(pair.main_frame.eyes[settings.target])
-    flip, noise_flip = _flips(scene, settings, ours, peer, folder)
-    errors = peer.judge(ours)
-    no_noise = _why_no_noise(errors, peer.engine)
+    flip, noise_flip = _flips(scene, settings, ours, multiview, folder)
+    errors = multiview.judge(ours)
+    no_noise = _why_no_noise(errors, multiview.engine)
     report = CompareReport(
-        multiview_seconds=peer.seconds,
-        speedup=peer.seconds / pair.seconds["total"],
-        noise_rmse=peer.noise_rmse,
+        multiview_seconds=multiview.seconds,
+        speedup=multiview.seconds / pair.seconds["total"],
+        noise_rmse=multiview.noise_rmse,
         rmse=errors["rmse"],
         noise_ratio=errors["noise_ratio"] if no_noise is ABSENT else None,
         worst_tiles=errors["worst_tiles"] if no_noise is ABSENT else None,
@@ -99,7 +100,7 @@ def compare_with_multiview(
         flip=flip,
         noise_flip=noise_flip,
     )
-    return report, peer.reference
+    return report, multiview.reference
 
 
 def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
@@ -112,7 +113,11 @@ def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
 
 
 def _flips(
-    scene: bpy.types.Scene, settings: StereoSettings, ours: NDArray[np.float32], peer: Peer, folder: Path
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    ours: NDArray[np.float32],
+    multiview: MultiviewReference,
+    folder: Path,
 ) -> tuple[float | None, float | None]:
     """Mean FLIP of ours and of the repeated render, each against the reference; None where FLIP is not installed."""
     try:
@@ -126,7 +131,7 @@ def _flips(
         deliver_side_by_side(scene, {"left": left, "right": right}, pair, frame=settings.scene.frame)
         return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
-    reference, repeated = seen(peer.reference, peer.again)
-    _, test = seen(peer.reference, ours)
+    reference, repeated = seen(multiview.reference, multiview.again)
+    _, test = seen(multiview.reference, ours)
     flip, noise_flip = (float(flip_evaluator.evaluate(reference, picture, "LDR")[1]) for picture in (test, repeated))
     return flip, noise_flip

@@ -54,11 +54,11 @@ def render_files(
     load_seconds: float = 0.0,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Render the pair of one frame and write its files into work/out; the report, and the files' names.
+    """Render the pair of one frame and write its files into work/out. Return the report as JSON has it, and the names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; all,
     without them. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
-    on_stage is told each stage's name as it begins. Raises BadInputError and StereoReprojectError.
+    on_stage gets each stage's name as it begins. Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
@@ -90,12 +90,12 @@ def render_pair(
     *,
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
-    precedents: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
+    findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
 ) -> tuple[StereoPair, FrameReport]:
-    """The pair of one frame, all its view layers, and its report as far as it goes without files; as for
-    `render_files`.
+    """Render the pair of one frame, all its view layers, and return it with its report as far as that goes without
+    files. The parameters are those of `render_files`.
 
-    scenes are those of a sequence, which go on to its next frame; precedents has, by view layer, what others of its
+    scenes are those of a sequence, which go on to its next frame; findings has, by view layer, what others of its
     frames have found. What the report tells of one layer is of the main one, but seconds are of all.
     """
     frames: dict[str, StereoFrame] = {}
@@ -105,7 +105,7 @@ def render_pair(
             watch = Stopwatch(on_stage)
             watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], found = _render_layer(scene, working, settings, work, watch, precedents(layer))
+            frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer))
             facts.append(found)
     pair = StereoPair(frames)
     return pair, pair_report(pair, facts, settings, _memory())
@@ -117,11 +117,11 @@ def _render_layer(
     settings: StereoSettings,
     work: Path,
     watch: Stopwatch,
-    precedent: SharedFindings,
+    findings: SharedFindings,
 ) -> tuple[StereoFrame, LayerFacts]:
     header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, watch=watch, findings=precedent)
+        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
             header=header,
@@ -205,7 +205,7 @@ def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
 
 
 def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
-    """A line each for what a picture should not hold, or a file of half floats cannot."""
+    """Return a line for each kind of value that a picture should not hold, or that a file of half floats cannot."""
     invalid = pair.invalid_pixels.items()
     warnings = [
         f"{count} pixels of the {view} eye were no numbers in a pass, and are 0 there"

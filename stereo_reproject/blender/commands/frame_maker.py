@@ -34,7 +34,7 @@ from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
 from .processes import module_in_blender
 
-OF_A_FRAME = (
+KEYS_OF_A_FRAME = (
     "size",
     "samples",
     "time_limit",
@@ -49,32 +49,34 @@ OF_A_FRAME = (
     "layers",
     "memory",
 )
-"""What of a pair's report an animation's has for each frame."""
+"""Keys of a pair's report that the report of an animation has for each frame."""
 
-ALIKE = 24
-"""Frames of which the denoiser is taken to leave the same share of the noise, by the same camera."""
+FRAMES_OF_ONE_NOISE_LEVEL = 24
+"""Frames in a row, by the same camera, for which the denoiser is taken to leave the same share of the noise."""
 
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What the frames of a run have in common: their journal, their fingerprints, the run's own token, and whether they
-    are written as half floats."""
+    """Common ground of the frames of a run: settings and options, the journal and the fingerprints that its records
+    need, the run's own token, and whether the files hold half floats."""
 
+    settings: StereoSettings
+    options: AnimationSettings
     journal: Journal
     wanted: Fingerprints
     token: str
     half_floats: bool
 
 
-class AgreedPrecedent(SharedFindings):
-    """What the first frame has found, whichever run has rendered it: so that a frame is the same when rendered again.
+class AgreedFindings(SharedFindings):
+    """Findings of the first frame, whichever run has rendered it, so that a frame is the same when rendered again.
 
     block is what is different where something else may be found. Raises OutputError.
     """
 
-    def __init__(self, belonging: FrameContext, layer: str, block: tuple[int, str]) -> None:
-        self._journal = belonging.journal
-        of_layer = [belonging.wanted.settings, dict(belonging.wanted.scene), layer]
+    def __init__(self, context: FrameContext, layer: str, block: tuple[int, str]) -> None:
+        self._journal = context.journal
+        of_layer = [context.wanted.settings, dict(context.wanted.scene), layer]
         self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
 
     def cost(self, found: SourceCost) -> SourceCost:
@@ -107,19 +109,18 @@ class BlenderFrameMaker:
     def __init__(
         self,
         scene: bpy.types.Scene,
-        settings: StereoSettings,
-        options: AnimationSettings,
         order: WriterJob,
-        belonging: FrameContext,
+        context: FrameContext,
         work: Path,
         on_stage: Callable[[str, str], None],
         *,
         keeps_last: bool,
     ) -> None:
-        """work is a private folder for what passes between the stages of a frame; order says how they are written.
-        keeps_last is whether the last frame's eyes are asked for in the end."""
-        self._scene, self._settings, self._options = scene, settings, options
-        self._belonging, self._on_stage = belonging, on_stage
+        """order says how frames are written; work is a private folder for what passes between the stages of a frame.
+        on_stage gets each stage's name and its frame. keeps_last: True where the last frame's eyes are asked for in the
+        end."""
+        self._scene, self._settings, self._options = scene, context.settings, context.options
+        self._context, self._on_stage = context, on_stage
         self._work, self._private = work, Path(order.private)
         self._scenes = WorkingScenes(scene)
         self._writer = WriterProcess(order, module_in_blender("programs.writer"))
@@ -133,7 +134,7 @@ class BlenderFrameMaker:
         except Exception as error:
             # Whatever one frame meets with, the others may be spared, with a scene that is set up anew.
             self._scenes.close()
-            raise blamed_on_output(self._belonging.journal.frames_folder, in_one_line(error)) from error
+            raise blamed_on_output(self._context.journal.frames_folder, in_one_line(error)) from error
 
     def _render(self, frame: int, claim: int) -> None:
         start = time.perf_counter()
@@ -146,12 +147,12 @@ class BlenderFrameMaker:
             self._work,
             on_stage=lambda stage: self._on_stage(stage, where),
             scenes=self._scenes,
-            precedents=lambda layer: AgreedPrecedent(self._belonging, layer, self._block_of(frame)),
+            findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
         )
-        told = as_json(report)
-        figures = {key: told[key] for key in OF_A_FRAME if key in told}
+        fields = as_json(report)
+        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
         figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
-        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._belonging.half_floats)]
+        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
         folder = self._hand_out(frame, pair)
         figures["wall_seconds"] = wall = time.perf_counter() - start
         figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
@@ -159,14 +160,14 @@ class BlenderFrameMaker:
             self._on_stage(Stage.COMPARE, where)
             self._scenes.close()
             compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
-            # Keeping the peer's scene from frame to frame would hold all of it twice, and be no more than Blender does:
-            # it syncs each frame of an animation anew, unless Persistent Data is on.
+            # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
+            # each frame of an animation anew, unless Persistent Data is on.
             figures["compare"] = {**as_json(compared), "synced_anew": True}
         record = {
             "frame": frame,
-            "settings": self._belonging.wanted.settings,
-            "scene": dict(self._belonging.wanted.scene),
-            "run": self._belonging.token,
+            "settings": self._context.wanted.settings,
+            "scene": dict(self._context.wanted.scene),
+            "run": self._context.token,
             "figures": figures,
         }
         self._on_stage(HANDED_OVER, where)
@@ -177,7 +178,7 @@ class BlenderFrameMaker:
         give_back_freed()
 
     def _hand_out(self, frame: int, pair: StereoPair) -> Path:
-        """The folder with what the writer needs of a frame."""
+        """Write what the writer needs of a frame, and return the folder."""
         folder = self._private / f"frame-{frame}"
         try:
             folder.mkdir(exist_ok=True)
@@ -188,27 +189,27 @@ class BlenderFrameMaker:
                 target = colour(pair.eyes[self._settings.target][pair.main])
                 write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
         except (OSError, StereoReprojectError) as error:
-            raise failed_output(self._belonging.journal.frames_folder, error) from error
+            raise failed_output(self._context.journal.frames_folder, error) from error
         return folder
 
     def _block_of(self, frame: int) -> tuple[int, str]:
-        """What a frame has in common with those around it: their number over ALIKE, and the camera."""
+        """Return what a frame shares with its neighbours: its number over FRAMES_OF_ONE_NOISE_LEVEL, and the camera."""
         camera = camera_at(self._scene, frame)
-        return frame // ALIKE, camera.name_full if camera else ""
+        return frame // FRAMES_OF_ONE_NOISE_LEVEL, camera.name_full if camera else ""
 
     def _is_compared(self, frame: int) -> bool:
         every = self._options.compare_every
         return every is not None and (frame - self._scene.frame_start) % every == 0
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        folder = self._belonging.journal.frames_folder
+        folder = self._context.journal.frames_folder
         return [
             (frame, blamed_on_output(folder, result) if isinstance(result, StereoReprojectError) else result)
             for frame, result in self._writer.finished(wait=wait)
         ]
 
     def leave(self, folder: Path) -> int | None:
-        """Leave the last frame's eyes, if they were kept; its number, None where none was rendered here."""
+        """Write the last frame's eyes into `folder`, if they were kept. Return its number; None without a frame."""
         if self._last is None:
             return None
         frame, pair = self._last

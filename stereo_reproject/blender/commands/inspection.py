@@ -52,10 +52,10 @@ from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .frame import parallax_report, report_header
 
-SKETCH_WIDTH = 480
-"""Pixels, if that is at most half of the picture's width: the holes of narrow gaps are still seen."""
+SKETCH_WIDTH_PIXELS = 480
+"""Width of the sketch, if that is at most half of the picture's: the holes of narrow gaps are still seen."""
 
-MORE_SAMPLES = 4
+MAX_MORE_SAMPLES = 4
 """Samples that the second render of a sketch has on top of the first one's, at most."""
 
 NO_PASSES = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
@@ -70,7 +70,7 @@ def inspect_scene(
     sketch: bool = True,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """What `inspect` prints of the scene, as JSON has it; without a sketch nothing is rendered or predicted.
+    """Return what `inspect` prints of the scene, as JSON has it; without a sketch nothing is rendered or predicted.
 
     work is a private folder. Raises BadInputError and StereoReprojectError.
     """
@@ -79,7 +79,7 @@ def inspect_scene(
         header = report_header(scene, working, settings)
         cycles = working.render.engine == CYCLES
         frame_width = frame_region(working.render).full_width
-        scale = make_small(working, SKETCH_WIDTH) if sketch and cycles else 1.0
+        scale = make_small(working, SKETCH_WIDTH_PIXELS) if sketch and cycles else 1.0
         with renderer_of(working, work, user_scene=scene) as renderer:
             check_fill(settings.fill, renderer.fill_blockers())
             rows = effects_rows(renderer.plan)
@@ -118,7 +118,7 @@ def _parallax(renderer: BlenderRenderer, sketch: Passes, frame_width: int) -> di
 
 
 def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
-    """What the source is rendered with: colour, depth, what the user has asked for, and what the plan needs."""
+    """Return the names of the source's passes: colour, depth, those of the user, and those that the plan needs."""
     layer = rendered_layer(working)
     asked = [*_switched_on(layer), *_switched_on(layer.cycles)] if hasattr(layer, "cycles") else _switched_on(layer)
     ours = [MATERIAL_CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
@@ -136,7 +136,8 @@ def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
 
 
 def _predicted_of_eevee(renderer: EeveeRenderer, settings: StereoSettings) -> dict[str, Any]:
-    """What a sketch costs EEVEE says little of a picture, and nothing of Cycles: a pair finds out as it is made."""
+    """Return the prediction for a source of EEVEE: of the fill alone, since a sketch says little of EEVEE's seconds and
+    nothing of those of Cycles."""
     method, reason = foreseen_fill(settings.fill, renderer.fill_blockers(), renderer.unmatchable())
     return {
         "rests_on": "how it is done: what Cycles takes beside EEVEE shows as the pair is made",
@@ -154,7 +155,7 @@ def _predicted(
     rows: list[dict[str, Any]],
     sketched: tuple[Passes, list[SourceCost], tuple[int, int]],
 ) -> dict[str, Any]:
-    """The prediction; the rows of the effects get their share of the picture, and what tracing that would cost."""
+    """Return the prediction; the rows of effects get their share of the picture, and the cost of tracing that."""
     source, costs, samples = sketched
     reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
     seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
@@ -191,7 +192,7 @@ def _predicted(
 
 
 def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
-    """What denoising the sketch takes, once the denoiser is set up."""
+    """Return the seconds that denoising the sketch takes, once the denoiser is set up."""
     denoising = Denoising(denoise)
     denoising.denoised_colour(sketch)
     start = time.perf_counter()
@@ -207,7 +208,7 @@ def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passe
 
 
 def _seen_differently(renderer: BlenderRenderer) -> Effect:
-    """What is called for and may look different from each eye: nothing, where both stand in the same place."""
+    """Return the effects that are called for and may look different from each eye: none where both are in one place."""
     if see_the_same(*renderer.cameras.values()):
         return Effect(0)
     return renderer.plan.called_for & SEEN_DIFFERENTLY
@@ -231,8 +232,9 @@ def _add_shares(
 def _render_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, samples: int
 ) -> tuple[Passes, list[SourceCost], tuple[int, int]]:
-    """The source eye as a sketch, rendered with a sample and then with a few: the passes, and both costs and counts."""
-    counts = (1, 1 + min(max(samples // 16, 1), MORE_SAMPLES))
+    """Render the source eye as a sketch, with one sample and then with a few. Return the passes, and both costs and
+    counts."""
+    counts = (1, 1 + min(max(samples // 16, 1), MAX_MORE_SAMPLES))
     costs = []
     passes: Passes = {}
     for count in counts:
@@ -247,7 +249,7 @@ def _render_sketch(
 def _warp_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, passes: Passes, scale: float
 ) -> tuple[NDArray[np.uint16], float]:
-    """The `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
+    """Return the `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
     source, invalid = replace_non_finite(passes)
     views = Rig.of_cameras(renderer.cameras)
     interpolations = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))

@@ -1,7 +1,7 @@
-"""Every run of a price list on one scene, against one multiview: what `tradeoff` on the command line calls.
+"""All cases of a price list on one scene, against one multiview: what `tradeoff` on the command line calls.
 
-What the runs share, they share so that each is as it would be alone. The source eye is the same for all of them, to the
-bit: it is rendered once, from a scene that nothing has synced, and every run counts its seconds. The peer and the
+What the cases share, they share so that each is as it would be alone. The source eye is the same for all, to the bit:
+it is rendered once, from a scene that nothing has synced, and every case counts its seconds. Multiview and the
 heuristic mask, whose source has more passes, begin from a scene copy of their own, as unsynced as that. What only the
 first render of a process pays (reading textures, compiling the hole camera) is paid by a small render before all of
 them, and counts in none.
@@ -29,25 +29,35 @@ from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...report.as_json import as_json
+from ...report.chart_canvas import check_charts
 from ...settings.frame import StereoSettings
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
-from ...tradeoff.cases import HEURISTIC, TRADEOFF_FILES, Row, Run, chosen_runs, price_list, split_probes, write_csv
-from ...tradeoff.charts import check_charts, draw_charts
+from ...tradeoff.cases import (
+    HEURISTIC,
+    TRADEOFF_FILES,
+    Row,
+    TradeoffCase,
+    chosen_cases,
+    price_list,
+    split_probes,
+    write_csv,
+)
+from ...tradeoff.charts import draw_charts
 from ..engines.renderer import BlenderRenderer
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
-from .compare import Peer, render_peer
+from .compare import MultiviewReference, render_reference
 from .frame import report_header
 
 OnStage = Callable[[str, str], None]
 
 NOTHING_SHARED: Mapping[str, float] = MappingProxyType({})
 
-WARM_UP_WIDTH = 64
+WARM_UP_WIDTH_PIXELS = 64
 WARM_UP_SAMPLES = 1
-WARM_UP_SPACING = 8
-"""One in so many pixels is traced to warm up."""
+WARM_UP_SPACING_PIXELS = 8
+"""Distance between the pixels that are traced to warm up."""
 
 
 def render_prices(
@@ -58,10 +68,11 @@ def render_prices(
     only: Sequence[str] = (),
     on_stage: OnStage = lambda *_: None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Make the runs of one frame, all or `only` those named, and write their files into work/out.
+    """Make the cases of one frame, all or `only` those named, and write their files into work/out.
 
-    Returns what tradeoff.json holds, and the files' names. on_stage is told each run's name, and the stage that begins
-    in it. A run that the scene cannot have is left out, and why is said. Raises BadInputError and StereoReprojectError.
+    Returns what tradeoff.json holds, and the files' names. on_stage gets each case's name, and the stage that begins
+    in it. A case that the scene cannot have is left out, with a warning that says why. Raises BadInputError and
+    StereoReprojectError.
     """
     check_charts()
     out = work / "out"
@@ -69,10 +80,10 @@ def render_prices(
     on_stage("warm-up", "")
     warm_up = _warm_up(scene, settings, work)
     on_stage("multiview", "")
-    peer = render_peer(scene, settings, work)
-    facts, outcome = _render_runs(scene, settings, work, peer, chosen_runs(only), on_stage)
+    multiview = render_reference(scene, settings, work)
+    facts, outcome = _render_cases(scene, settings, work, multiview, chosen_cases(only), on_stage)
     facts["warm_up_seconds"] = warm_up
-    measured = {"seconds": peer.seconds, "noise_rmse": peer.noise_rmse}
+    measured = {"seconds": multiview.seconds, "noise_rmse": multiview.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
     left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
     prices["warnings"] = scene_warnings(scene, settings.scene) + first_layer_alone(scene, "all runs are") + left_out
@@ -84,14 +95,14 @@ def render_prices(
 
 
 def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> float:
-    """Render a few pixels in every way that runs need; the seconds that it took."""
+    """Render a few pixels in every way that cases need; the seconds that it took."""
     start = time.perf_counter()
     with working_scene(scene, replace(settings.scene, samples=WARM_UP_SAMPLES)) as working:
-        make_small(working, WARM_UP_WIDTH)
+        make_small(working, WARM_UP_WIDTH_PIXELS)
         renderer = BlenderRenderer(working, work)
         source, _ = renderer.render_source(settings.source)
         pixels = np.zeros(colour(source).shape[:2], bool)
-        pixels[::WARM_UP_SPACING, ::WARM_UP_SPACING] = True
+        pixels[::WARM_UP_SPACING_PIXELS, ::WARM_UP_SPACING_PIXELS] = True
         for method, blocker in renderer.fill_blockers().items():
             if not blocker:
                 renderer.trace(method, [TraceRequest(settings.target, pixels)])
@@ -100,7 +111,7 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
 
 @dataclass(frozen=True)
 class RenderedSource:
-    """The source eye that runs share: its view, what the renderer said of it, the seconds of the whole call, and the
+    """The source eye that cases share: its view, what the renderer said of it, the seconds of the whole call, and the
     samples that a time limit left."""
 
     view: str
@@ -113,28 +124,28 @@ class RenderedSource:
 
 @dataclass
 class _Outcome:
-    """What became of the runs: rows, and those that are left out with the reason."""
+    """The outcome of the cases: rows, and those that are left out with the reason."""
 
     rows: list[Row] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
-    def add(self, run: Run, make: Callable[[], Row]) -> None:
-        """A run that fails must not take the others with it."""
+    def add(self, case: TradeoffCase, make: Callable[[], Row]) -> None:
+        """A case that fails must not take the others with it."""
         try:
             self.rows.append(make())
         except StereoReprojectError as error:
-            self.left_out.append((run.name, str(error)))
+            self.left_out.append((case.name, str(error)))
 
 
-def _render_runs(
+def _render_cases(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     work: Path,
-    peer: Peer,
-    chosen: Sequence[Run],
+    multiview: MultiviewReference,
+    chosen: Sequence[TradeoffCase],
     on_stage: OnStage,
 ) -> tuple[dict[str, Any], _Outcome]:
-    """The facts of the scene, and the rows in the runs' order. Raises StereoReprojectError when there are none."""
+    """The facts of the scene, and the rows in the cases' order. Raises StereoReprojectError when there are none."""
     outcome = _Outcome()
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
@@ -146,22 +157,22 @@ def _render_runs(
         source = _render_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
         shared = {"plan": copied, "source": source.seconds}
-        for run in chosen:
-            if run.kind != HEURISTIC:
-                # Renders leave their seed behind; each run begins with the scene's own, as it would alone.
+        for case in chosen:
+            if case.kind != HEURISTIC:
+                # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
                 working.cycles.seed = seed
-                watch = _watch(run, on_stage)
+                watch = _watch(case, on_stage)
                 renderer = SharedSourceRenderer(working, work, source)
-                outcome.add(run, partial(_make, run, renderer, settings, peer, watch, shared=shared))
-    for run in chosen:
-        if run.kind == HEURISTIC:
-            watch = _watch(run, on_stage)
+                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch, shared=shared))
+    for case in chosen:
+        if case.kind == HEURISTIC:
+            watch = _watch(case, on_stage)
             with working_scene(scene, settings.scene) as working:
                 renderer = HeuristicRenderer(working, work)
-                outcome.add(run, partial(_make, run, renderer, settings, peer, watch))
+                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch))
     if not outcome.rows:
         raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
-    order = [run.name for run in chosen]
+    order = [case.name for case in chosen]
     outcome.rows.sort(key=lambda row: order.index(row.name))
     return facts, outcome
 
@@ -184,7 +195,7 @@ class SharedSourceRenderer(BlenderRenderer):
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         assert view == self._source.view
-        # What a run does to its source must not reach the next one.
+        # What a case does to its source must not reach the next one.
         return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
 
 
@@ -220,55 +231,55 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
             setattr(layer, switch, False)
 
 
-def _watch(run: Run, on_stage: OnStage) -> Stopwatch:
-    """The run's clock, started at its plan."""
-    watch = Stopwatch(lambda stage: on_stage(run.name, stage))
+def _watch(case: TradeoffCase, on_stage: OnStage) -> Stopwatch:
+    """The case's clock, started at its plan."""
+    watch = Stopwatch(lambda stage: on_stage(case.name, stage))
     watch.lap(Stage.PLAN)
     return watch
 
 
 def _make(
-    run: Run,
+    case: TradeoffCase,
     renderer: BlenderRenderer,
     settings: StereoSettings,
-    peer: Peer,
+    multiview: MultiviewReference,
     watch: Stopwatch,
     *,
     shared: Mapping[str, float] = NOTHING_SHARED,
 ) -> Row:
-    """Make one run and measure it; `shared` are the seconds, by stage, that its own clock does not see.
+    """Make one case and measure it; `shared` are the seconds, by stage, that its own clock does not see.
 
     Raises StereoReprojectError when it cannot be made.
     """
-    blocker = renderer.fill_blockers().get(run.fill)
+    blocker = renderer.fill_blockers().get(case.fill)
     if blocker:
         raise BadInputError(blocker)
     frame = render_stereo_frame(
         renderer,
-        run.settings(settings),
+        case.settings(settings),
         watch=watch,
-        accuracy=run.accuracy,
+        accuracy=case.accuracy,
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)
     refined = frame.refinement.fills
     return Row(
-        name=run.name,
-        kind=run.kind,
-        accuracy=run.accuracy_name,
+        name=case.name,
+        kind=case.kind,
+        accuracy=case.accuracy_name,
         seconds=seconds,
-        speedup=peer.seconds / sum(seconds.values()),
-        **peer.judge(colour(frame.eyes[settings.target])),
+        speedup=multiview.seconds / sum(seconds.values()),
+        **multiview.judge(colour(frame.eyes[settings.target])),
         traced=fractions.pop("rerendered"),
         fill=frame.fill.method,
         refine_fill=refined[-1].method if refined else None,
         fractions=fractions,
-        estimate=_estimate(frame, run),
+        estimate=_estimate(frame, case),
     )
 
 
 def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float]:
-    """Seconds by stage, with those that are shared, and the probes told from the holes."""
+    """Seconds by stage, with those that are shared, and the probes apart from the holes."""
     stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
     stages |= {name: stages[name] + seconds for name, seconds in shared.items()}
     probe = (frame.reasons & Reason.PROBE.bit) > 0
@@ -277,7 +288,7 @@ def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float
     return split_probes(stages, int(hole.sum()), in_fill)
 
 
-def _estimate(frame: StereoFrame, run: Run) -> dict[str, float | None] | None:
+def _estimate(frame: StereoFrame, case: TradeoffCase) -> dict[str, float | None] | None:
     estimate = frame.refinement.estimate
     if estimate is None:
         return None
@@ -285,5 +296,5 @@ def _estimate(frame: StereoFrame, run: Run) -> dict[str, float | None] | None:
         "noise_ratio": estimate.noise_ratio,
         "low": estimate.low,
         "high": estimate.high,
-        "promise": run.accuracy.promise,
+        "promise": case.accuracy.promise,
     }

@@ -1,4 +1,4 @@
-"""How another process of this Blender is started."""
+"""Commands that start another process of this Blender."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from ...errors import BadInputError
 from ...jobs.worker_process import PACKAGE
 
 UNSAVED = "Unsaved.blend"
-"""What Blender's path templates call a file that was never saved."""
+"""Name that Blender's path templates give to a file that was never saved."""
 
 
 def module_in_blender(name: str) -> Sequence[str] | None:
-    """What runs a module of this package in this very Blender, without a window and without add-ons; None where Blender
-    is a Python module, and `worker_process.module_command` does it."""
+    """Return the command that runs a module of this package in this very Blender, without a window and without add-ons.
+
+    None where Blender is a Python module: then `worker_process.module_command` has the command."""
     if not bpy.app.binary_path:
         return None
     environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries

@@ -1,1 +1,1 @@
-"""Finished eyes handed over: into Blender, into the scene's own formats, layouts and movies."""
+"""Finished eyes as Blender's Render Result, and as files in the scene's own formats, layouts and movies."""

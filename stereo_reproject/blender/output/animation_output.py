@@ -1,5 +1,4 @@
-"""Where an animation's frames go, and how they are written there, by the scene's own output settings and what replaces
-them."""
+"""The folder, names and formats of an animation's frames, by the scene's own output settings and what replaces them."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ from .output_paths import check_file_outputs, output_files, output_stem
 
 @dataclass(frozen=True)
 class Output:
-    """Where the frames go, and how: the folder, what their names have in common, their files, their layout and that of
+    """The output of an animation: the folder, what their names have in common, their files, their layout and that of
     a movie of them, all settings of the format by value, and whether it is one of half floats."""
 
     folder: Path
@@ -48,7 +47,7 @@ class Output:
 
 
 def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, Output]:
-    """Where the frames of these options go, and the options with all that follows from the scene.
+    """Return the options with all that follows from the scene, and the output of their frames.
 
     A scene whose own format is a movie has its frames in pictures first, in a folder beside it. Raises BadInputError
     when they cannot be written.
@@ -99,7 +98,7 @@ def _of_movie(layout: str | None, own_movies: bool) -> str | None:
 def _with_movie(
     scene: bpy.types.Scene, options: AnimationSettings, asked: AnimationSettings, frames: Sequence[int]
 ) -> AnimationSettings:
-    """The same, with a movie where the scene's own output settings say, and pictures of 16 bits until then."""
+    """Return the options with the movie of the scene's own output settings, and pictures of 16 bits until then."""
     span = range(frames[0], frames[-1] + 1)
     with as_ordered(scene, options.output, None, None):
         movie = output_files(scene, frames[:1], folder=options.output, span=span)[frames[0]][0]
@@ -128,7 +127,7 @@ def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
 
 
 def existing_as_set(scene: bpy.types.Scene) -> str:
-    """What becomes of frames that are there, by the scene's own Overwrite."""
+    """Return what to do with frames that are there, by the scene's own Overwrite."""
     return "overwrite" if scene.render.use_overwrite else "keep"
 
 

@@ -32,7 +32,7 @@ from .pictures import check_png
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
 CHANNELS = {"VALUE": 1, "VECTOR": 3, "COLOR": 4}
-"""Of a pass that is not delivered, by its type."""
+"""Channels of a pass that is not delivered, by its type."""
 
 Eyes = Mapping[str, Mapping[str, Passes]]
 """Passes by view name and then by view layer, the same layers for both views; the first is the main one."""
@@ -45,11 +45,11 @@ EyesAt = Callable[[int], Eyes]
 
 @dataclass
 class _Delivery:
-    """Where the eyes come from, and those views and layers that Blender has taken."""
+    """The source of the eyes, and those views and layers that Blender has taken."""
 
     eyes_at: EyesAt
     wired: Mapping[str, Mapping[str, str]]
-    """By view layer, the passes that the compositor makes use of, and of what type each is."""
+    """Passes that the compositor uses, with their types, by view layer."""
     metadata: Mapping[str, str]
     taken: set[tuple[str, str]] = field(default_factory=set)
     failed: StereoReprojectError | None = None
@@ -74,7 +74,7 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
     bl_label = "Stereo Reproject Delivery"
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """What is delivered: without this, the compositor's Render Layers nodes have no sockets.
+        """Declare the passes that are delivered: without this, the compositor's Render Layers nodes have no sockets.
 
         What is wired and not delivered has to be there too, and stays empty: a socket that vanishes takes its link away
         while the compositor runs.

@@ -33,11 +33,11 @@ HOLES = "holes"
 
 
 def holes_name(journal: Journal, frame: int) -> str:
-    """Where the picture of what was traced of a frame lies in the frames' folder."""
+    """Return the path, in the frames' folder, of the picture of a frame's traced pixels."""
     return f"{HOLES}/{journal.name}{frame:04d}.png"
 
 
-NOTHING_LEFT = 1 << 16
+FULL_DRIVE_BYTES = 1 << 16
 """Bytes free on a drive on which a file may have been cut off."""
 
 
@@ -93,7 +93,7 @@ class FrameWriter:
         if not files:
             raise StereoReprojectError(f"Blender wrote no file for frame {number}: check the output settings")
         place = self._journal.frames_folder
-        if is_full(place, below=NOTHING_LEFT):
+        if is_full(place, below=FULL_DRIVE_BYTES):
             raise failed_output(place, OSError(errno.ENOSPC, "No space left on device"))
         for path in files:
             if path.stat().st_size == 0:

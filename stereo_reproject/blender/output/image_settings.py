@@ -13,7 +13,7 @@ from ..engines.render import output_path, written_to
 from ..scene.working import changed
 
 FORMAT = ("media_type", "file_format", "color_mode", "color_depth", "exr_codec")
-"""What comes with a file's format, in the order in which Blender takes it."""
+"""Settings of a file's format, in the order in which Blender takes them."""
 
 SIDE_BY_SIDE = {"display_mode": "SIDEBYSIDE", "use_sidebyside_crosseyed": False, "use_squeezed_frame": False}
 
@@ -66,7 +66,7 @@ def _set_views_format(settings: bpy.types.ImageFormatSettings, views: str) -> No
 
 
 def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
-    """How views are stored, also where another format was chosen since and hides it."""
+    """Return how views are stored, also where another format was chosen since and hides it."""
     hidden = "STEREO_3D" if settings.file_format == "OPEN_EXR_MULTILAYER" else "MULTIVIEW"
     return settings.views_format or hidden
 
@@ -85,7 +85,7 @@ def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
 
 
 def _values(owner: bpy.types.bpy_struct) -> Values:
-    """What can be set, in Blender's order but for what decides which looks there are, which comes first."""
+    """Return the properties that can be set, in Blender's order, after the one that decides which looks there are."""
     settable = [prop for prop in owner.bl_rna.properties if not prop.is_readonly and prop.type != "POINTER"]
     settable.sort(key=lambda prop: prop.identifier != "view_transform")
     values = ((prop, getattr(owner, prop.identifier)) for prop in settable)
@@ -148,7 +148,7 @@ def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
 
 
 def writes_half_floats(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's output is of half floats."""
+    """Return whether the scene's output is of half floats."""
     settings = scene.render.image_settings
     return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"
 

@@ -51,7 +51,7 @@ VIEWS_FORMATS = {"individual": "INDIVIDUAL", "multi-view": "MULTIVIEW"}
 
 
 def is_our_own(layout: str | None) -> bool:
-    """Whether Blender has no such layout."""
+    """Return whether Blender has no such layout."""
     return layout == DUBOIS
 
 

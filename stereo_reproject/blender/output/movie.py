@@ -34,7 +34,7 @@ CONTAINERS = {
 """Blender's names of them, by a movie's extension."""
 
 WITHOUT_MARKS = (".avi", ".ogv")
-"""Of them, those that have no place for a mark."""
+"""Extensions of containers that have no place for a mark."""
 
 SQUEEZED = ("side-by-side-half", "top-bottom-half")
 """Layouts whose mark is that of the whole one."""
@@ -52,20 +52,22 @@ def check_movie(path: Path) -> None:
 
 
 def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
-    """What `write_movie` makes, where it belongs."""
+    """Return the paths of the movies that `write_movie` makes."""
     return [path.with_stem(f"{path.stem}{suffix}") for suffix, _ in _parts(scene, layout)]
 
 
 def movie_warnings(path: Path, layout: str | None) -> list[str]:
-    """What players would take for something else, or cannot tell."""
+    """Return a warning where players would take the movie for another layout, or cannot know it."""
     if layout is None:
         return []
     tag = contradicting_tag(path, LAYOUTS[layout])
     if tag is not None:
         return [f"players take {tag} in {path.name} for another layout than {layout}"]
-    told = layout not in SQUEEZED and path.suffix.lower() not in WITHOUT_MARKS
+    known = layout not in SQUEEZED and path.suffix.lower() not in WITHOUT_MARKS
     named = tagged_name(path, LAYOUTS[layout]).name
-    return [] if told or says(path, LAYOUTS[layout]) else [f"players know {layout} by its name alone: {named} tells it"]
+    if known or says(path, LAYOUTS[layout]):
+        return []
+    return [f"players know {layout} by its name alone: {named} tells it"]
 
 
 def write_movie(
@@ -95,7 +97,7 @@ def write_movie(
 
 
 def _parts(scene: bpy.types.Scene, layout: str | None) -> list[tuple[str, slice]]:
-    """What is added to each movie's name, and which of a frame's files go into it."""
+    """Return for each movie the ending of its name, and which of a frame's files go into it."""
     if layout != "individual":
         return [("", slice(2))]
     views = [view for name in VIEWS for view in scene.render.views if view.name == name]

@@ -1,4 +1,4 @@
-"""Where a scene's files go: the output path of a render, and those of File Output nodes."""
+"""The paths of a scene's files: the output path of a render, and those of File Output nodes."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ DIFFERENCE_GAIN = 4
 PNG_END = b"IEND\xaeB`\x82"
 
 GRID_COLOUR = (60, 230, 120)
-GRID_WIDTH = 2880
+GRID_WIDTH_PIXELS = 2880
 """Pixels up to which the picture of the grid is enlarged."""
 FONT = 0
 
@@ -65,7 +65,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
-    """The same picture alone, as one of a sequence: of the target's size."""
+    """Write the picture of traced pixels without its legend, as one of a sequence: of the target's size."""
     _write_png(path, _holes(target, reasons)[0])
 
 
@@ -95,8 +95,8 @@ def write_estimate(
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
-    told = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
-    shown = [(told, WITHOUT_PROBES, unknown)] if unknown.any() else []
+    words = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
+    shown = [(words, WITHOUT_PROBES, unknown)] if unknown.any() else []
     if (~unknown & (ratio != 1.0)).any():
         ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
         for (limit, colour), end in zip(ABOVE, ends, strict=True):
@@ -111,7 +111,7 @@ def write_estimate(
 
 
 def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:
-    """How far the target eye is from the same eye of multiview, both (H, W, 4), tone-mapped and brightened.
+    """Write the difference of the target eye to multiview's, both (H, W, 4), tone-mapped and brightened.
 
     Two renders differ by their noise already; what stands out of that is wrong.
     """
@@ -123,7 +123,7 @@ def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     """The subdivided grid as a wireframe over the source eye (paper, figure 4), enlarged where that is small."""
-    scale = max(1, min(3, GRID_WIDTH // grid.width))
+    scale = max(1, min(3, GRID_WIDTH_PIXELS // grid.width))
     picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
     strength = np.full(picture.shape[:2], 0, np.uint8)
     fine = _cells_in_pixels(grid, scale)

@@ -26,7 +26,7 @@ from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.files import whole_file, write_json
 from stereo_reproject.jobs.work_folder import WORK_PREFIX, work_folder
 from stereo_reproject.programs.cli import version
-from stereo_reproject.tradeoff.charts import check_charts
+from stereo_reproject.report.chart_canvas import check_charts
 from tests.bench.performance import paper
 from tests.bench.performance.keeping import DONE, FAILED, LEFT_OUT, Kept, Record, have_run
 from tests.bench.performance.options import parse, plan_of

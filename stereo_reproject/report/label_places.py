@@ -1,5 +1,5 @@
-"""Where the labels of a chart's points go, so that none covers another, a point, or more of a line than it must; and
-where those of its lines go, one below the other."""
+"""Places for the labels of a chart's points, so that none covers another, a point, or more of a line than it must; and
+places for those of its lines, one below the other."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-GAP = 7.0
+LABEL_GAP_PIXELS = 7.0
 """Distance of a label from its point; all lengths are in the units of the points, pixels as a rule."""
 
-REACH = (1.0, 2.2, 3.6, 5.2, 7.2, 9.6, 12.5, 16.0, 20.0, 25.0)
+LABEL_DISTANCES_IN_GAPS = (1.0, 2.2, 3.6, 5.2, 7.2, 9.6, 12.5, 16.0, 20.0, 25.0)
 """The distances that are tried, in gaps."""
 
-DIRECTIONS = 24
-SWEEPS = 12
-ATTEMPTS = 8
-"""How often all labels are placed, each time in another order: the first to come has the choice."""
+LABEL_DIRECTIONS = 24
+MAX_SWEEPS = 12
+RANDOM_ORDERS = 8
+"""Random orders in which all labels are placed: the first label has the choice."""
 
-# Prices of one place, in gaps of distance from the point. A leader is the line from a label to its point.
+# Penalties of one place, in gaps of distance from the point. A leader is the line from a label to its point.
 OVERLAP, OUTSIDE, CROSSING, LINE, ALIGNED = 1000.0, 1000.0, 40.0, 3.0, 0.4
-MARGIN = np.array((6.0, 2.0))
-"""Left free beside each label, and above and below it."""
+LABEL_MARGIN_PIXELS = np.array((6.0, 2.0))
+"""Free space beside each label, and above and below it."""
 
 Frame = tuple[float, float, float, float]
 
@@ -30,7 +30,7 @@ Frame = tuple[float, float, float, float]
 def place_labels(
     points: NDArray, sizes: NDArray, *, obstacles: NDArray, lines: NDArray, frame: Frame
 ) -> NDArray[np.float64]:
-    """Lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
+    """Return the lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
 
     obstacles (K, 4) are boxes (left, bottom, right, top) that no label may cover, lines (L, 4) small boxes that it
     should not; the labels stay inside `frame`. Each label takes its best place given all others, until none moves; of
@@ -38,7 +38,7 @@ def place_labels(
     """
     rng = np.random.default_rng(0)
     ends = []
-    for _ in range(ATTEMPTS):
+    for _ in range(RANDOM_ORDERS):
         ends.append(_settle(points, sizes, obstacles.reshape(-1, 4), lines.reshape(-1, 4), frame, rng))
     return min(ends, key=lambda end: end[0])[1]
 
@@ -46,10 +46,10 @@ def place_labels(
 def _settle(
     points: NDArray, sizes: NDArray, obstacles: NDArray, lines: NDArray, frame: Frame, rng: np.random.Generator
 ) -> tuple[float, NDArray]:
-    """The summed price and the corners (N, 2) of labels that came in a random order."""
+    """Return the summed penalty and the corners (N, 2) of labels that came in a random order."""
     corners, prices = np.full((len(points), 2), np.nan), np.zeros(len(points))
     order = rng.permutation(len(points))
-    for _ in range(SWEEPS):
+    for _ in range(MAX_SWEEPS):
         before = corners.copy()
         for k in order:
             placed = ~np.isnan(corners[:, 0]) & (np.arange(len(points)) != k)
@@ -66,22 +66,22 @@ def _settle(
 
 
 def nearest(points: NDArray, corners: NDArray, sizes: NDArray) -> NDArray:
-    """Where the leaders of the points (N, 2) reach their labels."""
+    """Return the points (N, 2) where the leaders of the points (N, 2) reach their labels."""
     return np.clip(points, corners, corners + sizes)
 
 
 def _boxes(corners: NDArray, size: NDArray) -> NDArray:
-    return np.concatenate([corners - MARGIN, corners + size + MARGIN], axis=1)
+    return np.concatenate([corners - LABEL_MARGIN_PIXELS, corners + size + LABEL_MARGIN_PIXELS], axis=1)
 
 
 def _candidates(point: NDArray, size: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
     """Corners (M, 2) of the places around a point, and what each costs for itself."""
-    angle = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
+    angle = np.arange(LABEL_DIRECTIONS) * (2.0 * np.pi / LABEL_DIRECTIONS)
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     direction /= np.abs(direction).max(axis=1, keepdims=True)
-    reach = np.repeat(REACH, DIRECTIONS)
-    direction = np.tile(direction, (len(REACH), 1))
-    corners = point + direction * (0.5 * size + GAP * reach[:, None]) - 0.5 * size
+    reach = np.repeat(LABEL_DISTANCES_IN_GAPS, LABEL_DIRECTIONS)
+    direction = np.tile(direction, (len(LABEL_DISTANCES_IN_GAPS), 1))
+    corners = point + direction * (0.5 * size + LABEL_GAP_PIXELS * reach[:, None]) - 0.5 * size
     outside = np.maximum(np.subtract(frame[:2], corners), 0.0) + np.maximum(corners + size - frame[2:], 0.0)
     aside = np.abs(direction).min(axis=1) > 1e-6
     return corners, reach + ALIGNED * aside + OUTSIDE * size[1] * outside.sum(axis=1)

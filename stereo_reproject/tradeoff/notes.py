@@ -1,0 +1,30 @@
+"""The titles and the notes of a price list's charts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ..report.chart_canvas import write_texts
+from .cases import HEURISTIC
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: str) -> None:
+    """Write the title of a price list's chart, the details of the scene, and the notes."""
+    width, rows = prices["size"]
+    frame = f", frame {prices['frame']}" if "frame" in prices else ""
+    details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
+    write_texts(figure, f"{prices['scene']}: {what}", details, notes)
+
+
+def source_note(prices: Mapping[str, Any]) -> str:
+    """Return a note on how the source's seconds count: the "note" of the prices, or the one that fits a price list."""
+    if "note" in prices:
+        return str(prices["note"])
+    seconds = prices["source"]["seconds"]
+    shared = f"The source eye was rendered once; its {seconds:.2f} s, with the sync of the scene, count in every run"
+    own = any(row["kind"] == HEURISTIC for row in prices["rows"])
+    return f"{shared}{', but the heuristic mask has a source with more passes of its own' if own else ''}."

@@ -1,0 +1,57 @@
+"""Who warps an animation's frames: measured by whichever run comes first, and kept to by all."""
+
+import pytest
+
+from stereo_reproject.blender.commands.frame_maker import AgreedFindings, FrameContext
+from stereo_reproject.sequence.journal import Fingerprints, Journal
+from stereo_reproject.settings.animation import AnimationSettings
+from stereo_reproject.settings.frame import StereoSettings
+
+WANTED = Fingerprints("settings", {"Object": "1"})
+
+
+def never():
+    raise AssertionError("it has been measured already")
+
+
+@pytest.fixture
+def findings(tmp_path):
+    """As a run has it that has just started on the frames in the folder."""
+
+    def of(run, *, wanted=WANTED, layer="ViewLayer", block=0):
+        journal = Journal(tmp_path, "shot_")
+        journal.place.make()
+        context = FrameContext(StereoSettings(), AnimationSettings(), journal, wanted, run, half_floats=True)
+        return AgreedFindings(context, layer, (block, "Camera"))
+
+    return of
+
+
+@pytest.mark.parametrize("faster", [True, False])
+def test_what_one_run_has_measured_the_others_keep_to(findings, faster):
+    assert findings("first").gpu_is_faster(lambda: faster) is faster
+    assert findings("second").gpu_is_faster(never) is faster
+    assert findings("third", block=7).gpu_is_faster(never) is faster
+
+
+def test_of_two_that_measure_at_once_one_is_heard(findings):
+    def meanwhile():
+        assert findings("second").gpu_is_faster(lambda: True) is True
+        return False
+
+    assert findings("first").gpu_is_faster(meanwhile) is True
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"layer": "Another"}, {"wanted": Fingerprints("others", WANTED.scene)}, {"wanted": Fingerprints("settings", {})}],
+)
+def test_what_is_another_picture_is_measured_anew(findings, other):
+    assert findings("first").gpu_is_faster(lambda: True) is True
+    assert findings("second", **other).gpu_is_faster(lambda: False) is False
+
+
+def test_it_is_kept_apart_from_what_else_is_found(findings):
+    assert findings("first").noise_left(lambda: 0.5) == 0.5
+    assert findings("first").gpu_is_faster(lambda: False) is False
+    assert findings("second").noise_left(never) == 0.5
