@@ -41,7 +41,7 @@ STAND_INS = "/proc/"
 
 
 def misread(path: str | os.PathLike[str]) -> str | None:
-    """Why Blender would read a path otherwise, in words; None where it takes it as it stands."""
+    """Return why Blender would read a path otherwise, in words; None where it takes it as it stands."""
     name = os.fspath(path)
     if os.sep != "\\" and "\\" in name:
         return "Blender takes the backslash in it for a separator"

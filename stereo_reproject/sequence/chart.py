@@ -174,7 +174,8 @@ def _add_axes(figure: Figure, notes: str) -> tuple[Axes, Axes]:
 
 
 def _edges(series: Series) -> NDArray[np.float64]:
-    """(N + 1,): where each frame begins and ends on the axis; so one alone between two gaps is seen as well."""
+    """Return (N + 1,) the places on the axis at which frames begin and end; so one alone between two gaps is seen as
+    well."""
     half = 0.5 * series.step
     return np.append(series.frames - half, series.frames[-1] + half).astype(np.float64)
 

@@ -21,13 +21,6 @@ EXCEPTIONS = {
 }
 """By file, qualified name and rule: why it may be larger. One that is no longer needed fails the test."""
 
-BEING_REWORKED = {
-    ("stereo_reproject/blender/commands/animation.py", "render_animation_files", FUNCTION),
-    ("stereo_reproject/blender/commands/animation.py", "render_animation_files", PARAMETERS),
-    ("stereo_reproject/blender/commands/frame_maker.py", "BlenderFrameMaker.__init__", PARAMETERS),
-}
-"""To be removed line by line as these rooms are reworked."""
-
 
 @dataclass(frozen=True)
 class Excess:
@@ -81,12 +74,12 @@ def excesses(root: Path) -> list[Excess]:
 
 
 def test_functions_and_classes_are_small():
-    allowed = EXCEPTIONS.keys() | BEING_REWORKED
+    allowed = EXCEPTIONS.keys()
     assert [excess for excess in excesses(ROOT) if excess.key not in allowed] == []
 
 
 def test_each_exception_is_needed():
-    allowed = EXCEPTIONS.keys() | BEING_REWORKED
+    allowed = EXCEPTIONS.keys()
     assert allowed - {excess.key for excess in excesses(ROOT)} == set()
 
 

@@ -62,7 +62,7 @@ def gpu_warper() -> Warper | None:
 
 
 _given_up: list[str] = []
-"""Why the GPU is not asked any more in this process."""
+"""Reasons for which the GPU is not asked any more in this process, in words."""
 
 
 @cache

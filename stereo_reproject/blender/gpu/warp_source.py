@@ -1,4 +1,4 @@
-"""What the warp's shaders are made of, and its steps: from the source's depth to where each target pixel comes from.
+"""Parts of the warp's shaders, and its steps: from the source's depth to where each target pixel comes from.
 
 Each does what the numpy function named above it does, and is written in what GLSL, Vulkan and Metal share: no function
 takes a sampler, no structure is made at once. What is no number is told by its bits, since drivers may take it that

@@ -165,7 +165,8 @@ def _encode(
 
 
 def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:
-    """(H, W, 4): the pictures of these files from left to right, or those of both views of an EXR that holds both."""
+    """Return (H, W, 4) the pictures of these files from left to right, or those of both views of an EXR that holds
+    both."""
     views = read_colours(files[0], main=layer) if linear and files[0].suffix == ".exr" and len(files) == 1 else {}
     pictures = list(views.values()) or [_read(path, linear=linear) for path in files]
     return np.concatenate(pictures, axis=1)
@@ -186,7 +187,7 @@ def _only_file(folder: Path) -> Path:
 
 
 def _read(path: Path, *, linear: bool) -> NDArray[np.float32]:
-    """(H, W, 4) of a picture file: its values as they are, or scene-linear."""
+    """Return the pixels (H, W, 4) of a picture file: its values as they are, or scene-linear."""
     stored = read_pixels(path, linear=linear)
     if not stored.size:
         raise StereoReprojectError(f"{path} cannot be read: render it anew")

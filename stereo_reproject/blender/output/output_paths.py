@@ -97,7 +97,7 @@ def without_movie_extension(scene: bpy.types.Scene) -> str:
 
 
 def output_stem(scene: bpy.types.Scene) -> str:
-    """The same as the names of frames begin: its templates filled in, and without the # for the frame's number.
+    """Return the path as the names of frames begin: its templates filled in, and without the # for the frame's number.
 
     The scene's format is one of pictures, and `output_files` have been found.
     """

@@ -138,14 +138,16 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
 
 
 def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:
-    """(H, W) of the enlarged picture: whether a pixel lies in a subdivided cell. Vertices stand at pixel centres."""
+    """Return the pixels (H, W) of the enlarged picture that lie in a subdivided cell. Vertices stand at pixel
+    centres."""
     rows = (np.arange(grid.height * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
     columns = (np.arange(grid.width * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
     return grid.subdivided[np.ix_(rows, columns)]
 
 
 def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) -> NDArray[np.bool_]:
-    """(H, W): the sides of quads of `step` source pixels, and the diagonals along which they are cut."""
+    """Return the pixels (H, W) on the sides of quads of `step` source pixels, and the diagonals along which they are
+    cut."""
     period = step * scale
     y, x = (np.arange(size) + scale // 2 for size in shape)
     lines = (y % period == 0)[:, None] | (x % period == 0)[None, :]
@@ -204,7 +206,7 @@ def _length(text: str) -> float:
 
 
 def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """(H, W, 3) bytes as they are. Raises BadInputError when Blender cannot write."""
+    """Write bytes (H, W, 3) as they are. Raises BadInputError when Blender cannot write."""
     height, width = picture.shape[:2]
     image = bpy.data.images.new(path.stem, width, height, alpha=False)
     try:
@@ -233,7 +235,8 @@ def read_png(path: Path) -> NDArray[np.float32]:
 
 
 def read_pixels(path: Path, *, linear: bool = False) -> NDArray[np.float32]:
-    """(H, W, channels) of a picture file: its values as they are, or scene-linear. Empty where it cannot be read."""
+    """Return the pixels (H, W, channels) of a picture file: its values as they are, or scene-linear. Empty where it
+    cannot be read."""
     with plain_path(path.parent) as folder:
         try:
             image = bpy.data.images.load(str(folder / path.name))

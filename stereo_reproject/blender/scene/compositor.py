@@ -39,7 +39,7 @@ def has_compositor(scene: bpy.types.Scene) -> bool:
 
 
 def compositor_blocker(scene: bpy.types.Scene) -> str | None:
-    """Why the pair cannot go through the scene's compositor, or None.
+    """Return why the pair cannot go through the scene's compositor, or None.
 
     A node that shows a view layer that is switched off shows nothing, as after any render.
     """

@@ -59,7 +59,7 @@ def engine_warnings(scene: bpy.types.Scene) -> list[str]:
 
 
 def unmatched_materials(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> str | None:
-    """Why what EEVEE shows cannot be warped or matched to what Cycles does, or None.
+    """Return why what EEVEE shows cannot be warped or matched to what Cycles does, or None.
 
     EEVEE draws a blended material over the picture and gives it no depth: it would be warped with what lies behind it.
     """

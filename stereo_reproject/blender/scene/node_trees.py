@@ -54,7 +54,8 @@ GROUPS = (bpy.types.ShaderNodeGroup, bpy.types.ShaderNodeCustomGroup)
 
 
 def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types.NodeSocket | None, Groups]:
-    """What feeds an input: an output of the node that does something, or the unlinked input whose own value counts.
+    """Return what feeds an input: an output of the node that does something, or the unlinked input whose own value
+    counts.
 
     None where a muted node or an empty group lets nothing through. With it come the groups that one is then inside of.
     """
