@@ -33,20 +33,21 @@ from typing import TYPE_CHECKING, Any
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.files import write_json
 from stereo_reproject.programs.converters import size, value_of, whole_number
-from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides
-from stereo_reproject.tradeoff.chart_canvas import (
+from stereo_reproject.report.chart_canvas import (
     BLACK,
     BLUE,
     GREY,
     PALE,
     SKY,
     add_axes_between,
+    check_charts,
+    draw_whole,
     new_figure,
     percent,
     wrapped,
     write_texts,
 )
-from stereo_reproject.tradeoff.charts import check_charts, draw_whole
+from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides
 from tests.bench.performance.__main__ import PACKAGES, be_interruptible
 from tests.bench.performance.cells import NONE, cell, seconds, table, times
 from tests.bench.performance.keeping import DONE, FAILED, Kept, Record, have_run
