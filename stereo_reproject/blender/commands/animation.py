@@ -145,7 +145,7 @@ def _render_planned(
     maker = BlenderFrameMaker(run.scene, order, context, work, run.listener.on_stage, keeps_last=keeps_last)
     with closing(maker):
         try:
-            render_frames(plan, context.journal, context.wanted, context.token, maker, progress.told)
+            render_frames(plan, context.journal, context.wanted, context.token, maker, progress.frame_listener)
         except StereoReprojectError as error:
             _report_early_end(error, run, failed)
             raise
