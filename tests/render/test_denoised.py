@@ -1,5 +1,7 @@
 """A denoised pair: both eyes alike, no noisy holes in a clean picture, and nothing of it where it is not asked for."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -141,8 +143,8 @@ def test_a_cord_that_the_depth_misses_is_not_carried_aside(scene, tmp_path, monk
     plain = render_plain(scene, tmp_path, seed=11, views=("right",))["right"][COLOUR_PASS]
     beside = np.s_[20:70, round(columns[nearest]) - 6 : round(columns[nearest]) + 6]
     errors = {}
-    for name, threshold in (("found", thin.THRESHOLD), ("missed", np.inf)):
-        monkeypatch.setattr(thin, "THRESHOLD", threshold)
+    for name, threshold in (("found", thin.TUNING.thin_step_pixels), ("missed", np.inf)):
+        monkeypatch.setattr(thin, "TUNING", replace(thin.TUNING, thin_step_pixels=threshold))
         (tmp_path / name).mkdir()
         eyes, _ = pair(scene, tmp_path / name)
         errors[name] = squared_error(eyes["right"][COLOUR_PASS], plain)[beside].mean()
