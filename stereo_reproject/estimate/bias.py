@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..images.bands import BAND_PIXELS
 from .evidence import ProbeTraces
 from .probes import Probes
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -128,10 +128,10 @@ def bias_of(
     nearby = alike.sum(variance, 2) / np.maximum(alike.sum(np.ones_like(variance), 2), 1.0)
     # A few probes may all have been spared what makes others bright, and seem to be sure that it is dark.
     nearby = np.maximum(nearby, 0.5 * noise.variance) * (1.0 + 2.0 * noise.in_warp)
-    share = tuned().bias_contrast_share
+    share = TUNING.bias_contrast_share
     weight = known / (nearby + share * contrast[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
-    for reach in tuned().bias_reaches_tiles:
+    for reach in TUNING.bias_reaches_tiles:
         left = weight[:, None] * (residual - added)
         total, certainty = alike.sum(left, reach), alike.sum(weight, reach)
         without_own += _shrunk_mean(total - left, certainty - weight)
@@ -147,7 +147,7 @@ def _shrunk_mean(total: NDArray, certainty: NDArray) -> NDArray[np.float64]:
     inverse = 1.0 / np.maximum(certainty, 1e-9)
     mean = total * inverse[:, None]
     size = np.maximum(np.mean(mean**2, axis=-1), 1e-12)
-    doubt = tuned().bias_doubt
+    doubt = TUNING.bias_doubt
     return np.where(certainty > 0.0, np.clip(1.0 - doubt * inverse / size, 0.0, 1.0), 0.0)[:, None] * mean
 
 
@@ -191,7 +191,7 @@ def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[
 
     1 for what is not light. With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
     """
-    limit = tuned().max_bias_factor
+    limit = TUNING.max_bias_factor
     light = (colour > 0.0) & (colour < float(np.finfo(np.float32).max) / limit)
     bright = np.where(light, colour, 1.0).astype(np.float64)
     step = added * (1.0 + bright)

@@ -22,7 +22,7 @@ from .bias import SourceNoise, bias_of
 from .evidence import ProbeTraces, SelectionEvidence, TileEvidence, measure_tiles
 from .probes import Probes, place_regular_probes
 from .target import Provenance, Target
-from .tuning import tuned
+from .tuning import TUNING
 
 MIN_NOISE = 1e-12
 """Variance that is added to the probes' own, so that a picture without noise divides by something."""
@@ -104,17 +104,17 @@ class DenoisedEstimator:
         told = np.minimum(squared_error(target, bias.at_probes(before)), squared_error(target, bias.at_probes(source)))
         noise = probes.neighbourhood_mean(squared_error(traces.once, traces.again)) + MIN_NOISE
         # Most tiles are right: what they are told to be off by is the noise of the telling.
-        error = np.maximum(told - np.quantile(told / noise, tuned().right_tiles_share) * noise, 0.0)
+        error = np.maximum(told - np.quantile(told / noise, TUNING.right_tiles_share) * noise, 0.0)
         own = error * probes.tile_sum(warped)
         by_material = _error_by_material(probes, error, np.where(warped, contrast, 0.0), kinds)
-        share = tuned().own_probe_share
+        share = TUNING.own_probe_share
         excess = share * own + (1.0 - share) * by_material
         expected = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
         return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:  # noqa: ARG002
         """Return True where the gain is large; of a denoised picture the estimate is too unsure to decide."""
-        return gain > tuned().min_gain_denoised
+        return gain > TUNING.min_gain_denoised
 
 
 def source_noise(
@@ -125,7 +125,7 @@ def source_noise(
     known = warped & ~probes.mask
     change = np.where(known[..., None], tone(noisy).astype(np.float64) - tone(colour), 0.0)
     near = probes.rows, probes.columns
-    side = tuned().source_noise_reach_tiles * probes.spacing
+    side = TUNING.source_noise_reach_tiles * probes.spacing
     reach = side, side
     pixels = np.maximum(box_sum(known, reach)[near], 1.0)
     shift = np.stack([box_sum(change[..., channel], reach)[near] / pixels for channel in range(3)], axis=-1)
@@ -138,8 +138,8 @@ def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> ND
     warped = warped & ~probes.mask
     squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
     near = probes.rows, probes.columns
-    return box_sum(squares, tuned().source_noise_reach_px)[near] / np.maximum(
-        box_sum(warped, tuned().source_noise_reach_px)[near], 1.0
+    return box_sum(squares, TUNING.source_noise_reach_px)[near] / np.maximum(
+        box_sum(warped, TUNING.source_noise_reach_px)[near], 1.0
     )
 
 

@@ -18,7 +18,7 @@ from ..images.contrast import Contrast
 from ..images.metrics import squared_error, tone
 from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def measure_tiles(
     w, a, b = traces.toned(traces.finite)
     noise = noise_left * np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard_share(probes, noise)
-    expected = np.where(warped, contrast.signal + tuned().noise_weight * contrast.noise, 0.0)
+    expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
     excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
     by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, noise_left)
     return TileEvidence(
@@ -161,7 +161,7 @@ def _excess_by_second(
     local = selection.source_noise
     scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
     error = np.mean(residual**2, axis=-1)
-    limit = tuned().max_probe_noise_ratio
+    limit = TUNING.max_probe_noise_ratio
     heard = np.minimum(1.0, limit * scale * local / noise_left / np.maximum(error, 1e-30))
     return heard * error - (1.0 + 1.0 / noise_left) * scale * local
 
@@ -187,7 +187,7 @@ def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float
     """Return the share (N,) of each probe's evidence that counts, so that none is louder than is allowed."""
     everywhere = (noise.sum() - noise) / max(noise.size - 1, 1)
     nearby = probes.neighbour_sum(noise) / np.maximum(probes.neighbour_sum(np.ones_like(noise)), 1.0)
-    allowed = tuned().max_probe_noise_ratio * np.maximum(nearby, everywhere)
+    allowed = TUNING.max_probe_noise_ratio * np.maximum(nearby, everywhere)
     return np.where((noise > allowed) & (allowed > 0.0), allowed / np.where(noise > 0.0, noise, 1.0), 1.0)
 
 
@@ -241,6 +241,6 @@ def _selection_after(
         evidence.probes.neighbour_sum(np.where(refined, a, 0.0)) for a in (np.maximum(excess, 0.0), expected)
     )
     usual = max(float(expected.mean()), 1e-12)
-    limit = tuned().max_neighbour_scale
+    limit = TUNING.max_neighbour_scale
     factor = np.clip((had + usual) / (foretold + usual), 1.0 / limit, limit)
     return np.where(refined | evidence.refined, 0.0, expected * factor)

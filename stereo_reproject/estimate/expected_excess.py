@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .evidence import TileEvidence
-from .tuning import tuned
+from .tuning import TUNING
 
 CONFIDENCE_95_SIGMAS = 1.96
 """Standard errors on either side that hold 95 %."""
@@ -29,7 +29,7 @@ def expected_excess(evidence: TileEvidence, reach: int) -> Uncertain:
 
 def neighbours_excess(evidence: TileEvidence, reach: int) -> Uncertain:
     """Return the excess (N,) of a pixel of each tile by those within `reach` tiles, in proportion to its contrast."""
-    probes, unmoved = evidence.probes, tuned().unmoved_share
+    probes, unmoved = evidence.probes, TUNING.unmoved_share
     around = probes.neighbour_sum(evidence.excess, reach)
     contrast = np.maximum(np.maximum(probes.neighbour_sum(evidence.contrast, reach), evidence.contrast), 1e-30)
     pixels = np.maximum(probes.neighbour_sum(evidence.pixels, reach), 1.0)
@@ -58,7 +58,7 @@ def denoised_excess(evidence: TileEvidence, selection: NDArray[np.float64]) -> U
     allowed = max(float(total[-1] + doubt[-1]), 0.0) * evidence.frame_noise
     scale = min(1.0, allowed / max(float(selection.sum()), 1e-30))
     expected = scale * selection / evidence.pixels
-    tuning = tuned()
+    tuning = TUNING
     for reach in (tuning.frame_reach_tiles, tuning.tile_reach_tiles):
         by_traces, error = with_materials(evidence, neighbours_excess(evidence, reach))
         expected = np.maximum(expected, np.where(by_traces > CONFIDENCE_95_SIGMAS * error, by_traces, 0.0))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..images.metrics import TILE_PX
 from .evidence import TileEvidence
 from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _excess_over_noise(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
     if not floor:
         # Most of the frame is noiseless: black, or nothing but light.
         floor = float(np.median(noise[noise > 0.0])) if noise.any() else evidence.mean_noise
-    floor = max(floor, tuned().min_noise_share * evidence.mean_noise)
+    floor = max(floor, TUNING.min_noise_share * evidence.mean_noise)
     per_noise = np.where(evidence.refined, 0.0, 0.5 / np.maximum(noise, floor))
-    expected, error = expected_excess(evidence, tuned().tile_reach_tiles)
+    expected, error = expected_excess(evidence, TUNING.tile_reach_tiles)
     return per_noise * expected, per_noise * error

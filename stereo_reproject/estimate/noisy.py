@@ -16,7 +16,7 @@ from .evidence import ProbeTraces, TileEvidence, measure_tiles
 from .noise_ratio import estimate
 from .probes import Probes, place_random_probes
 from .target import Target
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -75,4 +75,4 @@ class NoisyEstimator:
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
         """Return True where the promise is not kept yet, or the gain is large."""
-        return estimate(evidence).noise_ratio > promise or gain > tuned().min_gain
+        return estimate(evidence).noise_ratio > promise or gain > TUNING.min_gain

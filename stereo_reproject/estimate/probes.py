@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast, box_sum
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def place_random_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacin
     even = 1.0 / _tile_sums(warped, spacing)[tiles] if rows.size else np.zeros(0)
     total = _tile_sums(signal, spacing)[tiles]
     uneven = signal[rows, columns] / np.where(total > 0.0, total, 1.0)
-    share = tuned().even_probe_chance
+    share = TUNING.even_probe_chance
     chance = np.where(total > 0.0, share * even + (1.0 - share) * uneven, even)
     # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
     order = np.argsort(-(np.log(chance) + rng.gumbel(size=chance.size)), kind="stable")

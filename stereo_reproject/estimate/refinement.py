@@ -21,7 +21,7 @@ from .expected_excess import (
     remaining_excess,
     with_materials,
 )
-from .tuning import tuned
+from .tuning import TUNING
 
 
 def choose_tiles(
@@ -42,8 +42,8 @@ def choose_tiles(
     if not evidence.frame_noise:
         # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
         return free & (evidence.excess > HOLE_TUNING.unseen_difference**2 * evidence.pixels)
-    margin = tuned().promise_margin_sigmas if margin_sigmas is None else margin_sigmas
-    expected = expected_excess(evidence, tuned().frame_reach_tiles)[0]
+    margin = TUNING.promise_margin_sigmas if margin_sigmas is None else margin_sigmas
+    expected = expected_excess(evidence, TUNING.frame_reach_tiles)[0]
     # Where no gain is expected, there is none: what a lone probe says of its own tile is for the estimate.
     candidates = np.nonzero(free & (expected > 0.0))[0]
     order = candidates[np.argsort(-expected[candidates], kind="stable")]
@@ -63,7 +63,7 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
         return np.zeros_like(evidence.refined)
     noise = np.maximum(local_noise(evidence), max(float(np.median(evidence.noise)), unseen**2))
     limit = 2.0 * (worst**2 - 1.0) * noise * evidence.pixels
-    doubt = tuned().tile_outlier_sigmas * evidence.traced_noise * noise * evidence.probes.weight
+    doubt = TUNING.tile_outlier_sigmas * evidence.traced_noise * noise * evidence.probes.weight
     return ~evidence.refined & (evidence.excess > np.maximum(limit, doubt))
 
 
@@ -71,7 +71,7 @@ def expected_gain(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> float:
     """Return the excess of the frame over its noise that tracing the chosen tiles (N,) is expected to take away."""
     if not evidence.frame_noise:
         return 0.0
-    expected = expected_excess(evidence, tuned().tile_reach_tiles)[0] * evidence.pixels
+    expected = expected_excess(evidence, TUNING.tile_reach_tiles)[0] * evidence.pixels
     return float(expected[chosen].sum()) / evidence.frame_noise
 
 
@@ -85,7 +85,7 @@ def _on_mostly_traced_materials(evidence: TileEvidence, chosen: NDArray[np.bool_
     material, pixels, probes = evidence.materials.of_probe, evidence.pixels, evidence.probes
     traced = chosen | evidence.refined
     shown = np.bincount(material, weights=pixels)
-    share = tuned().mostly_traced_share
+    share = TUNING.mostly_traced_share
     mostly = np.bincount(material, weights=pixels * traced) >= share * np.maximum(shown, 1.0)
     contrast = probes.neighbourhood_mean(evidence.contrast)
     return mostly[material] & (contrast >= unseen**2 * probes.neighbourhood_mean(pixels))
@@ -114,6 +114,6 @@ def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
     if evidence.selection is not None:
         return denoised_excess(evidence, evidence.selection)[0] > allowed
-    nearby, doubt = neighbours_excess(evidence, tuned().tile_reach_tiles)
+    nearby, doubt = neighbours_excess(evidence, TUNING.tile_reach_tiles)
     expected, error = with_materials(evidence, (nearby, doubt))
     return ((expected > allowed) & (expected > error)) | ((nearby > allowed) & (nearby > CONFIDENCE_95_SIGMAS * doubt))

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .tuning import tuned
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class ShownMaterials:
             np.bincount(self.material, weights=self.contrast, minlength=self._count)[self.material] - self.contrast
         )
         # Little contrast elsewhere must not be scaled up to much.
-        known = (others >= tuned().min_material_probes) & (elsewhere >= self.contrast)
+        known = (others >= TUNING.min_material_probes) & (elsewhere >= self.contrast)
         per_contrast = np.where(known, self.contrast / np.where(known, elsewhere, 1.0), 0.0)
         found = self._by_material(self.found) - self._own * self.found[self.tile]
         squares = self._by_material(self.found**2) - self._own * self.found[self.tile] ** 2

@@ -9,19 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..holes.reprojection import Reprojection
+from ..images.denoising import Denoising
 from ..images.passes import COLOUR_PASS, filtered
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
 from ..trace.requests import Tracer, TraceRequest
-from .estimator import Estimator
+from .estimator import estimator_of
 from .evidence import ProbeTraces, RefinedTiles, TileEvidence, with_refined
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
 from .refinement import choose_tiles, expected_gain, outlier_tiles
 from .target import Provenance, Target
-from .tuning import tuned
+from .tuning import TUNING
 
 PROMISES_NOTHING = "this accuracy promises nothing, and has no probes"
 NOTHING_DIFFERS = "nothing that is seen looks different from each eye, and calls for probes"
@@ -43,6 +44,24 @@ class Refinement:
     whole: bool = False
     no_estimate: str = PROMISES_NOTHING
     can_promise: bool = True
+
+
+@dataclass(frozen=True)
+class WarpedTarget:
+    """A target as it comes out of the warp, with all that completing it by tracing needs.
+
+    view is its name; reprojection has its passes and its holes; planner chooses fill methods. accuracy is that of the
+    frame; denoising is None where the picture stays noisy. needs_probes: whether something may look different from each
+    view, so that a promise must be measured. seed is that of the scene.
+    """
+
+    view: str
+    reprojection: Reprojection
+    planner: FillPlanner
+    accuracy: Accuracy
+    denoising: Denoising | None
+    needs_probes: bool
+    seed: int
 
 
 class TargetTracing(Protocol):
@@ -83,21 +102,13 @@ class ProbedTracing:
 
     correction: Correction | None = None
 
-    def __init__(
-        self,
-        tracer: Tracer,
-        view: str,
-        planner: FillPlanner,
-        reprojection: Reprojection,
-        accuracy: Accuracy,
-        *,
-        estimator: Estimator | None,
-        seed: int,
-    ) -> None:
-        self.target = Target.of_warp(view, reprojection.passes, reprojection.reasons)
+    def __init__(self, tracer: Tracer, warped: WarpedTarget) -> None:
+        reprojection, accuracy = warped.reprojection, warped.accuracy
+        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.pilot_share: float | None = None
-        self._tracer, self._planner = tracer, planner
-        self._accuracy, self._estimator, self._seed = accuracy, estimator, seed
+        self._tracer, self._planner = tracer, warped.planner
+        self._accuracy, self._seed = accuracy, warped.seed
+        self._estimator = estimator_of(reprojection, accuracy, warped.denoising, probed=warped.needs_probes)
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
         self._evidence: TileEvidence | None = None
         self._pilot: TileEvidence | None = None
@@ -109,13 +120,13 @@ class ProbedTracing:
     @property
     def wants_pilot(self) -> bool:
         share = float(np.mean(self._holes))
-        if self._estimator is None or share < tuned().pilot_min_hole_share or self._planner.asked != "auto":
+        if self._estimator is None or share < TUNING.pilot_min_hole_share or self._planner.asked != "auto":
             return False
         # A pilot is packed, and where a full render is the answer already there is nothing to find out.
         return not self._planner.blockers.get("packed") and self._planner.plan(share).method != "full"
 
     def send_pilot(self) -> None:
-        spacing = self._accuracy.probe_spacing * tuned().pilot_spacing_ratio
+        spacing = self._accuracy.probe_spacing * TUNING.pilot_spacing_ratio
         self._pilot = self._trace_probed("packed", np.zeros_like(self._holes), spacing, self._seed)
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
         chosen = choose_tiles(self._pilot, self._promise, unseen=self._accuracy.unseen, margin_sigmas=-1.0)
@@ -146,7 +157,7 @@ class ProbedTracing:
         if evidence is None:
             return self._unrefined()
         before, fills = self.target.traced, list[FillChoice]()
-        while len(fills) < tuned().max_refining_renders:
+        while len(fills) < TUNING.max_refining_renders:
             chosen, outliers = self._tiles_to_trace(evidence)
             pixels = evidence.probes.pixels_of(chosen) & ~self.target.traced
             if not pixels.any() or (fills and not self._worth_a_render(evidence, chosen)):

@@ -7,8 +7,6 @@ say by what reasoning.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 
@@ -106,19 +104,3 @@ class EstimateTuning:
 
 TUNING = EstimateTuning()
 """The numbers that are in use."""
-
-
-@contextmanager
-def varied(tuning: EstimateTuning) -> Iterator[None]:
-    """Have other numbers in use for a while, in this process: to measure what they change."""
-    global TUNING  # noqa: PLW0603 - the one place that changes it
-    before, TUNING = TUNING, tuning
-    try:
-        yield
-    finally:
-        TUNING = before
-
-
-def tuned() -> EstimateTuning:
-    """The numbers that are in use."""
-    return TUNING

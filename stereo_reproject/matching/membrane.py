@@ -40,7 +40,7 @@ def spread(
     domain: NDArray[np.bool_],
     bonds: Bonds,
     *,
-    tolerance: float = TUNING.membrane_tolerance,
+    tolerance: float | None = None,
 ) -> NDArray[np.float32]:
     """Return the membrane (H, W, C) over `domain` (H, W); 0 elsewhere, and where no bonds lead to a known pixel.
 
@@ -52,7 +52,7 @@ def spread(
         return result
     system = _System(domain, bonds, weight)
     values = np.where(system.pull[:, None] > 0.0, known[domain], 0.0).astype(np.float64)
-    result[domain] = system.solve(values, tolerance)
+    result[domain] = system.solve(values, TUNING.membrane_tolerance if tolerance is None else tolerance)
     return result
 
 

@@ -11,9 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.estimator import estimator_of
 from ..estimate.target import Provenance, Target
-from ..estimate.tracing import ProbedTracing, Refinement, TargetTracing
+from ..estimate.tracing import Refinement, TargetTracing, WarpedTarget
 from ..holes.classifier import Optics
 from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
@@ -26,7 +25,6 @@ from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..trace.planner import FillPlanner
-from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
 from ..views.motion import Moving
@@ -38,7 +36,6 @@ from ..warp.rendered_view import RenderedView
 from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
 from .effect_costs import EffectCost, effect_costs
-from .matched_tracing import LightMatcher, MatchedTracing
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
 from .stages import Stage
@@ -66,11 +63,6 @@ class Renderer(Protocol):
     denoise: Denoise | None
     """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
 
-    @property
-    def matcher(self) -> LightMatcher | None:
-        """The engine that traces, where that is another one than renders the source; else None."""
-        ...
-
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Return the source eye, whole and not denoised, and its cost."""
         ...
@@ -79,8 +71,8 @@ class Renderer(Protocol):
         """Return why each fill method cannot be used for this scene, or None; deepest is the greatest depth seen."""
         ...
 
-    def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        """Trace pixels, as `trace.requests.Tracer` says."""
+    def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
+        """Return what completes a warped target: with probes, or by another engine that is matched to the source's."""
         ...
 
 
@@ -146,11 +138,16 @@ class _Source:
     """
 
     rendered: RenderedView
-    cost: SourceCost
     lost: Mapping[str, NDArray[np.bool_]]
     denoising: Denoising | None
     accuracy: Accuracy
     needs_probes: bool
+
+    @property
+    def cost(self) -> SourceCost:
+        """Measured cost of the source render."""
+        assert self.rendered.cost is not None
+        return self.rendered.cost
 
 
 @dataclass(frozen=True)
@@ -196,7 +193,17 @@ def render_stereo_frame(
     blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers)
-    tracing = _tracing_of(renderer, settings.target, planner, reprojection, source)
+    tracing = renderer.tracing_of(
+        WarpedTarget(
+            settings.target,
+            reprojection,
+            planner,
+            source.accuracy,
+            source.denoising,
+            source.needs_probes,
+            renderer.seed,
+        )
+    )
     if tracing.wants_pilot:
         watch.lap(Stage.PILOT)
         tracing.send_pilot()
@@ -239,7 +246,7 @@ def _render_source(
     lost = not_numbers(passes)
     passes, invalid = replace_non_finite(passes)
     needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(view.camera, target)
-    source = _Source(RenderedView(view, passes, invalid, cost), cost, lost, None, accuracy, needs_probes)
+    source = _Source(RenderedView(view, passes, invalid, cost), lost, None, accuracy, needs_probes)
     if renderer.denoise is None:
         return source
 
@@ -251,7 +258,7 @@ def _render_source(
         left = findings.noise_left(partial(noise_left, passes, denoising.denoise))
         denoising = replace(denoising, noise_left=left)
     rendered = RenderedView(view, passes, invalid, cost)
-    return replace(source, rendered=rendered, cost=cost, denoising=denoising, accuracy=for_denoised(accuracy))
+    return replace(source, rendered=rendered, denoising=denoising, accuracy=for_denoised(accuracy))
 
 
 def _warp_source(
@@ -329,17 +336,6 @@ def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
     if asked != "auto":
         return asked, asked
     return "linear", "cubic" if denoised else "linear"
-
-
-def _tracing_of(
-    renderer: Renderer, view: str, planner: FillPlanner, reprojection: Reprojection, source: _Source
-) -> TargetTracing:
-    """Return what completes the target `view`: with the source's own engine and probes, or matched to it by another."""
-    accuracy, seed = source.accuracy, renderer.seed
-    if renderer.matcher is not None:
-        return MatchedTracing(renderer.matcher, view, planner, reprojection, accuracy, seed=seed)
-    estimator = estimator_of(reprojection, accuracy, source.denoising, probed=source.needs_probes)
-    return ProbedTracing(renderer, view, planner, reprojection, accuracy, estimator=estimator, seed=seed)
 
 
 def _without_lost(

@@ -11,17 +11,14 @@ from numpy.typing import NDArray
 
 from ..estimate.noise_ratio import AS_RENDERED
 from ..estimate.target import Provenance, Target
-from ..estimate.tracing import Refinement
-from ..holes.reprojection import Reprojection
+from ..estimate.tracing import Refinement, WarpedTarget
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..matching.matching import Correction, TracedPixels, correction_of, match, ring_of
-from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice, SourceCost
-from ..trace.planner import FillPlanner
 from ..trace.requests import TraceRequest
-from ..trace.tuning import TRACE_TUNING
-from . import tuning
+from ..trace.tuning import TUNING as TRACE_TUNING
+from .tuning import TUNING
 
 SECOND_RENDER = "a second EEVEE render"
 
@@ -84,20 +81,12 @@ class MatchedTracing:
     pilot_share: float | None = None
     wants_pilot = False
 
-    def __init__(
-        self,
-        matcher: LightMatcher,
-        view: str,
-        planner: FillPlanner,
-        reprojection: Reprojection,
-        accuracy: Accuracy,
-        *,
-        seed: int,
-    ) -> None:
-        self.target = Target.of_warp(view, reprojection.passes, reprojection.reasons)
+    def __init__(self, matcher: LightMatcher, warped: WarpedTarget) -> None:
+        reprojection = warped.reprojection
+        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.correction: Correction | None = None
-        self._matcher, self._planner, self._reprojection = matcher, planner, reprojection
-        self._accuracy, self._seed = accuracy, seed
+        self._matcher, self._planner, self._reprojection = matcher, warped.planner, reprojection
+        self._accuracy, self._seed = warped.accuracy, warped.seed
         self._unmatchable: str | None = None
 
     @property
@@ -137,7 +126,7 @@ class MatchedTracing:
         planner, again = self._planner, self._planner.cost.seconds
         self._unmatchable = self._matcher.unmatchable() or _unmatched_pass(self.target.passes)
         method, reason = foreseen_fill(planner.asked, planner.blockers, self._unmatchable)
-        if planner.asked == "auto" and method != "full" and again < tuning.TUNING.min_seconds_to_hand_over:
+        if planner.asked == "auto" and method != "full" and again < TUNING.min_seconds_to_hand_over:
             method = "full"
             reason = f"{SECOND_RENDER}, predicted {again:.1f} s: handing the scene to Cycles would take as long"
         return FillChoice(method, reason, again if method == "full" else 0.0)
@@ -187,10 +176,9 @@ class MatchedTracing:
         alpha = kept[COLOUR_PASS][:, 3:]
         kept[COLOUR_PASS] = np.concatenate([matched[within], alpha], axis=1)
         target = self.target.with_pixels(holes, kept).flagged(ring, Provenance.REFERENCE)
-        clean = self._matcher.clean(target.colour[..., :3])
-        target.colour[holes, :3] = clean[holes]
-        self.correction = correction_of(clean[holes], features.colour[within], warped)
-        self.target = target
+        clean = self._matcher.clean(target.colour[..., :3])[holes]
+        self.correction = correction_of(clean, features.colour[within], warped)
+        self.target = target.with_pixels(holes, {COLOUR_PASS: np.concatenate([clean, alpha], axis=1)})
 
 
 def _unmatched_pass(passes: Passes) -> str | None:
@@ -213,7 +201,7 @@ def _gathered(pieces: Sequence[_Piece], wanted: NDArray[np.bool_]) -> Passes:
 def _pilot_pixels(wanted: NDArray[np.bool_], seed: int) -> NDArray[np.bool_]:
     """Return a few of the wanted pixels (H, W), from all over the picture."""
     rows, columns = np.nonzero(wanted)
-    numbers = tuning.TUNING
+    numbers = TUNING
     count = min(max(int(numbers.matched_pilot_share * rows.size), numbers.min_matched_pilot_pixels), rows.size)
     chosen = np.random.default_rng(seed).choice(rows.size, count, replace=False)
     result = np.zeros_like(wanted)

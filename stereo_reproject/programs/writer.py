@@ -41,10 +41,10 @@ def main() -> None:
 
                 write = FrameWriter(job).write
             answer = {"record": write(frame)}
-        except Exception as error:  # noqa: BLE001 - whatever it is, the other side has to be report
-            report = in_one_line(error)
-            hopeless = isinstance(report, OutputError)
-            answer = {"error": str(report), "status": report.exit_status, "hopeless": hopeless}
+        except Exception as error:  # noqa: BLE001 - whatever it is, the other side has to hear of it
+            failure = in_one_line(error)
+            hopeless = isinstance(failure, OutputError)
+            answer = {"error": str(failure), "status": failure.exit_status, "hopeless": hopeless}
         try:
             write_json(answers / f"{frame['frame']}.json", answer)
         except OSError:

@@ -40,9 +40,6 @@ def _excess(cost: EffectCost | None) -> tuple[float | None, float | None, float 
     return (None, None, None) if cost is None or cost.excess is None else cost.excess
 
 
-NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wrong warp"
-
-
 def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateReport | NoEstimateReport:
     """Return what the probes say of the finished target beside what was promised, or why they say nothing."""
     estimate, evidence = refinement.estimate, refinement.evidence

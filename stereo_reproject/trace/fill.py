@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..errors import BadInputError
-from .tuning import TRACE_TUNING as TUNED
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class SourceCost:
     def fixed(self) -> float:
         """Predicted seconds of one more render call before a pixel is traced: Cycles keeps the synced scene, of which a
         part is synced again."""
-        return TUNED.render_call_seconds + TUNED.resync_share * self.sync_seconds
+        return TUNING.render_call_seconds + TUNING.resync_share * self.sync_seconds
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def choose_fill(
         return FillChoice(next(iter(possible), "full"), "no hole to fill", 0.0)
     notes = [f"no {method}: {blockers[method]}" for method in ("packed", "card") if blockers.get(method)]
     best = min(possible, key=lambda method: predicted[method], default="full")
-    if best != "full" and predicted[best] > TUNED.max_share_of_full_cost * predicted["full"]:
+    if best != "full" and predicted[best] > TUNING.max_share_of_full_cost * predicted["full"]:
         notes.append(f"{best} is predicted to take {predicted[best]:.1f} s")
         best = "full"
     against = f" against {predicted['full']:.1f} s full" if best != "full" else ""
@@ -83,15 +83,15 @@ def choose_fill(
 
 def _predicted_seconds(fraction: float, cost: SourceCost, spacing: int | None) -> dict[str, float]:
     """Seconds by fill method, for a share of the frame and one probe in each tile of `spacing` pixels, if any."""
-    pixel, masked = TUNED.packed_pixel_cost, TUNED.card_pixel_cost
-    apart = TUNED.card_probe_spacing_factor
+    pixel, masked = TUNING.packed_pixel_cost, TUNING.card_pixel_cost
+    apart = TUNING.card_probe_spacing_factor
     probes = 2.0 / spacing**2 if spacing else 0.0
-    opened = TUNED.card_pixels_per_probe / (apart * spacing) ** 2 if spacing else 0.0
+    opened = TUNING.card_pixels_per_probe / (apart * spacing) ** 2 if spacing else 0.0
     return {
         "packed": cost.fixed + pixel * (fraction + probes) * cost.per_frame,
         # A card's probes are traced again in a render of their own.
         "card": cost.fixed
-        + min(masked + pixel * (fraction + opened), TUNED.max_card_frame_cost) * cost.per_frame
+        + min(masked + pixel * (fraction + opened), TUNING.max_card_frame_cost) * cost.per_frame
         + (cost.fixed + (masked + pixel * opened) * cost.per_frame if spacing else 0.0),
         "full": cost.fixed + cost.per_frame,
     }

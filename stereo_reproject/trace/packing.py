@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .tuning import TRACE_TUNING as TUNED
+from .tuning import TUNING
 
 COORDINATE_BITS = 17
 """Bits of a row or a column: Blender's pictures have at most 65536."""
@@ -33,7 +33,7 @@ class Packing:
 
 def pack(views: Sequence[NDArray[np.intp]]) -> Packing:
     """Lay out pixels of any number of views: for each (N, 2), row and column, of which some may be the same."""
-    side = TUNED.block_side_pixels
+    side = TUNING.block_side_pixels
     counts = [math.ceil(len(places) / side**2) for places in views]
     blocks = max(sum(counts), 1)
     across = _across(blocks)
@@ -52,7 +52,7 @@ def pack(views: Sequence[NDArray[np.intp]]) -> Packing:
 def _across(blocks: int) -> int:
     """Number of blocks side by side in the nearly square picture that leaves the fewest empty."""
     side = math.sqrt(blocks)
-    least, most = math.floor(side / math.sqrt(TUNED.max_aspect)), math.ceil(side * math.sqrt(TUNED.max_aspect))
+    least, most = math.floor(side / math.sqrt(TUNING.max_aspect)), math.ceil(side * math.sqrt(TUNING.max_aspect))
     return min(range(max(least, 1), most + 1), key=lambda across: (-blocks % across, abs(across - side)))
 
 
@@ -65,7 +65,7 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
     again = np.concatenate([[False], along[1:] == along[:-1]])[: along.size]
     largest = np.ones(along.size, np.intp)
     size = 2
-    while size <= TUNED.block_side_pixels and along.size:
+    while size <= TUNING.block_side_pixels and along.size:
         starts = np.concatenate([[0], 1 + np.nonzero(np.diff(along // size**2))[0]])
         pixels = np.add.reduceat(~again, starts, dtype=np.intp)
         largest[np.repeat(pixels == size**2, np.diff(starts, append=along.size))] = size

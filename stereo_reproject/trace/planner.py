@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from .fill import FillChoice, SourceCost, choose_fill
-from .tuning import TRACE_TUNING
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -28,4 +28,4 @@ class FillPlanner:
     @staticmethod
     def spacing(method: str, spacing: int) -> int:
         """Return the side, in pixels, of the tiles that have a probe each when holes are traced by this method."""
-        return spacing * (TRACE_TUNING.card_probe_spacing_factor if method == "card" else 1)
+        return spacing * (TUNING.card_probe_spacing_factor if method == "card" else 1)

@@ -42,5 +42,5 @@ class TraceTuning:
     """Longer side of a packed picture over its shorter one, at most, where fewer pixels are wasted so."""
 
 
-TRACE_TUNING = TraceTuning()
+TUNING = TraceTuning()
 """The numbers in use."""

@@ -36,7 +36,7 @@ class Rig:
     @classmethod
     def of_cameras(cls, cameras: Mapping[str, Camera], motion: Mapping[str, Moving] | None = None) -> Rig:
         """Return the rig of these cameras, by their views' names. motion is None, or has all of these names."""
-        views = (View(name, camera, motion[name] if motion else None) for name, camera in cameras.items())
+        views = (View(name, camera, motion.get(name) if motion else None) for name, camera in cameras.items())
         return cls(tuple(views))
 
     @property

@@ -5,8 +5,9 @@
 BEFORE and AFTER are commits (AFTER is the checkout as it stands, unless given). The scenes are a denoised one, one that
 EEVEE renders, one toed in, one with two view layers, and three frames of an animation; holes are traced packed and
 numpy warps, for what depends on the time that something takes would differ anyway. All channels of all EXR files are
-compared, and of each report what was decided: reasons, traced pixels, the grid, and the estimate. --output gets what
-was rendered. Exit status 1 where anything differs by more than 1e-6.
+compared; all pixels of all PNG files, of which holes.png shows each traced pixel by its reason; and of each report what
+was decided: the grid, the effects, the estimate. --output gets what was rendered. Exit status 1 where a channel differs
+by more than 1e-6, or anything else at all.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-CORNELL_BOX = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
+LAYERED_SCENE = "veach-mis"
+"""The scene that is given a second view layer."""
 
 MAX_DIFFERENCE = 1e-6
 """Of a channel's value, relative to it where it is above 1: sums in another order."""
@@ -36,6 +38,9 @@ DECIDED = ("fractions", "grid", "estimate", "effects", "accuracy", "refine", "sa
 
 TIMED = ("seconds", "predicted", "reason", "peak_mb", "memory", "rate", "would")
 """Parts of keys, of values that depend on how long something took."""
+
+PICTURES = ("exr", "png")
+"""Extensions of the files whose pixels are compared."""
 
 MISSING = "nothing"
 """What a report has in place of a key that is gone, as a difference says it."""
@@ -61,12 +66,12 @@ class Case:
 
 def cases(layers: Path) -> tuple[Case, ...]:
     """The five, `layers` being a scene with two view layers."""
-    walks = ("--interocular", "0.065", "--convergence", "5", "--frames", "10-12", "--no-denoise")
+    walks = ("--interocular", "0.065", "--convergence", "5", "--frames", "10-12", "--no-denoise", "--holes")
     return (
         Case("denoised", "living-room", ("--interocular", "0.065", "--convergence", "2.9", "--denoise")),
         Case("eevee", "glass-vase", ("--interocular", "0.013", "--convergence", "0.54", "--source-engine", "eevee")),
         Case("toed-in", "classroom", ("--interocular", "0.065", "--convergence", "6.5", "--mode", "toe-in")),
-        Case("layers", layers, ("--interocular", "0.2", "--convergence", "6.9")),
+        Case("layers", layers, ("--interocular", "0.55", "--convergence", "33")),
         Case("animation", "walking-man", walks, "animate"),
     )
 
@@ -77,7 +82,8 @@ def main() -> int:
     alike = True
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as trees:
         layers = Path(folder) / "two-layers.blend"
-        _run(ROOT, "-c", TWO_LAYERS, str(CORNELL_BOX), str(layers))
+        single = arguments.scenes.resolve() / LAYERED_SCENE / f"{LAYERED_SCENE}.blend"
+        _run(ROOT, "-c", TWO_LAYERS, str(single), str(layers))
         before = trees.enter_context(_checkout(arguments.before, Path(folder) / "before"))
         after = trees.enter_context(_checkout(arguments.after, Path(folder) / "after")) if arguments.after else ROOT
         for case in cases(layers):
@@ -86,10 +92,9 @@ def main() -> int:
                 _render(tree, case, output, arguments)
             differences = list(differences_of(*outputs))
             alike = alike and not differences
-            pictures = len(list(outputs[0].rglob("*.exr")))
-            print(
-                f"{case.name:<12}{pictures:>3} EXR files  {'the same' if not differences else 'DIFFERENT'}", flush=True
-            )
+            counts = (f"{len(list(outputs[0].rglob(f'*.{kind}'))):>3} {kind.upper()}" for kind in PICTURES)
+            verdict = "DIFFERENT" if differences else "the same"
+            print(f"{case.name:<12}{' '.join(counts)}  {verdict}", flush=True)
             for line in differences:
                 print(f"  {line}", flush=True)
     return 0 if alike else 1
@@ -147,10 +152,17 @@ def _render(tree: Path, case: Case, output: Path, arguments: argparse.Namespace)
 
 def differences_of(before: Path, after: Path) -> Iterator[str]:
     """What differs between two folders of results, a line each."""
-    names, others = ({path.relative_to(folder) for path in folder.rglob("*.exr")} for folder in (before, after))
+    names, others = (
+        {path.relative_to(folder) for kind in PICTURES for path in folder.rglob(f"*.{kind}")}
+        for folder in (before, after)
+    )
     for name in sorted(names ^ others):
         yield f"{name} is missing {'before' if name in others else 'after'}"
     for name in sorted(names & others):
+        if name.suffix == ".png":
+            if not np.array_equal(_pixels(before / name), _pixels(after / name)):
+                yield f"{name}: pixels differ"
+            continue
         worst = _worst(_channels(before / name), _channels(after / name))
         if worst > MAX_DIFFERENCE:
             yield f"{name}: a channel differs by {worst:.3g}"
@@ -163,6 +175,12 @@ def differences_of(before: Path, after: Path) -> Iterator[str]:
             yield f"{name} is missing after"
             continue
         yield from (f"{name}: {line}" for line in _decisions(_read(path), _read(after / name)))
+
+
+def _pixels(path: Path) -> np.ndarray:
+    from matplotlib.image import imread
+
+    return imread(path)
 
 
 def _channels(path: Path) -> dict[str, np.ndarray]:

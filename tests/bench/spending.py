@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
-from stereo_reproject.estimate.estimator import estimator_of
 from stereo_reproject.estimate.target import Target
-from stereo_reproject.estimate.tracing import ProbedTracing
-from stereo_reproject.estimate.tuning import EstimateTuning, varied
+from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
+from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.holes.classifier import Optics
 from stereo_reproject.holes.reprojection import Reprojection, reproject
+from stereo_reproject.holes.tuning import HoleTuning
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
@@ -48,6 +48,7 @@ from stereo_reproject.warp.composite import replace_non_finite
 from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.rendered_view import RenderedView
 from tests.bench.coverage import REFERENCE_SEED, overrides, own_output, parse_scenes, scenes_parser
+from tests.bench.tuning import in_use
 
 SHIPPED = SETTINGS["balanced"]
 COST = SourceCost(seconds=60.0, sync_seconds=1.0)
@@ -60,27 +61,32 @@ TARGET = "target "
 """What the names of arrays in the cache begin with."""
 
 
+TUNINGS = (EstimateTuning(), HoleTuning())
+"""The tuned numbers that ship, of the rooms that have a say after the warp."""
+
+
 @dataclass(frozen=True)
 class Knob:
-    """A number that ships, and those to try in its place: a field of `EstimateTuning`, or of `Accuracy`."""
+    """A number that ships, and those to try in its place: a field of one of `TUNINGS`, or of `Accuracy`."""
 
     name: str
     values: tuple[float, ...]
 
     @property
-    def is_tuning(self) -> bool:
-        return self.name in {field.name for field in fields(EstimateTuning)}
+    def tuning(self) -> Any:
+        """The tuned numbers of the room that has the field; None where it is the accuracy's."""
+        return next((tuning for tuning in TUNINGS if self.name in {field.name for field in fields(tuning)}), None)
 
     def shipped(self, accuracy: Accuracy = SHIPPED) -> float:
-        return getattr(EstimateTuning() if self.is_tuning else accuracy, self.name)
+        return getattr(self.tuning or accuracy, self.name)
 
     @contextmanager
     def turned(self, value: float, accuracy: Accuracy = SHIPPED) -> Iterator[Accuracy]:
         """The accuracy to run with while the knob stands at `value`."""
-        if not self.is_tuning:
+        if self.tuning is None:
             yield replace(accuracy, **{self.name: value})
             return
-        with varied(replace(EstimateTuning(), **{self.name: value})):
+        with in_use(replace(self.tuning, **{self.name: value})):
             yield accuracy
 
 
@@ -93,6 +99,8 @@ KNOBS = (
     Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
     Knob("tile_limit", (1.5, 2.0, 3.0)),
     Knob("max_refining_renders", (1, 2)),
+    Knob("max_flagged_weight", (0.005, 0.02, 0.1)),
+    Knob("isolated_share", (0.2, 1.0 / 3.0, 0.5)),
 )
 
 
@@ -148,8 +156,7 @@ class Scene:
         views = tuple(replace(view, accuracy=accuracy) for view in self.warped.views)
         warped = replace(self.warped, warped=replace(self.warped.warped, passes=passes), views=views)
         tracer, planner, view = StoredTracer(once, again), FillPlanner("auto", COST, {}), StereoSettings().target
-        estimator = estimator_of(warped, accuracy, None, probed=True)
-        tracing = ProbedTracing(tracer, view, planner, warped, accuracy, estimator=estimator, seed=seed)
+        tracing = ProbedTracing(tracer, WarpedTarget(view, warped, planner, accuracy, None, True, seed))
         if tracing.wants_pilot:
             tracing.send_pilot()
         tracing.fill()

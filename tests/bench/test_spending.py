@@ -1,12 +1,30 @@
 """The pure parts of the spending script: knobs that go back to where they stood, stored traces, and the table."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.tuning import EstimateTuning, tuned
+from stereo_reproject.estimate import tracing
+from stereo_reproject.holes import classifier
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.trace.requests import TraceRequest
-from tests.bench.spending import KNOBS, SHIPPED, Knob, Outcome, StoredTracer, load_pictures, parse, save_pictures, table
+from tests.bench.spending import (
+    KNOBS,
+    SHIPPED,
+    TUNINGS,
+    Knob,
+    Outcome,
+    StoredTracer,
+    load_pictures,
+    parse,
+    save_pictures,
+    table,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 
 class TurnedTooFarError(Exception):
@@ -17,17 +35,39 @@ class TurnedTooFarError(Exception):
 def test_a_knob_turns_what_the_engine_reads_and_goes_back(knob):
     for value in knob.values:
         with knob.turned(value) as accuracy:
-            assert getattr(tuned() if knob.is_tuning else accuracy, knob.name) == value
-            assert knob.is_tuning == (accuracy is SHIPPED)
+            in_use = next((one for one in (tracing.TUNING, classifier.TUNING) if hasattr(one, knob.name)), accuracy)
+            assert getattr(in_use, knob.name) == value
+            assert (knob.tuning is None) == (accuracy is not SHIPPED)
             assert knob.shipped() in knob.values, "what ships is not touched"
-        assert tuned() == EstimateTuning()
+        assert (tracing.TUNING, classifier.TUNING) == TUNINGS
 
 
 @pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
 def test_a_knob_goes_back_after_an_error_too(knob):
     with pytest.raises(TurnedTooFarError), knob.turned(knob.values[0]):
         raise TurnedTooFarError
-    assert tuned() == EstimateTuning()
+    assert (tracing.TUNING, classifier.TUNING) == TUNINGS
+
+
+READ_ON_LOADING = {"stereo_reproject/blender/gpu/warp_source.py"}
+"""Modules that read tuned numbers when they are loaded: the text of the GPU's shaders holds them."""
+
+
+def test_tuned_numbers_are_read_when_they_are_used():
+    """Or to vary them would change nothing."""
+    found = set()
+    for file in ROOT.glob("stereo_reproject/**/*.py"):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        bodies = [part for node in ast.walk(tree) if isinstance(node, FUNCTIONS) for part in body_of(node)]
+        inside = {id(node) for part in bodies for node in ast.walk(part)}
+        reads = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and id(node) not in inside)
+        if any(isinstance(node.value, ast.Name) and node.value.id.endswith("TUNING") for node in reads):
+            found.add(file.relative_to(ROOT).as_posix())
+    assert found == READ_ON_LOADING
+
+
+def body_of(function):
+    return function.body if isinstance(function.body, list) else [function.body]
 
 
 @pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)

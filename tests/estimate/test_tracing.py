@@ -6,9 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stereo_reproject.estimate.estimator import estimator_of
 from stereo_reproject.estimate.target import Provenance
-from stereo_reproject.estimate.tracing import ProbedTracing
+from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
 from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.images.metrics import noise_ratio
 from stereo_reproject.images.reasons import Reason
@@ -59,8 +58,9 @@ class Frame:
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
         planner = FillPlanner(asked, COST, blockers or {})
-        estimator = estimator_of(self.reprojection, accuracy, None, probed=watched)
-        return ProbedTracing(self, "right", planner, self.reprojection, accuracy, estimator=estimator, seed=self.seed)
+        return ProbedTracing(
+            self, WarpedTarget("right", self.reprojection, planner, accuracy, None, watched, self.seed)
+        )
 
     def ratio(self, eye):
         return noise_ratio(eye.target.passes["Combined"], self.traced(), self.traced())

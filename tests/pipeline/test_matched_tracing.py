@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from stereo_reproject.estimate.tracing import WarpedTarget
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.matching.matching import TracedPixels
@@ -62,8 +63,9 @@ class LightMatcher:
 
 
 def filled(matcher, *, asked="auto", seconds=100.0, blockers=None):
-    means = FillPlanner(asked, SourceCost(seconds, 0.0), blockers or {"packed": None, "card": None})
-    eye = MatchedTracing(matcher, "right", means, reprojection(), SETTINGS["preview"], seed=1)
+    planner = FillPlanner(asked, SourceCost(seconds, 0.0), blockers or {"packed": None, "card": None})
+    warped = WarpedTarget("right", reprojection(), planner, SETTINGS["preview"], None, False, 1)
+    eye = MatchedTracing(matcher, warped)
     return eye, eye.fill()
 
 

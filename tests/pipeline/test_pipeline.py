@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
+from stereo_reproject.estimate.tracing import ProbedTracing
 from stereo_reproject.holes.classifier import PINHOLE
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.metrics import noise_ratio, worst_tiles
 from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import Stopwatch, render_stereo_frame, traced_fractions
+from stereo_reproject.pipeline.matched_tracing import MatchedTracing
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.settings.frame import StereoSettings
@@ -91,7 +93,7 @@ class Caster:
     deepest: float = 0.0
     gpu: object = staticmethod(lambda: None)
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
-    matcher: object = None
+    other_engine: bool = False
 
     def picture(self, view, seed):
         passes = self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
@@ -120,6 +122,9 @@ class Caster:
     @property
     def plan(self):
         return EffectsPlan((Finding(Effect.GLOSSY, self.view_dependent, "probed"),), {})
+
+    def tracing_of(self, warped):
+        return MatchedTracing(self, warped) if self.other_engine else ProbedTracing(self, warped)
 
     def trace(self, method, requests):
         [request] = requests
@@ -447,7 +452,7 @@ def test_a_full_fill_is_the_target_s_own_render():
 @pytest.mark.parametrize("accuracy", ["draft", "exact"])
 def test_a_target_that_was_rendered_whole_is_offered_nothing_better(other_engine, accuracy):
     renderer = caster()
-    renderer.matcher = renderer if other_engine else None
+    renderer.other_engine = other_engine
     renderer.unmatchable = lambda: "its light is odd"
     whole = render_stereo_frame(renderer, settings(fill="full", accuracy=accuracy)).next_accuracy
     assert (whole.accuracy, whole.more_seconds) == ("full", None)

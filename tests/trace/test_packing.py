@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.trace.packing import pack
-from stereo_reproject.trace.tuning import TRACE_TUNING
+from stereo_reproject.trace.tuning import TUNING
 
-BLOCK = TRACE_TUNING.block_side_pixels
+BLOCK = TUNING.block_side_pixels
 
 TARGET = (100, 150)
 

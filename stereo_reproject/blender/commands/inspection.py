@@ -19,7 +19,6 @@ from ...images.effects import SEEN_DIFFERENTLY, Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ...pipeline.frame import interpolations_of
-from ...pipeline.matched_tracing import foreseen_fill
 from ...pipeline.prediction import (
     Prediction,
     Sketch,
@@ -37,14 +36,14 @@ from ...report.as_json import as_json
 from ...report.header import ReportHeader
 from ...report.inspection import INSPECTION_SCHEMA, effects_rows
 from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
-from ...settings.frame import StereoSettings
+from ...settings.frame import EYES, StereoSettings
 from ...trace.fill import SourceCost, check_fill, choose_fill
 from ...views.camera import see_the_same
 from ...views.view import Rig
 from ...warp.composite import replace_non_finite
 from ...warp.options import WarpOptions
 from ...warp.rendered_view import RenderedView
-from ..engines.eevee import EeveeRenderer, renderer_of
+from ..engines.eevee import renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import without_time_limit
 from ..scene.rig import frame_region
@@ -87,8 +86,9 @@ def inspect_scene(
             alone = first_layer_alone(scene, "what is found and predicted is that")
             warnings = [*scene_warnings(scene, settings.scene), *renderer.warnings, *alone]
             predicted = parallax = None
-            if sketch and isinstance(renderer, EeveeRenderer):
-                predicted = _predicted_of_eevee(renderer, settings)
+            foreseen = renderer.foreseen_fill(settings.fill) if sketch else None
+            if foreseen is not None:
+                predicted = _predicted_without_sketch(*foreseen)
             elif sketch:
                 on_stage(Stage.SKETCH)
                 sketched = _render_sketch(renderer, settings, header.samples)
@@ -135,10 +135,8 @@ def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
     return [prop.name for prop in switches if prop.identifier not in NO_PASSES and getattr(owner, prop.identifier)]
 
 
-def _predicted_of_eevee(renderer: EeveeRenderer, settings: StereoSettings) -> dict[str, Any]:
-    """Return the prediction for a source of EEVEE: of the fill alone, since a sketch says little of EEVEE's seconds and
-    nothing of those of Cycles."""
-    method, reason = foreseen_fill(settings.fill, renderer.fill_blockers(), renderer.unmatchable())
+def _predicted_without_sketch(method: str, reason: str) -> dict[str, Any]:
+    """Return the prediction for a source of EEVEE: of the fill alone, its method and the reason for it."""
     return {
         "rests_on": "how it is done: what Cycles takes beside EEVEE shows as the pair is made",
         "fill": {"method": method, "reason": reason, "seconds": None},
@@ -209,7 +207,7 @@ def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passe
 
 def _seen_differently(renderer: BlenderRenderer) -> Effect:
     """Return the effects that are called for and may look different from each eye: none where both are in one place."""
-    if see_the_same(*renderer.cameras.values()):
+    if see_the_same(*(renderer.cameras[view] for view in EYES)):
         return Effect(0)
     return renderer.plan.called_for & SEEN_DIFFERENTLY
 

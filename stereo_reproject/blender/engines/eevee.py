@@ -10,9 +10,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...estimate.tracing import TargetTracing, WarpedTarget
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from ...matching.matching import TracedPixels
-from ...pipeline.matched_tracing import LightMatcher
+from ...pipeline.matched_tracing import MatchedTracing, foreseen_fill
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...views.camera import PerspectiveCamera, ray_length_per_depth
@@ -57,11 +58,6 @@ class EeveeRenderer(BlenderRenderer):
     """Renders whole eyes with EEVEE, and traces with Cycles."""
 
     @property
-    def matcher(self) -> LightMatcher:
-        """This renderer: what it traces with Cycles is matched to EEVEE's light."""
-        return self
-
-    @property
     def warnings(self) -> list[str]:
         return engine_warnings(self.scene)
 
@@ -97,6 +93,14 @@ class EeveeRenderer(BlenderRenderer):
             scene.render.use_persistent_data = False
             bpy.data.scenes.remove(scene)
         self._tracing = None
+
+    def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
+        """Return what completes a warped target with Cycles, matched to EEVEE's light."""
+        return MatchedTracing(self, warped)
+
+    def foreseen_fill(self, asked: str) -> tuple[str, str] | None:
+        """Return the fill method and why: a sketch says little of EEVEE's seconds and nothing of those of Cycles."""
+        return foreseen_fill(asked, self.fill_blockers(), self.unmatchable())
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
         assert all(request.twice is None for request in requests), "EEVEE's pixels are not probed"

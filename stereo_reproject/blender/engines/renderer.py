@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
+from ...estimate.tracing import ProbedTracing, TargetTracing, WarpedTarget
 from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
-from ...pipeline.matched_tracing import LightMatcher
 from ...settings.frame import EYES
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
@@ -56,11 +56,6 @@ class BlenderRenderer:
     """
 
     gpu = staticmethod(gpu_warper)
-
-    @property
-    def matcher(self) -> LightMatcher | None:
-        """None: the engine that renders the source traces too."""
-        return None
 
     @property
     def warnings(self) -> list[str]:
@@ -157,6 +152,14 @@ class BlenderRenderer:
             "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
+
+    def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
+        """Return what completes a warped target with probes, since one engine renders and traces."""
+        return ProbedTracing(self, warped)
+
+    def foreseen_fill(self, asked: str) -> tuple[str, str] | None:  # noqa: ARG002
+        """Return the fill method and why, where no sketch can tell it; None here: a sketch tells."""
+        return None
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
         """Trace all requests by one method, as `Tracer` describes.
