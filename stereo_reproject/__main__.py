@@ -7,6 +7,8 @@ from types import FrameType
 
 
 def _leave(signum: int, _frame: FrameType | None) -> None:
+    """End the process at once on Ctrl-C, with exit status 128 plus the signal's number. A signal handler for the time
+    before the command line runs."""
     os._exit(128 + signum)
 
 
