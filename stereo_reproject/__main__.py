@@ -13,7 +13,8 @@ def _leave(signum: int, _frame: FrameType | None) -> None:
 
 
 def run() -> int:
-    """Run the command line and return its exit status."""
+    """Run the command line and return its exit status. Ctrl-C ends the process at once before the command line runs,
+    and is ignored afterwards."""
     # Imports take a moment too; until a run has begun there is nothing that would have to be cleaned up.
     signal.signal(signal.SIGINT, _leave)
     from .programs.cli import main

@@ -102,8 +102,8 @@ def write_st3d(path: Path, mode: int | None) -> None:
     if `mode` is None. Marks that are there already are removed, Apple's included. The file is replaced by a changed
     copy.
 
-    Raises StereoReprojectError if the file is damaged, and BadInputError if it cannot be read or written, or is a kind
-    of MP4 that is not known here. After an error the file is as it was.
+    Raises StereoReprojectError if the file is damaged, and BadInputError if it cannot be read or written, has no room
+    for the mark, or is a kind of MP4 that is not supported. After an error the file is as it was.
     """
     try:
         with path.open("rb") as file:

@@ -76,7 +76,7 @@ class Progress:
         return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
 
     def remaining(self, now: float) -> float | None:
-        """Return the seconds that remain, or None as long as they cannot be estimated."""
+        """Return the seconds that the run still takes by estimate; None as long as they cannot be estimated."""
         if self._pace is None:
             return None
         whole = self._frames * sum(self._expected.values())

@@ -154,8 +154,8 @@ class Worker:
                 self._stage_begins = 0
 
     def samples_done(self) -> float | None:
-        """Return the fraction of this stage's samples that are rendered, from 0 to 1; None where the log does not say
-        (5.2)."""
+        """Return the fraction of this stage's samples that are rendered, from 0 to 1, as Blender's log has it; None
+        where the log does not say it, as in Blender 5.2."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
             samples = SAMPLES_LINE.findall(log.read())

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Absent(Enum):
-    """Type of `ABSENT`."""
+    """The type of `ABSENT`, which marks a field of a report whose key is left out of the JSON."""
 
     ABSENT = "absent"
 

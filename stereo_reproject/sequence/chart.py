@@ -213,7 +213,7 @@ def _fill(axes: Axes, above: NDArray, edges: NDArray, below: NDArray | float, **
 
 
 def _width(series: Series) -> float:
-    """Return the width of a line: thinner where the frames lie close."""
+    """Return the width of a line in points, for matplotlib: thinner where there are many frames."""
     return 1.6 if len(series.frames) <= 200 else 0.8
 
 

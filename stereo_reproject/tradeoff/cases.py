@@ -122,10 +122,10 @@ def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Return for each point (seconds, error) True if no other point is better in both, and its error is finite.
+    """Return for each point (seconds, error) True if its error is finite and no other point beats it.
 
-    A faster point is better if its error is greater by at most NOISE_RATIO_STEP; one equally fast is better if its
-    error is less.
+    A faster point beats it if that one's error is not greater by more than NOISE_RATIO_STEP; a point with equal seconds
+    beats it if its error is less.
     """
 
     def beaten(seconds: float, error: float) -> bool:
