@@ -95,9 +95,10 @@ EEVEE_HANDLING = "warped as the source eye sees it: EEVEE's light cannot be prob
 
 @dataclass(frozen=True)
 class Finding:
-    """Effect that was looked for in a scene.
+    """The answer to whether a scene calls for one effect.
 
-    by names, in words, the things that call for it, none where nothing does; handling says in words how it is handled.
+    by names, in words, the things in the scene that call for it, and is empty where nothing does. handling says in
+    words, for reports, how the effect is handled.
     """
 
     effect: Effect
@@ -121,7 +122,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class EffectsPlan:
-    """Findings of a scene, one for each effect in `Effect`'s order, and the effects of visible materials by name."""
+    """Findings of a scene: which effects it calls for, and which materials have them.
+
+    findings has one for each effect, in `Effect`'s order; materials has the effects of each visible material, by its
+    name.
+    """
 
     findings: tuple[Finding, ...]
     materials: Mapping[str, Effect]

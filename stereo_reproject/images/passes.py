@@ -174,7 +174,11 @@ def cryptomatte_of(name: str) -> str | None:
 
 
 def filtered(name: str) -> bool:
-    """Return whether the pass is looked up between pixels: whether the mean of two of its values is a value too."""
+    """Return whether a pass may be interpolated between pixels, because the mean of two of its values is such a value
+    too.
+
+    It is False for passes whose nearest pixel is taken, and for those that are computed anew for the target.
+    """
     return name not in _NEAREST_PIXEL_PASSES and name not in _RECOMPUTED_PASSES and cryptomatte_of(name) is None
 
 
@@ -184,8 +188,10 @@ def seen_in_mirrors(name: str) -> bool:
 
 
 def is_light(name: str) -> bool:
-    """Return whether the pass is light that reaches the camera: all of it, or a part. The parts, some of them times a
-    colour pass of their own, add up to all of it."""
+    """Return whether the pass is light that reaches the camera: all of it (the colour), or a part of it.
+
+    The parts, some of them multiplied by a colour pass of their own, add up to all of it.
+    """
     return name in _LIGHT_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
@@ -205,5 +211,5 @@ def pass_letters(name: str, channels: int) -> str:
 
 
 def without_internal_passes(passes: Passes) -> Passes:
-    """Return the passes that users get."""
+    """Return the passes without INTERNAL_PASSES, which only this extension uses: those that users get."""
     return {name: image for name, image in passes.items() if name not in INTERNAL_PASSES}

@@ -39,5 +39,5 @@ class Reason(IntFlag):
 
     @property
     def label(self) -> str:
-        """Name of the reason in reports and legends."""
+        """Name of the reason in reports and legends, as "view-dependent"."""
         return str(self.name).lower().replace("_", "-")
