@@ -144,7 +144,7 @@ def write_new(path: Path, text: str) -> None:
     """Create a file with this ASCII text. On return, its name and its content are on the disk.
 
     Raises FileExistsError where something is at the path already, and leaves that alone. Raises other OSErrors where
-    the file cannot be written, and removes it then.
+    the file cannot be written; the unfinished file is removed then.
     """
     file = path.open("x", encoding="ascii")
     try:

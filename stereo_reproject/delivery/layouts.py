@@ -40,8 +40,8 @@ class Layout:
     down: int = 1
 
     def at_height(self, rows: int) -> Layout:
-        """Return the layout for frames with this number of rows: interlaced ones have another `stereo_mode` if it is
-        odd."""
+        """Return this layout for frames with `rows` rows. If that number is odd, an interlaced layout has `odd_mode` as
+        its `stereo_mode`."""
         return replace(self, stereo_mode=self.odd_mode) if self.odd_mode and rows % 2 else self
 
 

@@ -115,8 +115,8 @@ class Console:
             self._line = None
 
     def let_go(self) -> None:
-        """Send what is still printed to nowhere on each output stream whose reader takes nothing now, because writing
-        to it might wait forever. Used when the run was interrupted."""
+        """Discard all further output to each output stream whose reader takes nothing now, because writing to it might
+        wait forever. Used when the run was interrupted."""
         for stream in (sys.stdout, sys.stderr):
             if stream is not None and not _takes_more(stream):
                 _discard_output(stream)

@@ -39,8 +39,9 @@ class RunInterruptedError(StereoReprojectError):
 
 
 class Interrupts:
-    """Holds back the signals that end a run, for the time of a `with` block: they take effect when `check` is called,
-    at a moment when nothing is half done. Afterwards the earlier signal handlers are restored, also after an error.
+    """A guard that holds back the signals that end a run, for the time of a `with` block: they take effect when `check`
+    is called, at a moment when nothing is half done. Afterwards the earlier signal handlers are restored, also after an
+    error.
 
     If `check` is not called within HELD_SECONDS of a signal, the main thread probably hangs in a call. Then
     RunInterruptedError is raised inside that call, and the code that it passes through has to undo what is half done.

@@ -41,7 +41,8 @@ STAND_INS = "/proc/"
 
 
 def misread(path: str | os.PathLike[str]) -> str | None:
-    """Return in words why Blender would not read a path as it is written; None where it reads it as it is."""
+    """Return in words why Blender would misread a path, such as one with a backslash in it; None where it reads it as
+    it is written."""
     name = os.fspath(path)
     if os.sep != "\\" and "\\" in name:
         return "Blender takes the backslash in it for a separator"

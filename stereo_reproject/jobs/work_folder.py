@@ -192,8 +192,8 @@ def remove_abandoned(output: Path, *, owner: int | None = None) -> None:
 
 
 def _work_folders(output: Path) -> list[Path]:
-    """Return the work folders of all runs in `output`, alive or not; none where it cannot be listed. Links are left
-    out."""
+    """Return the work folders of all runs in `output`, alive or not; an empty list where it cannot be listed. Links are
+    left out."""
     with contextlib.suppress(OSError):
         named_so = [path for path in output.iterdir() if path.name.startswith(WORK_PREFIX)]
         return [path for path in named_so if not leads_elsewhere(path) and path.is_dir()]

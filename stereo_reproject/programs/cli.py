@@ -140,7 +140,7 @@ def _have_done(
     run: Callable[..., dict[str, Any]] = run_worker,
 ) -> dict[str, Any]:
     """Have the job done by the host's worker and return its report, with signals held back meanwhile. on_event gets the
-    worker's events; `run` does it, `run_worker` or a function with the same arguments."""
+    worker's events. `run` is the function that starts the worker: `run_worker` or one with the same arguments."""
     with Interrupts() as interrupts:
         report = run(
             host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command

@@ -49,7 +49,7 @@ NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wr
 
 def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateReport | NoEstimateReport:
     """Return the part of the report about the target's quality: the estimate beside the accuracy's promise. Where there
-    is no estimate, return one with the reason."""
+    is no estimate, return a `NoEstimateReport` with the reason."""
     estimate, evidence = refinement.estimate, refinement.evidence
     if estimate is None:
         return NoEstimateReport(promise=accuracy.promise, from_=refinement.no_estimate)

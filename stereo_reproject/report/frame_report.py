@@ -125,8 +125,9 @@ class MemoryReport:
 
 @dataclass(frozen=True, kw_only=True)
 class LayerReport:
-    """One view layer of several: rerendered is the share of its target's pixels that was traced, fill its fill method;
-    the correction is that of EEVEE's light, None without it."""
+    """One view layer of several: rerendered is the share of its target's pixels that was traced, and fill its fill
+    method. noise_ratio is None without an estimate. correction is the change of traced light to match EEVEE's, None
+    where there was none. seconds are those of this layer in total."""
 
     name: str
     rerendered: float

@@ -48,7 +48,8 @@ def _effects_lines(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _cost_lines(row: Mapping[str, Any]) -> list[str]:
-    """Return the line about the greatest cost of an effect; none where it was not predicted."""
+    """Return the line about the greatest cost that an effect may have; an empty list where it was not predicted. row is
+    one of `effects_rows`, with its "share" of the picture."""
     if row.get("share") is None:
         return []
     share, seconds = 100 * row["share"], row["seconds_at_most"]

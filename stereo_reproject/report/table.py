@@ -57,8 +57,8 @@ def _traced_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the lines about the estimated quality and whether its promise is kept; none for a report without that
-    part."""
+    """Return the lines about the estimated quality and whether its promise is kept; an empty list for a report without
+    that part."""
     estimate = report.get("estimate")
     if not estimate or estimate["noise_ratio"] is None:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
@@ -83,7 +83,8 @@ def _promised(value: float, promise: float | None, *, unsure: bool = False) -> s
 
 
 def _correction_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the line about the correction of traced pixels to EEVEE's light; none where there was no correction."""
+    """Return the line about the correction of traced pixels to EEVEE's light; an empty list where there was no
+    correction."""
     correction = report.get("correction")
     if not correction:
         return []
@@ -92,7 +93,7 @@ def _correction_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _effects_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the lines about the effects for which pixels were traced; none without any."""
+    """Return the lines about the effects for which pixels were traced; an empty list without any."""
     called_for = [row for row in report.get("effects") or () if row["called_for"] and row["fraction"] > 0.0]
     if not called_for:
         return []
@@ -101,7 +102,7 @@ def _effects_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _layers_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the lines about the view layers; none where there is only one."""
+    """Return the lines about the view layers; an empty list where there is only one."""
     rows = report.get("layers") or ()
     if not rows:
         return []
@@ -114,7 +115,8 @@ def _layers_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _price_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return the line about the predicted cost of the next better accuracy; none for a report without that part."""
+    """Return the line about the predicted cost of the next better accuracy; an empty list for a report without that
+    part."""
     price = report.get("price")
     if not price:
         return []
@@ -135,7 +137,7 @@ def more_seconds_text(price: Mapping[str, Any]) -> str:
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about the gain over Blender's multiview: speed-up and errors as they were measured in a
-    comparison, or else only the predicted speed-up. None for a report with neither."""
+    comparison, or else only the predicted speed-up. An empty list for a report with neither."""
     multiview = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:

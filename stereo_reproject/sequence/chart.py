@@ -239,8 +239,9 @@ def _draw_peer(axes: Axes, series: Series) -> None:
 
 
 def _marked(seconds: NDArray) -> list[int]:
-    """Return the indices of the points of multiview's line that get a marker: all, or those without known neighbours
-    where all are more than MAX_MARKERS."""
+    """Return the indices of the points of multiview's line that get a marker: all points with known seconds or, if
+    these are more than MAX_MARKERS, only those without a known neighbour. seconds (N,) are NaN where they are not
+    known."""
     known = np.isfinite(seconds)
     if known.sum() > MAX_MARKERS:
         beside = np.pad(known, 1)

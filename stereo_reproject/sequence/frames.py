@@ -139,7 +139,8 @@ def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
 
 def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Mapping[int, Record]) -> None:
     """Raise BadInputError if any frames exist already, unless all of these are whole and come from live runs, which
-    have just begun on the same animation. known are the records by frame."""
+    have just begun on the same animation. states are the frames' states, and known the records that the plan has read,
+    both by frame."""
     there = [frame for frame, state in states.items() if state is not FrameState.MISSING or frame in known]
     records = {record.frame: record for record in journal.records.read_all(there)}
     tokens = {records[frame].run if frame in records else "" for frame in there}
@@ -261,8 +262,8 @@ class _Work:
                 self.listener.done(frame, result)
 
     def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
-        """Release the claim of a frame that failed and report it. Raises the error instead where the run has to end: if
-        it is `hopeless`, an OutputError, or one of MAX_FAILURES_IN_A_ROW."""
+        """Release the claim of a frame that failed and report it to the listener. Raise the error instead where the run
+        has to end: if it is `hopeless` to go on, if it is an OutputError, or after MAX_FAILURES_IN_A_ROW failures."""
         with contextlib.suppress(OSError):
             self.journal.claims.release(frame, self._claims[frame], self.token)
         self._failed_in_a_row += 1

@@ -22,8 +22,8 @@ MOVIE_NOTE_BYTES = 1 << 23
 
 @dataclass(frozen=True)
 class MovieNote:
-    """The numbers of the frames that a movie was made of; None for a movie by an earlier version, which did not note
-    them."""
+    """A note about a movie: `frames` are the numbers of the frames that it was made of, None for a movie by an earlier
+    version, which did not note them."""
 
     frames: frozenset[int] | None
 

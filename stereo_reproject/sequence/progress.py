@@ -26,8 +26,8 @@ class Listener:
 
 
 class AnimationProgress:
-    """Reports each finished frame of `total`, with the time that the others will take, to `listener`; frames that fail
-    are added to the dict `failed` with the reason.
+    """The progress of an animation. Each finished frame of `total` is reported to `listener`, with the time that the
+    others will take; frames that fail are added to the dict `failed` with the reason.
 
     Its `frame_listener` is the one to pass to `render_frames`. clock returns seconds. The time per frame is measured
     from the end of the first frame on, so that what comes before does not count.
