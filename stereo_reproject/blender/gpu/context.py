@@ -24,8 +24,9 @@ def started() -> bool:
     """Start the GPU if need be, and return whether the gpu module can be used in this thread, which must be the main
     one.
 
-    Without a window that takes Blender 5.2 on Linux. False where a broken driver would end the process, and where
-    nobody has tried it. Raises SystemError where Blender has no GPU.
+    With a window that is so on any backend but Metal; without one it takes Blender 5.2 on Linux with OpenGL. It returns
+    False where a broken driver would end the process, and where nobody has tried it. Raises SystemError where Blender
+    has no GPU.
     """
     if not bpy.app.background:
         # Metal counts in textures only if they are made for it, which the gpu module does not do.

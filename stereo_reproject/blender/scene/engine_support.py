@@ -74,8 +74,8 @@ def unmatched_materials(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> st
 def _visible_materials(
     scene: bpy.types.Scene, cameras: Iterable[Camera], shadings: Shadings | None = None
 ) -> list[bpy.types.Material]:
-    """Return the materials that these cameras may see, sorted by name. shadings are kept ones, so that no material is
-    looked at twice; without them, new ones are made.
+    """Return the materials that these cameras may see, sorted by name. shadings, if given, already knows the effects of
+    materials and need not find them out again.
     """
     seen = visible_objects(scene, cameras, shadings or Shadings(scene.render.engine))
     found = {material.name: material for item in seen for material in _materials_of(item)}
