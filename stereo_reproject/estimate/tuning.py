@@ -110,7 +110,10 @@ TUNING = EstimateTuning()
 
 @contextmanager
 def varied(tuning: EstimateTuning) -> Iterator[None]:
-    """Have other numbers in use for a while, in this process: to measure what they change."""
+    """Have other tuned numbers in use in this process, for the time of a `with` block, to measure what they change.
+
+    Those from before are restored afterwards, also after an error.
+    """
     global TUNING  # noqa: PLW0603 - the one place that changes it
     before, TUNING = TUNING, tuning
     try:
@@ -120,5 +123,5 @@ def varied(tuning: EstimateTuning) -> Iterator[None]:
 
 
 def tuned() -> EstimateTuning:
-    """The numbers that are in use."""
+    """Return the tuned numbers that are in use, which `varied` may have replaced."""
     return TUNING
