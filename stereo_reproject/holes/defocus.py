@@ -58,8 +58,8 @@ def blurred_edges(
 
 
 def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
-    """Return (H, W) the largest of the steps within two pixels or so: to one of the four neighbours, or from any pixel
-    of the 3 x 3 around to a neighbour of its own."""
+    """Return (H, W) the largest step in disparity that a pixel, or one of the eight around it, has to any of its
+    neighbours."""
     height, width = steps.right.shape[0], steps.down.shape[1]
     result = np.zeros((height, width), np.float32)
     result[:, :-1] = steps.right
@@ -70,7 +70,8 @@ def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
 
 
 def _spread(image: NDArray, reach: int) -> NDArray:
-    """Return (H, W) the largest value of an image (H, W) within `reach` pixels, in a square."""
+    """Return (H, W) the largest value of an image (H, W) in the square that reaches `reach` pixels each way around each
+    pixel."""
     for axis in (0, 1):
         result, have = np.moveaxis(image, axis, 0), 0
         while have < reach:

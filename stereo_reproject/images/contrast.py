@@ -73,7 +73,8 @@ class _Window:
         self._count = np.maximum(box_sum(self._weight, reach), 1e-6)
 
     def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mean (H, W) of an image (H, W) around each pixel; 0 where no pixel is known."""
+        """Return the mean (H, W) of an image (H, W) over the window around each pixel; 0 where no pixel in it is
+        known."""
         return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
 
 

@@ -74,12 +74,12 @@ def denoise_target(
 
 
 def noise_left(source: Passes, denoise: Denoise) -> float:
-    """Return the share, from 0 to 1, of a traced pixel's variance that is left in the denoised source, after
-    `metrics.tone`.
+    """Return the share, from 0 to 1, of a traced pixel's variance (after `metrics.tone`) that is left in the denoised
+    source.
 
-    It is measured without a second render, by the wild bootstrap (Wu, 1986): in a few windows of the picture the noise
-    gets a random sign in each pixel, and the window is denoised once more. The difference from the first denoised
-    colours is the noise that denoising leaves.
+    source has NOISY_PASS and the denoised COLOUR_PASS. The share is measured without a second render, by the wild
+    bootstrap (Wu, 1986): in a few windows of the picture the noise gets a random sign in each pixel, and the window is
+    denoised once more. The difference from the first denoised colours is the noise that denoising leaves.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
     needed = {COLOUR_PASS: source[COLOUR_PASS], **denoiser_inputs(source)}

@@ -9,7 +9,10 @@ from typing import Any
 
 
 class Effect(IntFlag):
-    """Effects as bit flags: those of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
+    """Effects as bit flags: all that a scene may have beyond surfaces that look the same from everywhere.
+
+    They are those of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`.
+    """
 
     GLOSSY = 1
     TRANSMISSION = 2
@@ -29,7 +32,7 @@ class Effect(IntFlag):
 
     @property
     def label(self) -> str:
-        """Name of the effect in reports."""
+        """Name of the effect in reports, as "depth-of-field"."""
         return str(self.name).lower().replace("_", "-")
 
 

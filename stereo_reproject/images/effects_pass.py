@@ -89,7 +89,8 @@ def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
 
 
 def _hash(manifest: str, name: str) -> int | None:
-    """Return the hash that stands for a material's name, or None where the manifest does not have it."""
+    """Return the hash that stands for a material's name in a cryptomatte's manifest; None where the manifest lacks the
+    name."""
     # Blender escapes no quotation mark: as JSON, the manifest may be broken by a single name.
     found = re.search(re.escape(f'"{name}":"') + '([0-9a-f]{8})"', manifest)
     return int(found[1], 16) if found else None

@@ -32,17 +32,22 @@ NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
 def _openexr() -> Any:
-    """Return the module OpenEXR, imported only when a file is touched: `import stereo_reproject` needs NumPy alone."""
+    """Return the Python module OpenEXR.
+
+    It is imported only when a file is touched, so that `import stereo_reproject` needs NumPy alone.
+    """
     import OpenEXR
 
     return OpenEXR
 
 
 def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str, str]]:
-    """Return the passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's texts.
+    """Return the passes of one view layer and one view in a multilayer EXR that Blender wrote, and all texts in its
+    header.
 
-    Blender 4.5 writes one part with channels Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C.
-    Raises BadInputError when the file is not whole, which is how a full disk shows.
+    The passes are in the code's form: the sky's depth is infinite. Blender 4.5 writes one part with channels
+    Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C. Raises BadInputError when the file is not whole,
+    which is how a full disk shows.
     """
     try:
         parts = _read_parts(path)
@@ -185,7 +190,7 @@ def write_eye(
 
 
 def read_eye(path: Path) -> dict[str, Passes]:
-    """Return the passes of a file that `write_eye` wrote, by view layer, the main one first.
+    """Return the passes of a file that `write_eye` wrote, by view layer and then by name; the main layer comes first.
 
     Raises BadInputError when the file is not whole.
     """
@@ -254,7 +259,7 @@ def write_stereo(
 
 
 def _joined(*names: str) -> str:
-    """Return the names that are not empty, with dots between them."""
+    """Return the names joined by dots; empty names are left out."""
     return ".".join(name for name in names if name)
 
 

@@ -61,7 +61,7 @@ class _Texels:
         self._pixels = np.ascontiguousarray(image).reshape(self.height * self.width, self.channels)
 
     def take(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray:
-        """Return the values (N, C) at rows and columns (N,)."""
+        """Return the values (N, C) of the pixels at these rows and columns (N,)."""
         start = np.clip(row, 0, self.height - 1).astype(np.int64) * self.width
         return self._pixels.take(start + np.clip(column, 0, self.width - 1), axis=0)
 
@@ -128,14 +128,16 @@ def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:
 
 
 def _split(position: NDArray) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Return the index (N,) of the pixel whose centre is at or before the position (N,), and the distance from there in
-    pixels, 0 to 1."""
+    """Return positions (N,) along one axis, in pixels, as a pixel's index and the distance from that pixel's centre.
+
+    The pixel is the one whose centre is at or before the position; the distance is in pixels, 0 to 1.
+    """
     shifted = position - np.float32(0.5)
     floor = np.floor(shifted)
     return _whole(floor), (shifted - floor).astype(np.float32, copy=False)
 
 
 def _whole(number: NDArray) -> NDArray[np.int32]:
-    """Return whole numbers as int32; NaN becomes any integer, without a warning."""
+    """Return whole numbers, given as floats, as int32; NaN becomes any integer, without a warning."""
     with np.errstate(invalid="ignore"):
         return number.astype(np.int32)

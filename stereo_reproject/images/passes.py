@@ -148,8 +148,10 @@ float32."""
 
 
 def known_depth(depth: NDArray) -> NDArray[np.float32]:
-    """Return the depth, in scene units, with NaN for values that are no depth: 0, negative, or below `_MIN_DEPTH`, as a
-    broken pass may have them."""
+    """Return the depth, in scene units, with NaN in place of values that are no depth, as a broken pass may have them.
+
+    Those are 0, negative values, and values below `_MIN_DEPTH`.
+    """
     known = depth >= _MIN_DEPTH
     if depth.dtype == np.float32 and known.all():
         return depth
@@ -168,7 +170,10 @@ def from_blender(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def cryptomatte_of(name: str) -> str | None:
-    """Return the name of the cryptomatte that a pass is a level of, as "CryptoObject", or None where it is of none."""
+    """Return the name of the cryptomatte that the pass of this name belongs to, as "CryptoObject" for "CryptoObject00".
+
+    None where the pass is not part of a cryptomatte.
+    """
     found = _CRYPTOMATTE.fullmatch(name)
     return found[1] if found else None
 
@@ -183,7 +188,8 @@ def filtered(name: str) -> bool:
 
 
 def seen_in_mirrors(name: str) -> bool:
-    """Return whether the pass shows, in a mirror's pixels, the reflected things, and not the mirror itself."""
+    """Return whether the pass shows, in a mirror's pixels, the things that are reflected, and not the mirror's own
+    surface."""
     return name in _MIRRORED_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
@@ -196,13 +202,16 @@ def is_light(name: str) -> bool:
 
 
 def is_essential(name: str) -> bool:
-    """Return whether a pixel is invalid as a whole where this pass has NaN or infinities: true for light, whose parts
-    must add up, and for internal passes, by which pixels are denoised and judged."""
+    """Return whether NaN or infinities in this pass make a pixel invalid as a whole, so that it is traced.
+
+    True for light, whose parts must add up, and for internal passes, by which pixels are denoised and judged.
+    """
     return is_light(name) or name in INTERNAL_PASSES
 
 
 def pass_letters(name: str, channels: int) -> str:
-    """Return a letter for each channel of a pass, as Blender names them: "RGBA" for a colour, "Z" for a distance."""
+    """Return the letters by which Blender names a pass's channels, one for each: "RGBA" for a colour, "Z" for a
+    distance."""
     if channels == 1:
         return "Z" if name in _DISTANCE_PASSES else "X"
     if name in _VECTOR_PASSES:

@@ -34,7 +34,7 @@ class Reason(IntFlag):
 
     @property
     def bit(self) -> np.uint16:
-        """The flag as the type of an image (H, W) of reasons."""
+        """The flag as a number of the type that an image (H, W) of reasons has."""
         return np.uint16(self.value)
 
     @property

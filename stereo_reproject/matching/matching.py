@@ -177,7 +177,11 @@ def _learned(traced: TracedPixels, wanted: NDArray, kept: NDArray[np.bool_]) -> 
 
 
 def _bonds(traced: TracedPixels, domain: NDArray[np.bool_]) -> Bonds:
-    """Return bonds between neighbours in the domain (H, W): near 1 within a surface, near `min_bond` across an edge."""
+    """Return the membrane's bonds between neighbours in the domain (H, W): 1 where they are alike, min_bond across an
+    edge.
+
+    They get weaker the more two traced pixels differ in nearness, albedo or normal.
+    """
     known = np.zeros((*domain.shape, 7), np.float32)
     albedo = np.minimum(traced.albedo + traced.specular, 1.0) / TUNING.albedo_step
     nearness = np.log(np.maximum(traced.nearness, MIN_NEARNESS))[:, None] / TUNING.nearness_step

@@ -26,7 +26,8 @@ class TraceRequest:
 
     @property
     def masks(self) -> list[NDArray[np.bool_]]:
-        """The masks (H, W) whose pixels the answer holds, one mask after the other."""
+        """Masks (H, W) whose set pixels the answer holds, one mask after the other: `pixels`, and `twice` if it is
+        given."""
         return [self.pixels] if self.twice is None else [self.pixels, self.twice]
 
 

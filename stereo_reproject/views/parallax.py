@@ -23,11 +23,12 @@ def parallax_angle(depth: NDArray, interocular_distance: float) -> NDArray[np.fl
 
 
 def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """Return theta(near) - theta(far), in radians, without the cancellation of a plain difference.
+    """Return by how much, in radians, the parallax angle of a nearer depth is larger than that of a farther one.
 
-    near and far are depths (...), 0 < near <= far <= +inf. The addition theorem of the arc tangent turns the
-    difference of two nearly equal angles into one angle whose numerator is the depth difference itself. NaN depths
-    give NaN.
+    It is parallax_angle(near) - parallax_angle(far), computed without the cancellation of a plain difference. near and
+    far are depths (...), 0 < near <= far <= +inf, in the unit of interocular_distance. The addition theorem of the arc
+    tangent turns the difference of two nearly equal angles into one angle whose numerator is the depth difference
+    itself. NaN depths give NaN.
     """
     near = np.asarray(near, np.float64)
     far = np.asarray(far, np.float64)

@@ -39,7 +39,8 @@ class Warp:
 
     @property
     def source(self) -> NDArray[np.uint8]:
-        """The number of each pixel's source (H, W), in the order of the sources; 0 where nothing landed.
+        """Number of the source (H, W) that each pixel was looked up in, by the order of the sources; 0 where nothing
+        landed.
 
         Of one source it takes no memory, and cannot be written.
         """
@@ -97,7 +98,7 @@ def sub_pixel_features(
 
 
 def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels all of whose four quads (H + 1, W + 1) are set."""
+    """Return (H, W) the pixels for which all four quads around them, of `quads` (H + 1, W + 1), are set."""
     return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
 
 

@@ -146,7 +146,8 @@ def _angle_between_rays(x: NDArray, y: NDArray, first_row: int, source: Camera, 
 
 
 def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
-    """Return x, y and z (h, W) of the unit directions, in the world, of the rays through these places (h, W)."""
+    """Return x, y and z (h, W), in the world, of the unit directions of the rays through pixel positions x, y (h,
+    W)."""
     _, direction = camera.ray_from_px(x, y)
     length = np.sqrt(sum(np.square(part) for part in direction))
     turn = camera.world_from_camera[:3, :3]

@@ -51,13 +51,13 @@ _Corners = tuple[NDArray, NDArray, NDArray]
 
 @dataclass(frozen=True)
 class _Quads:
-    """The n x n quads of each of C cells, with the places of their corners in the target.
+    """The n x n quads of each of C cells of the source's grid, with the places of their corners in the target.
 
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
-    (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
-    quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels beyond its corners by which a quad may
-    cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn,
-    the first has it, and where one of them is a coarse cell, both do.
+    (C, n, n): position of a quad's first corner and its extent, in source pixels; a size without dimensions is that of
+    every quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels by which a quad may cover a
+    pixel's centre beyond its own corners. A centre on the side that two quads share belongs to the second; where that
+    one is not drawn, the first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray

@@ -25,7 +25,7 @@ def choose_warper(
 
 
 def seconds_taken(run: Callable[[Warper], object], warper: Warper) -> float:
-    """Return the seconds that `run` takes with this warper."""
+    """Return the seconds that one call of `run` takes with this warper."""
     start = time.perf_counter()
     run(warper)
     return time.perf_counter() - start
