@@ -160,8 +160,8 @@ def measure_tiles(
 def _excess_by_second(
     probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, noise_left: float
 ) -> NDArray[np.float64]:
-    """Return the excess (N,) of the probes' pixels by their second trace alone; residual (N, 3) is the warped less the
-    second.
+    """Return the squared error beyond noise (N,) of the probes' pixels, by their second trace alone; residual (N, 3) is
+    the warped colour less the second, after `tone`.
 
     A tile's own first trace, by which it was chosen or not, must have no part in this. So the noise that is subtracted
     is that of the source around the probe, scaled to the mean of what all probes tell.

@@ -111,7 +111,8 @@ class _PlanarCamera:
 
 @dataclass(frozen=True)
 class PerspectiveCamera(_PlanarCamera):
-    """A pinhole camera; one with an off-axis view has a view plane that is not centred, and nothing else."""
+    """A pinhole camera. An off-axis view, as of an eye, is one whose view plane is not centred; nothing else
+    differs."""
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Return origin, which is the camera's own place, and direction of rays, as `Camera.ray_from_px` says."""
