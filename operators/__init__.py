@@ -9,7 +9,9 @@ _commands: list[Any] = []
 
 
 def _classes() -> tuple[type, ...]:
-    """In the order in which Blender must meet them: a property group before what points to it."""
+    """Return the classes to be registered, in the order that Blender needs: a property group before the panels and
+    operators that use it.
+    """
     from . import image_panels, jobs, kept, panels, pictures, properties, render, stereo, viewing
 
     return (
@@ -29,6 +31,9 @@ def _classes() -> tuple[type, ...]:
 
 
 def register() -> None:
+    """Register the classes, settings, menu entries, key and command with Blender, which calls this when the extension
+    is switched on.
+    """
     import bpy
 
     from . import panels, properties, viewing
@@ -44,7 +49,9 @@ def register() -> None:
 
 
 def _end() -> None:
-    """Nothing runs any more, and nothing is left on the disk."""
+    """End the running job and remove all temporary files. It is called when the extension is switched off, and when
+    Blender exits.
+    """
     from . import jobs, results
 
     try:
@@ -54,6 +61,7 @@ def _end() -> None:
 
 
 def unregister() -> None:
+    """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
     from . import panels, viewing

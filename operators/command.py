@@ -12,6 +12,8 @@ COMMAND = "stereo_reproject"
 
 
 def run_command(arguments: Sequence[str]) -> int:
-    """Run the command with the arguments after its name, and return the exit status; Blender calls it."""
+    """Run the package's command line with `arguments`, those after the command's name, and return its exit status.
+    Blender calls this.
+    """
     host = Host(f"blender --command {COMMAND}", module_in_blender("programs.worker"), devices_in_use())
     return main(arguments, host=host)

@@ -35,6 +35,7 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
     bl_category = "Stereo"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the panel: frame and settings of the last pair, and buttons that show its pictures."""
         result = result_of(context.scene)
         if result.report is None:
             paragraph(self.layout, context, "No pair yet: use Render > Render Stereo Image (Reprojected).")
@@ -46,6 +47,7 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         self._draw_pictures(result)
 
     def _draw_pictures(self, result: Result) -> None:
+        """Draw a button for the pair and one for each picture that explains it; those of missing pictures are grey."""
         column = self.layout.column(align=True)
         name = STEREO_REPROJECT_OT_show_picture.bl_idname
         column.operator(name, text="Stereo Pair", icon="CAMERA_STEREO").which = "PAIR"
@@ -57,6 +59,8 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
 
 
 class _Part(bpy.types.Panel):
+    """Base class of the panel's sub-panels, which are shown only when the scene has the report of a pair."""
+
     bl_space_type = "IMAGE_EDITOR"
     bl_region_type = "UI"
     bl_category = "Stereo"
@@ -64,10 +68,12 @@ class _Part(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the scene has the report of a pair."""
         return result_of(context.scene).report is not None
 
 
 def _row(layout: bpy.types.UILayout, name: str, value: str) -> None:
+    """Draw one line with a name on the left and its value on the right."""
     split = layout.split(factor=0.6)
     split.label(text=name)
     right = split.row()
@@ -79,6 +85,7 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
     bl_label = "Quality"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the estimated and measured quality of the last pair, and the price of a better one."""
         report = result_of(context.scene).report
         assert report is not None
         column = self.layout.column(align=True)
@@ -97,6 +104,9 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
 
 
 def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
+    """Draw the report's estimated noise ratio, its interval and whether the promise is kept; or why there is no
+    estimate.
+    """
     estimate = report["estimate"]
     if estimate["noise_ratio"] is None:
         paragraph(column, context, f"No estimate: {estimate['from']}")
@@ -111,7 +121,9 @@ def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, repor
 
 
 def _price(price: Mapping[str, Any]) -> str:
-    """Show the cost of the next better accuracy."""
+    """Return a sentence that says what the next better accuracy would cost. `price` is the part of that name of a
+    pair's report.
+    """
     better = "Rendering it whole" if price["accuracy"] == WHOLE else price["accuracy"].capitalize()
     if price["more_seconds"] is None:
         return "It cannot be better: all of it was rendered"
@@ -122,6 +134,7 @@ class IMAGE_PT_stereo_reproject_times(_Part):
     bl_label = "Time"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the seconds of each stage of the last pair, and the gain over multiview."""
         report = result_of(context.scene).report
         assert report is not None
         seconds = report["seconds"]
@@ -142,6 +155,7 @@ class IMAGE_PT_stereo_reproject_traced(_Part):
     bl_label = "Rendered in the Second Eye"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the share of the second eye's pixels that were rendered, for each reason."""
         report = result_of(context.scene).report
         assert report is not None
         column = self.layout.column(align=True)

@@ -26,11 +26,14 @@ _timers: list[bpy.types.Timer] = []
 
 
 def running() -> BackgroundJob | None:
+    """Return the job that is under way, or None."""
     return _running[0] if _running else None
 
 
 def stop_running() -> None:
-    """End what is under way, at once; a pair that is finished is kept on the disk."""
+    """End the job that is under way, at once, and remove its files. If it has finished a pair that nobody has taken,
+    that is first copied to where it stays, and a line with its folder is printed.
+    """
     while _running:
         run = _running.pop()
         try:
@@ -45,7 +48,7 @@ def stop_running() -> None:
 
 
 def _quiet() -> None:
-    """No timer, and nothing in the status bar: nothing runs any more."""
+    """Stop the timer of the job that is over, and clear the status bar of every window."""
     while _timers:
         bpy.context.window_manager.event_timer_remove(_timers.pop())
         _clear_status()
@@ -53,7 +56,7 @@ def _quiet() -> None:
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
-    """Return the progress of a run, from 0 to 1, and in words."""
+    """Return how far a run is: as a number from 0 to 1, and as a text with the stage and the time that is left."""
     fraction, remaining = run.far()
     words = [words_of(run.stage), *filter(None, [run.detail])]
     left = "" if remaining is None else f", {clock(remaining)} left"
@@ -61,21 +64,31 @@ def progress_of(run: BackgroundJob) -> tuple[float, str]:
 
 
 class JobOperator:
-    """Mixed into an operator: it says how its run starts and what is done with what comes of it."""
+    """Mixin of operators that run a job in a process of its own, one job at a time. With a window, Blender stays usable
+    and Esc ends the job; without one, the operator waits for it. A subclass starts its job in `start`, and hands over
+    the result in `take`.
+
+    uses_render_result: True where the result becomes the Render Result. Then the operator waits for another render of
+    the user's to end, and goes on even if its scene is deleted.
+    """
 
     uses_render_result: ClassVar[bool] = True
 
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
-        """Raises StereoReprojectError."""
+        """Start the job for this scene and return it; each subclass has its own. Raises StereoReprojectError."""
         raise NotImplementedError
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
-        """Make what the run has left the user's, and say in a line what it is; without a scene, it was deleted
-        meanwhile. Raises StereoReprojectError."""
+        """Hand the results of a finished run over to the user, and return a line that says what they are. scene is None
+        if it was deleted while the job ran. Each subclass has its own. Raises StereoReprojectError.
+        """
         raise NotImplementedError
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether a job can start now: there is a scene, and neither a job nor a render of Blender's is
+        running.
+        """
         if _running:
             cls.poll_message_set("A stereo job is running already: Esc ends it")
             return False
@@ -85,6 +98,9 @@ class JobOperator:
         return context.scene is not None
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Start the job and leave it to `modal`, so that the window stays usable; without a window, run it by
+        `execute`.
+        """
         if context.window is None:
             return self.execute(context)
         manager = context.window_manager
@@ -101,6 +117,9 @@ class JobOperator:
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Handle a window event while the job runs: Esc cancels the job, the timer shows progress and takes the
+        result.
+        """
         run = running()
         if run is None:
             return {"CANCELLED"}
@@ -121,10 +140,11 @@ class JobOperator:
         return self._finish()
 
     def cancel(self, _context: bpy.types.Context) -> None:
-        """The window is closed, or another file is opened."""
+        """End the job. Blender calls this when the window is closed, or another file is opened."""
         stop_running()
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run the job and wait until it is over: for scripts, and where there is no window."""
         if not self._start(context):
             return {"CANCELLED"}
         run = _running[0]
@@ -136,6 +156,7 @@ class JobOperator:
                 stop_running()
 
     def _start(self, context: bpy.types.Context) -> bool:
+        """Check the scene and start the job. Return whether it was started; if not, the user is shown the error."""
         scene = context.scene
         try:
             if scene.stereo_reproject.source_engine == "scene":
@@ -151,7 +172,9 @@ class JobOperator:
         return True
 
     def _finish(self) -> set[str]:
-        """Hand over what came of the run, or say why there is nothing."""
+        """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.
+        Errors and warnings are shown to the user, not raised.
+        """
         run = _running.pop()
         slots.unwatch()
         taken = False
@@ -180,6 +203,7 @@ class JobOperator:
         return {"FINISHED"}
 
     def _tell(self, text: str) -> None:
+        """Show a text about progress in every window's status bar, if it is another than before."""
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
         if text != self._told:
             self._told = text
@@ -187,7 +211,9 @@ class JobOperator:
 
 
 def _words_of_kept(run: BackgroundJob) -> str:
-    """Keep the pair of a run that nobody has taken, and say where it is; nothing if there is none."""
+    """Move the pair of a run that could not be handed over to where it stays. Return words about that, to be added to
+    an error message; "" if the run has no pair.
+    """
     try:
         folder = keep_files(run)
     except OSError as error:
@@ -198,18 +224,18 @@ def _words_of_kept(run: BackgroundJob) -> str:
 
 
 def _scene_of(run: BackgroundJob) -> bpy.types.Scene | None:
-    """The scene that a run is of; None when it was deleted since."""
+    """Return the scene that a run was started for; None if it was deleted since."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
 
 
 def sentence(what: object) -> str:
-    """A message on one line, with a capital."""
+    """Return a message or an error as one line that begins with a capital letter."""
     text = " ".join(str(what).split())
     return text[:1].upper() + text[1:]
 
 
 def _show(text: str | None) -> None:
-    """Show a text in every window's status bar, and draw the panels anew."""
+    """Show a text in every window's status bar, and draw the panels anew. With None, only the panels are drawn anew."""
     for window in bpy.context.window_manager.windows:
         # The text belongs to the workspace of the context, whichever it is asked of.
         if text is not None:
@@ -223,7 +249,7 @@ def _show(text: str | None) -> None:
 
 
 def _clear_status() -> None:
-    """Clear the status bar of every workspace: one that was left under way still has its text."""
+    """Clear the status bar of every workspace, also of those that are not shown now."""
     for workspace in bpy.data.workspaces:
         with bpy.context.temp_override(workspace=workspace):  # pyright: ignore[reportGeneralTypeIssues] - as above
             workspace.status_text_set(None)
@@ -237,10 +263,12 @@ class STEREO_REPROJECT_OT_listen(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Begin to receive the events of this window."""
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Cancel the job on Esc, and pass other events on; end when no job runs any more."""
         run = running()
         if run is None:
             return {"FINISHED", "PASS_THROUGH"}
@@ -258,8 +286,10 @@ class STEREO_REPROJECT_OT_cancel(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
+        """Return whether a job is running."""
         return bool(_running)
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Cancel the running job."""
         _running[0].cancel()
         return {"FINISHED"}

@@ -21,14 +21,15 @@ _kept: list[Path] = []
 
 
 def kept_pair() -> Path | None:
-    """Return the folder of the last kept pair that nobody has opened yet."""
+    """Return the folder of the last kept pair that nobody has opened yet; None if there is none."""
     return next((folder for folder in reversed(_kept) if folder.is_dir()), None)
 
 
 def keep_files(run: BackgroundJob) -> Path | None:
-    """Put a finished pair where it stays: beside the .blend that it is of, or else where temporary files go.
+    """Put the files of a finished pair into a new folder where they stay: beside the .blend that was rendered, or else
+    among temporary files.
 
-    Returns the folder, or None if there is no pair. Raises OSError if it can be kept nowhere.
+    Return the folder, or None if the run holds no pair. Raises OSError if neither place takes the files.
     """
     if not run.holds_pair:
         return None
@@ -46,6 +47,9 @@ def keep_files(run: BackgroundJob) -> Path | None:
 
 
 def _copied(run: BackgroundJob, place: Path) -> Path:
+    """Copy the run's files into a new folder in `place`, and return that folder. After an OSError, which is raised
+    again, the new folder is gone.
+    """
     folder = _new_folder(run, place)
     try:
         for path in sorted(run.folder.iterdir()):
@@ -58,6 +62,9 @@ def _copied(run: BackgroundJob, place: Path) -> Path:
 
 
 def _new_folder(run: BackgroundJob, place: Path) -> Path:
+    """Make a folder in `place`, named after the .blend and numbered where the name is taken; return it. Raises
+    OSError.
+    """
     for number in range(1, 1000):
         folder = place / f"{run.name}_stereo_pair{'' if number == 1 else f'_{number}'}"
         try:
@@ -76,10 +83,12 @@ class STEREO_REPROJECT_OT_open_kept(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
+        """Return whether there is a kept pair that nobody has opened."""
         cls.poll_message_set("Every pair was handed over: it is the Render Result")
         return kept_pair() is not None
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
+        """Load the last kept pair as one image with both eyes, and show it in an Image Editor."""
         folder = kept_pair()
         assert folder is not None
         try:

@@ -31,7 +31,9 @@ MAX_SHOWN_EFFECTS = 6
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Text in as many lines as it needs: Blender cuts a label off where its panel ends."""
+    """Draw a text in as many lines as it needs, since Blender cuts a label off where its panel ends. icon stands before
+    the first line.
+    """
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region else 300
     letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
@@ -42,9 +44,12 @@ def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
 
 
 class _Main:
+    """Contents of the main panel: settings, render buttons, and a summary of the last pair."""
+
     bl_label = "Stereo Reprojection"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings, the render buttons, and a summary of the scene's last pair."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
         layout.use_property_split = True
@@ -66,7 +71,7 @@ class _Main:
 
 
 def _means(scene: bpy.types.Scene) -> str:
-    """Show how holes will be filled on this device, and why."""
+    """Return a sentence that says how missing pixels will be filled, with the chosen settings on this device."""
     chosen = scene.stereo_reproject
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
     if engine != CYCLES and engine not in EEVEE:
@@ -84,7 +89,7 @@ def _means(scene: bpy.types.Scene) -> str:
 
 
 def _draw_layout(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Blender's own settings of how both views get into files."""
+    """Draw Blender's own settings for how the two views are stored in files."""
     settings = scene.render.image_settings
     layout.prop(settings, "views_format", text="Layout", expand=False)
     if settings.views_format == "STEREO_3D":
@@ -92,6 +97,7 @@ def _draw_layout(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 
 def _draw_buttons(layout: bpy.types.UILayout) -> None:
+    """Draw the render buttons; while a job runs, its progress and a button that cancels it."""
     run = running()
     column = layout.column(align=True)
     if run is not None:
@@ -108,7 +114,7 @@ def _draw_buttons(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Show the folder of a pair that could not be handed over, and a button that opens it."""
+    """Draw the folder of a pair that could not be handed over, and a button that opens it; nothing if there is none."""
     folder = kept_pair()
     if folder is not None:
         paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
@@ -116,9 +122,12 @@ def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 class _Camera:
+    """Contents of the panel for the camera's stereo settings, and for how far the scene stands out of the screen."""
+
     bl_label = "Stereo Camera"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the camera's stereo settings and the scene's parallax; a note where the scene has no camera."""
         layout, scene = self.layout, context.scene
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -142,6 +151,9 @@ class _Camera:
         self._draw_parallax(layout, context)
 
     def _draw_parallax(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+        """Draw the parallax of the nearest and farthest point, with a warning if a viewer's eyes would have to turn
+        apart.
+        """
         scene = context.scene
         known = parallax_now(scene)
         if not known:
@@ -162,9 +174,12 @@ class _Camera:
 
 
 class _Check:
+    """Contents of the panel for the check of a scene before it is rendered."""
+
     bl_label = "Before Rendering"
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the button that checks the scene, and the findings of the last check."""
         layout, scene = self.layout, context.scene
         found = result_of(scene).inspection
         name = STEREO_REPROJECT_OT_check_scene.bl_idname
@@ -183,6 +198,7 @@ class _Check:
             paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
+        """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""
         words = gain_words(predicted)
         paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
         total = predicted["total_seconds"]
@@ -193,6 +209,7 @@ class _Check:
             paragraph(layout, context, f"Fill: {fill['method']}, {fill['reason']}.")
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
+        """Draw the effects that the scene calls for; `rows` is the part "effects" of a check's findings."""
         called = [row for row in rows if row["called_for"]]
         if not called:
             paragraph(layout, context, "It calls for nothing but colour and depth.")
@@ -206,7 +223,9 @@ class _Check:
 
 
 def is_current(scene: bpy.types.Scene, found: Any) -> bool:
-    """Return whether a check was made for the frame, size, samples and accuracy that are set now."""
+    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
+    accuracy.
+    """
     region = frame_region(scene.render)
     now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
     samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
@@ -214,10 +233,13 @@ def is_current(scene: bpy.types.Scene, found: Any) -> bool:
 
 
 class _Preview:
+    """Contents of the panel for the size and samples of a preview."""
+
     bl_label = "Preview"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings of the preview's size and samples."""
         layout, chosen = self.layout, context.scene.stereo_reproject
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -226,10 +248,13 @@ class _Preview:
 
 
 class _Advanced:
+    """Contents of the panel for settings that are seldom changed."""
+
     bl_label = "Advanced"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
+        """Draw settings of the screen, the warp, the comparison and scripts."""
         layout, chosen = self.layout, context.scene.stereo_reproject
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -244,7 +269,9 @@ class _Advanced:
 
 
 def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
-    """Return the panels for one place; the first is the parent of the others."""
+    """Return the panel classes for one place in Blender's window, the main panel first and then its sub-panels. prefix
+    begins their class names; place has the attributes (bl_space_type and so on) that say where they are.
+    """
     main = f"{prefix}_PT_stereo_reproject"
     parts = {"camera": _Camera, "check": _Check, "preview": _Preview, "advanced": _Advanced}
     below = {"bl_parent_id": main, **place}
@@ -261,6 +288,7 @@ PANELS = (
 
 
 def draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """Add this extension's entries to Blender's Render menu."""
     menu.layout.separator()
     menu.layout.operator(RENDER_OT_stereo_reproject_image.bl_idname, icon="CAMERA_STEREO")
     menu.layout.operator(RENDER_OT_stereo_reproject_animation.bl_idname, icon="CAMERA_STEREO")

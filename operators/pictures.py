@@ -26,13 +26,16 @@ class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip, which is that of its picture."""
         return next(text for key, _, text in SHOWN if key == properties.which)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the operator is called in an Image Editor."""
         return context.space_data is not None and context.space_data.type == "IMAGE_EDITOR"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show the picture in the Image Editor; report an error if there is none."""
         space = context.space_data
         image = render_result() if self.which == "PAIR" else load_picture(context.scene, self.which)
         if image is None:
@@ -43,17 +46,18 @@ class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
 
 
 def render_result() -> bpy.types.Image | None:
+    """Return the file's Render Result, the image into which Blender renders; None if there is none."""
     return next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
 
 
 def _image_editors() -> list[bpy.types.Area]:
-    """Those of all windows."""
+    """Return the Image Editors of all windows."""
     areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
     return [area for area in areas if area.type == "IMAGE_EDITOR"]
 
 
 def show_image(image: bpy.types.Image) -> bool:
-    """Show an image in the first Image Editor there is; False when there is none."""
+    """Show an image in the first Image Editor that is open. Return False if none is open."""
     editors = _image_editors()
     if editors:
         editors[0].spaces.active.image = image
@@ -65,10 +69,10 @@ MAX_FOREIGN_REDRAWS = 50
 
 
 def redraw_with_both_eyes() -> None:
-    """Have Image Editors drawn again once Blender knows the views of a new Render Result.
+    """Have the Image Editors drawn again until Blender knows that a new Render Result has two views.
 
-    It learns of them as it draws the result, after it has chosen what to draw: the first time, that is one eye, and
-    the button for stereo is missing. F12 draws often while it renders; what was handed over is drawn once.
+    Blender learns of them as it draws the result, after it has chosen what to draw. So the first time it draws one eye,
+    and the button for stereo is missing. F12 draws often while it renders; a pair that was handed over is drawn once.
     """
     left = iter(range(MAX_FOREIGN_REDRAWS))
 
@@ -85,7 +89,9 @@ def redraw_with_both_eyes() -> None:
 
 
 def show_pair() -> None:
-    """Show the Render Result where it or one of our pictures is shown, or else where the user's preferences say."""
+    """Show the Render Result in an Image Editor: where it is shown already, or in place of one of our pictures, or else
+    where the user's preferences say.
+    """
     redraw_with_both_eyes()
     names = {NAME.format(name) for _, name, _ in PICTURES.values()}
     editors = [area.spaces.active for area in _image_editors() if area.spaces.active.image is not None]
@@ -100,7 +106,9 @@ def show_pair() -> None:
 
 
 def load_picture(scene: bpy.types.Scene, which: str) -> bpy.types.Image | None:
-    """The picture as an image that the file keeps, in place of the one of an earlier pair; None when there is none."""
+    """Load a picture of the scene's last pair and return it as an image packed into the file, in place of the earlier
+    one. which is a key of `PICTURES`. Return None if the scene has no such picture.
+    """
     path = result_of(scene).picture(which)
     if path is None:
         return None

@@ -35,7 +35,7 @@ WARP_STAGES = {
 
 
 def promise(name: str) -> str:
-    """Return in words for artists what an accuracy promises."""
+    """Return, in words for artists, the promise of the accuracy setting of this name."""
     accuracy = SETTINGS[name]
     if accuracy.promise is None:
         return "No promise: reflections and glass stay as the first eye sees them"
@@ -44,7 +44,9 @@ def promise(name: str) -> str:
 
 
 class StereoReprojectSettings(bpy.types.PropertyGroup):
-    """Settings of the reprojected pair; what a stereo camera has already is the camera's."""
+    """Settings of the extension, kept with each scene. Eye distance and convergence are not here: they are Blender's
+    own settings of the camera.
+    """
 
     accuracy: bpy.props.EnumProperty(
         name="Accuracy",

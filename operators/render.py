@@ -47,11 +47,13 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     )
 
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
+        """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
         files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
         return BackgroundJob(scene, settings, "render", files, _pair_progress(scene, settings))
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
+        """Make the pair the Render Result, keep its report for the panels, and return its summary."""
         where = _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
         assert scene is not None
         assert run.report is not None
@@ -66,6 +68,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
     bl_label = "Render Stereo Animation (Reprojected)"
 
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
+        """Start a job that renders the scene's animation into its output path, and return it."""
         options = AnimationSettings(existing=existing_as_set(scene))
         options, output = output_of(scene, options)
         pairs = len(output.files) * len(layers_to_render(scene))
@@ -76,6 +79,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         return BackgroundJob(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
+        """Show the last frame as the Render Result, and return a line about the frames that were rendered."""
         report = run.report
         assert report is not None
         where = ""
@@ -102,11 +106,13 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
     uses_render_result = False
 
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
+        """Start a job that inspects the scene, and return it."""
         return BackgroundJob(
             scene, settings_of(scene, preview=False), "inspect", (), Progress(time.monotonic(), USUAL["inspect"])
         )
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
+        """Keep the findings for the panels, and return a line with the predicted gain."""
         assert run.report is not None
         if scene is None:
             raise _deleted(run)
@@ -116,7 +122,9 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
 
 
 def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
-    """Return the settings of the panel. Raises BadInputError."""
+    """Return the settings chosen in the scene's panel, for its present frame; with preview, with the preview's size and
+    samples. Raises BadInputError.
+    """
     chosen = scene.stereo_reproject
     engine = None if chosen.source_engine == "scene" else chosen.source_engine
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
@@ -140,7 +148,10 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
 
 
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
-    """Expects what the same pair took before, or was predicted to take, or else the usual."""
+    """Return the progress of a pair that is about to be rendered. The expected seconds of each stage are those of the
+    last pair with the same settings, or else those that a check with them predicted; without either, the usual shares
+    of the stages are taken.
+    """
     result, now, usual = result_of(scene), time.monotonic(), USUAL["render"]
     layers = len(layers_to_render(scene))
     if result.run is not None and result.report is not None and result.run.settings == settings:
@@ -155,6 +166,7 @@ def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress
 
 
 def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
+    """Return the seconds of each stage, by its name, that a check has predicted."""
     refine = predicted["refine_seconds"]
     return {
         Stage.SOURCE: predicted["source_seconds"],
@@ -167,7 +179,12 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _deliver(scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool) -> str:
-    """Put the eyes of a run into the scene's Render Result, show that, and say what is unusual about where it is."""
+    """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
+
+    Return "", or words for the message if the result is in another render slot than the user's. frame is the one at
+    which the scene's compositor is run; to_look_at is as for `deliver_to_result`. Raises BadInputError if the scene is
+    None, since it was deleted meanwhile.
+    """
     if scene is None:
         raise _deleted(run)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
@@ -186,16 +203,20 @@ def _deliver(scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | 
 
 
 def _named(layers: Sequence[str]) -> str:
+    """Return the subject of a sentence about view layers, with its verb: "the view layer 'A' was"."""
     names = ", ".join(map(repr, layers))
     return f"the view layer {names} was" if len(layers) == 1 else f"the view layers {names} were"
 
 
 def _deleted(run: BackgroundJob) -> BadInputError:
+    """Return an error, for the caller to raise, that says that the run's scene was deleted while it was rendered."""
     return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
 
 
 def summary(report: Mapping[str, Any]) -> str:
-    """One line of a report."""
+    """Return a line about a pair's report: seconds, the share of the second eye that was rendered, and the gain over
+    multiview.
+    """
     seconds, traced = report["seconds"]["total"], report["fractions"]["rerendered"]
     compared = report.get("compare")
     gained = compared["speedup"] if compared else report["predicted_speedup"]
@@ -204,7 +225,9 @@ def summary(report: Mapping[str, Any]) -> str:
 
 
 def gain_words(predicted: Mapping[str, Any]) -> str:
-    """Return a prediction in a line."""
+    """Return a line about the gain over multiview that a check predicts; `predicted` is the part of that name of its
+    findings.
+    """
     low, high = predicted["gain"]["low"], predicted["gain"]["high"]
     if high < LEAST_GAIN:
         return f"Reprojection will not pay: {predicted['fill']['reason']}"

@@ -37,6 +37,7 @@ class Result:
     """Job that still holds the pictures."""
 
     def picture(self, which: str) -> Path | None:
+        """Return the path of one of the last pair's pictures, by its key in `PICTURES`; None if there is none."""
         if self.run is None:
             return None
         path = self.run.folder / PICTURES[which][0]
@@ -47,7 +48,9 @@ _by_scene: dict[int, Result] = {}
 
 
 def result_of(scene: bpy.types.Scene) -> Result:
-    """Return the scene's result, by an id that stays when the scene is renamed or an undo moves it."""
+    """Return the results kept for a scene; empty ones where nothing is kept yet. They are found by an id that stays
+    when the scene is renamed or an undo moves it.
+    """
     return _by_scene.setdefault(scene.session_uid, Result())
 
 
@@ -59,13 +62,16 @@ def _forget_gone() -> None:
 
 
 def _forget(uid: int) -> None:
+    """Forget the results of the scene with this session id, and remove the files of its last pair."""
     result = _by_scene.pop(uid)
     if result.run is not None:
         result.run.close()
 
 
 def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
-    """Keep the pair of a run that is over, in place of an earlier one."""
+    """Keep the report, warnings and pictures of a finished run for the panels. Files of the scene's earlier pair are
+    removed, and results of deleted scenes are forgotten.
+    """
     _forget_gone()
     result = result_of(scene)
     if result.run is not None:
@@ -76,7 +82,7 @@ def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
 
 
 def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:
-    """Keep the findings of a check that is over."""
+    """Keep the findings of a finished check for the panels."""
     assert run.report is not None
     result = result_of(scene)
     result.inspection, result.inspected = run.report, run.settings
@@ -84,6 +90,6 @@ def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:
 
 
 def forget_all() -> None:
-    """Remove what is still on the disk."""
+    """Forget the results of all scenes, and remove their files from the disk."""
     for uid in list(_by_scene):
         _forget(uid)

@@ -33,17 +33,20 @@ EYES = tuple(f"{view}.exr" for view in VIEWS)
 
 
 class _Cancel(Interrupts):
-    """Ends a run from another thread."""
+    """Interrupts of a run that another thread can cause, where Ctrl C would do so in the main thread."""
 
     def cancel(self) -> None:
+        """Have the run end as soon as it looks for an interrupt."""
         self._received = signal.SIGINT
 
 
 class BackgroundJob:
-    """A job on a copy of the open file, in a thread that waits for its process. Its files are in `folder`.
+    """A job on a copy of the open file, in a process of its own. It starts when the object is made; a thread waits for
+    it.
 
-    After `finished`: `report`, or else `error`. `close` ends it, if need be, and removes the files. `layers` are the
-    scene's view layers as they were called at the start; `name` is the open file's, and `beside` the folder it is in.
+    Once `finished` is true, either `report` has the result or `error` the reason for failure, and the files are in
+    `folder`. `close` ends the job if need be, and removes the files. `layers` are the names of the scene's view layers
+    at the start; `name` is the open file's name without extension, `beside` its folder (None if it was never saved).
     """
 
     def __init__(
@@ -105,23 +108,28 @@ class BackgroundJob:
 
     @property
     def folder(self) -> Path:
+        """Folder of the files that the job makes."""
         return self._files / "result"
 
     @property
     def holds_pair(self) -> bool:
-        """Return whether a pair's eyes are in its folder and nowhere else: an animation has its frames in files."""
+        """True if the eyes of a finished pair are in `folder` and nowhere else. Of an animation it is False: its frames
+        are in files of their own.
+        """
         return self._pair and self.report is not None and all((self.folder / name).exists() for name in EYES)
 
     @property
     def finished(self) -> bool:
+        """True once the job is over, whether it has succeeded, failed or been cancelled."""
         return not self._thread.is_alive()
 
     @property
     def cancelled(self) -> bool:
+        """True if the job ended because it was cancelled."""
         return isinstance(self.error, RunInterruptedError)
 
     def far(self) -> tuple[float, float | None]:
-        """Return how much is done, from 0 to 1, and the seconds that remain, None where nobody knows."""
+        """Return how much of the job is done, from 0 to 1, and the seconds that remain (None if unknown)."""
         now = time.monotonic()
         with self._lock:
             if self._frames is not None:
@@ -129,15 +137,17 @@ class BackgroundJob:
             return self.progress.fraction(now), self.progress.remaining(now)
 
     def cancel(self) -> None:
+        """Ask the job to end, and return at once; it ends a little later."""
         self._cancel.cancel()
 
     def wait(self, tick: Callable[[], None] = lambda: None) -> None:
+        """Block until the job is over, calling `tick` again and again meanwhile."""
         while not self.finished:
             tick()
             self._thread.join(POLL_SECONDS)
 
     def close(self) -> None:
-        """End the run if it still goes on, and remove its files. Once is enough."""
+        """End the job if it still runs, wait until it has ended, and remove its files. A second call does nothing."""
         if self._closed:
             return
         self._closed = True
@@ -148,7 +158,9 @@ class BackgroundJob:
             remove_abandoned(folder)
 
     def _save_copy(self) -> Path:
-        """The open file as it is now, unsaved changes included; what it refers to is found from there too."""
+        """Save the open file, unsaved changes included, among the job's files, and return the copy's path. Files that
+        it refers to are found from there too; where baked simulations are not, a warning is added.
+        """
         blend = self._files / (Path(bpy.data.filepath).name or UNSAVED)
         if bpy.data.filepath:
             caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
@@ -158,6 +170,7 @@ class BackgroundJob:
         return blend
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
+        """Run the job's process to its end, and set `report` or `error`. This is all that the job's thread does."""
         try:
             run = run_worker if job.animation is None else run_animation
             self.report = run(job, self._on_event, interrupts=self._cancel, command=command)
@@ -170,6 +183,7 @@ class BackgroundJob:
             self._blend.unlink(missing_ok=True)
 
     def _on_event(self, event: Event) -> None:
+        """Take in what the job's process tells under way: a warning, a stage, or an animation's progress."""
         if event["event"] == "warning":
             self.warnings.append(str(event.get("message")))
             return
@@ -187,15 +201,14 @@ class BackgroundJob:
 
 
 def temporary_folder() -> Path:
-    """Return the folder for temporary files of the preferences, or else the system's."""
+    """Return the folder for temporary files that is set in Blender's preferences; the system's if none is set."""
     wanted = bpy.context.preferences.filepaths.temporary_directory
     return Path(wanted) if wanted and Path(wanted).is_dir() else Path(tempfile.gettempdir())
 
 
 def link_folder(folder: Path, link: Path) -> bool:
-    """Have a folder found under another path: Blender looks for baked simulations beside the .blend, by its name.
-
-    False where that cannot be: some drives have no links.
+    """Make `folder` reachable under the path `link` too; return False where that cannot be, since some drives have no
+    links. Blender looks for baked simulations beside the .blend, in a folder named after it.
     """
     try:
         if sys.platform == "win32":
@@ -211,5 +224,7 @@ def link_folder(folder: Path, link: Path) -> bool:
 
 
 def seconds_of(report: Mapping[str, Any], stages: Mapping[str, float]) -> dict[str, float]:
-    """Return the seconds of each of the stages in a run that is over."""
+    """Return the seconds that each of `stages` (its keys) took, by the report of a finished run; 0 for one that it
+    lacks.
+    """
     return {stage: report["seconds"].get(stage, 0.0) for stage in stages}

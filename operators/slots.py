@@ -18,19 +18,20 @@ _rendered: set[int] = set()
 
 
 def watch() -> None:
-    """Take note of what is rendered from now on."""
+    """Begin to note which render slots Blender renders into; earlier notes are forgotten."""
     unwatch()
     _rendered.clear()
     bpy.app.handlers.render_init.append(_note)
 
 
 def unwatch() -> None:
-    """Take no further note; what was noted is still known."""
+    """Stop noting renders. The slots noted so far stay known to `unused_slot`."""
     if _note in bpy.app.handlers.render_init:
         bpy.app.handlers.render_init.remove(_note)
 
 
 def _note(*_: Any) -> None:
+    """Note the active render slot. Blender calls this in another thread when a render begins."""
     # Another thread calls this: it must not do more than look.
     image = render_result()
     _rendered.add(0 if image is None else image.render_slots.active_index)
@@ -38,9 +39,10 @@ def _note(*_: Any) -> None:
 
 @contextmanager
 def unused_slot() -> Iterator[str | None]:
-    """Another slot is active where the active one was rendered into since `watch`: its name, or else None.
+    """Have a render slot active that nothing was rendered into since `watch`; it yields that slot's name, or None where
+    the active one is such a slot.
 
-    It stays active, unless what is done in it fails.
+    The slot stays active after the `with` block. Only after an error in the block, the earlier one is active again.
     """
     image = render_result()
     if image is None or image.render_slots.active_index not in _rendered:

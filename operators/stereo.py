@@ -28,6 +28,7 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the scene has a camera for stereo that can be edited here."""
         try:
             camera = check_camera(context.scene.camera)
         except BadInputError as error:
@@ -39,6 +40,7 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set the camera's convergence distance to the depth of the target."""
         scene = context.scene
         stereo = scene.camera.data.stereo
         try:
@@ -52,7 +54,9 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
 
 
 def _depth_of(context: bpy.types.Context, target: str) -> float:
-    """A depth in front of the scene's camera, in scene units. Raises BadInputError."""
+    """Return the depth of the active object ("OBJECT") or of the focus ("FOCUS") from the scene's camera, in scene
+    units. Raises BadInputError if there is none, or if it is not in front of the camera.
+    """
     depsgraph = context.evaluated_depsgraph_get()
     camera = context.scene.camera.evaluated_get(depsgraph)
     focus = camera.data.dof.focus_object
@@ -72,7 +76,9 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
 
 
 def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
-    """Return the parallax of the last nearest and farthest point, by the camera's stereo settings as they are now."""
+    """Return names and parallax of the nearest and the farthest point, by the camera's present stereo settings. Their
+    depths are those that the last pair or check found; empty before either, or without a camera for stereo.
+    """
     seen = result_of(scene).parallax
     if seen is None:
         return []
@@ -84,9 +90,13 @@ def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
 
 
 def _depth(seen: Any) -> float:
+    """Return the depth of a point that a report has, in scene units; JSON's None stands for an infinite one."""
     return float("inf") if seen["depth"] is None else seen["depth"]
 
 
 def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:
+    """Return whether viewers can look at a point with this parallax without turning their eyes apart, on the screen and
+    with the eye distance that are set in the panel.
+    """
     chosen = scene.stereo_reproject
     return not is_wider_than_eyes(parallax, chosen.screen_width, chosen.eye_distance)

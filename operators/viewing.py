@@ -18,14 +18,17 @@ _keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:
-    """Return whether Blender's own View Animation looks for other files than a stereo animation's."""
+    """Return whether Blender's own View Animation would not find the scene's stereo animation, but look for other
+    files.
+    """
     render = scene.render
     return not render.use_multiview and render.image_settings.views_format == "INDIVIDUAL"
 
 
 def _first_file(scene: bpy.types.Scene, view: str) -> Path:
-    """Return where the scene's output settings put the first frame, or a movie: the view's file, or with an empty name
-    the one that all views share."""
+    """Return the path of the animation's first frame, or of its movie, by the scene's output settings. view names the
+    eye whose file it is; "" stands for the file that both eyes share.
+    """
     return Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start, view=view)))
 
 
@@ -43,12 +46,16 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Play the animation; if `unless_plain` is set and Blender's own player finds its files, leave the key to
+        that.
+        """
         scene = context.scene
         if self.unless_plain and (not needs_our_player(scene) or _first_file(scene, "").exists()):
             return {"PASS_THROUGH"}
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
+        """Play the animation in Blender's player, with Stereoscopy switched on meanwhile."""
         scene = context.scene
         apart = scene.render.image_settings.views_format == "INDIVIDUAL"
         path = _first_file(scene, VIEWS[0] if apart else "")
@@ -67,7 +74,9 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
 
 
 def add_key() -> None:
-    """Have Blender's own key for it play a stereo animation where it would find nothing."""
+    """Bind Ctrl F11, Blender's own key for View Animation, to our operator; where Blender's player finds its files,
+    that still plays.
+    """
     keys = bpy.context.window_manager.keyconfigs.addon
     if keys is None:
         # Without a window.
@@ -81,6 +90,7 @@ def add_key() -> None:
 
 
 def remove_key() -> None:
+    """Take back the key that `add_key` has bound."""
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)

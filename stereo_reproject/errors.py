@@ -4,23 +4,27 @@ import traceback
 
 
 class StereoReprojectError(Exception):
-    """The run failed; the message says what, where and what to do, on one line."""
+    """The base of this package's errors: the run failed. The message says in one line what failed, where, and what the
+    user can do. `exit_status` is the exit status of the command line then."""
 
     exit_status = 1
 
 
 class BadInputError(StereoReprojectError):
-    """Something that was asked for cannot be done as asked; the message is for whoever asked."""
+    """The input cannot be used as it was given, such as a wrong option or an unusable scene. The message is for the
+    user who gave it."""
 
     exit_status = 2
 
 
 class OutputError(BadInputError):
-    """Nothing can be written where the result belongs, so that other frames need not be tried."""
+    """The folder for the results cannot be written to. Every other frame would fail there too, so an animation stops at
+    once."""
 
 
 class OtherRunError(BadInputError):
-    """Another run renders the same frames by other settings, or of another scene: one of the two has to end."""
+    """Another run renders the same frames into the same folder, but by other settings or of another scene. This run has
+    to give way."""
 
 
 LIMITED = "if its memory is limited (ulimit -v), allow it more"
@@ -40,7 +44,11 @@ NAME_BYTES = 63
 
 
 def in_one_line(error: Exception) -> StereoReprojectError:
-    """Return any exception as an error of this package, in one line; one that nobody has foreseen is logged in full."""
+    """Return any exception as an error of this package with a message of one line, for the user.
+
+    An error of this package is returned as it is. An exception of a kind that is not known here counts as a defect: its
+    traceback is also printed on standard error.
+    """
     match error:
         case StereoReprojectError():
             return error

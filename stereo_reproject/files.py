@@ -45,12 +45,13 @@ APPLE_DOUBLE = "._"
 
 
 class UnusableFileError(OSError):
-    """No regular file, or one larger than any of ours: it is not read. strerror says which."""
+    """The path leads to no regular file, or to one larger than any that this package writes, so it is not read.
+    `strerror` says which of these it is."""
 
 
 def is_missing(path: Path) -> bool:
-    """Return whether nothing is there. A file that may not be looked at, in a folder that is closed to us, is not
-    missing."""
+    """Return True if nothing is at this path. A file that cannot be looked at for another reason, such as a closed
+    folder, is not missing."""
     try:
         path.lstat()
     except OSError as error:
@@ -59,9 +60,10 @@ def is_missing(path: Path) -> bool:
 
 
 def open_regular(path: Path, *, follow: bool = False) -> BufferedReader:
-    """Open a regular file for reading; with follow, one that a link leads to. Raises OSError and UnusableFileError.
+    """Open a regular file for reading as bytes. With `follow`, the path may be a link to one.
 
-    Whatever else is there is not even opened: that may wait forever (a named pipe), or do something (a device).
+    Anything else at the path is not opened, because that may wait forever (a named pipe) or do something (a device).
+    Raises UnusableFileError for such a thing, and other OSErrors.
     """
     try:
         _check_regular(path.stat() if follow else path.lstat(), path)
@@ -82,13 +84,16 @@ def open_regular(path: Path, *, follow: bool = False) -> BufferedReader:
 
 
 def _check_regular(found: os.stat_result, path: Path) -> None:
+    """Raise UnusableFileError unless `found`, the result of a stat call for `path`, is that of a regular file. The
+    message names the kind of thing that it is."""
     if not stat.S_ISREG(found.st_mode):
         kind = KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
         raise UnusableFileError(errno.EINVAL, f"it is {kind}", str(path))
 
 
 def read_small(path: Path, most: int) -> bytes:
-    """Return what a regular file of at most so many bytes holds. Raises OSError and UnusableFileError."""
+    """Return the content of a regular file that has at most `most` bytes. Raises UnusableFileError where it is larger
+    or no regular file, and other OSErrors."""
     with open_regular(path) as file:
         content = file.read(most + 1)
     if len(content) > most:
@@ -97,14 +102,16 @@ def read_small(path: Path, most: int) -> bytes:
 
 
 def is_regular(path: Path) -> bool:
-    """Return whether a regular file is there, and no link to one."""
+    """Return True if a regular file is at this path; False for anything else, for a link to a regular file, and for
+    nothing."""
     with contextlib.suppress(OSError):
         return stat.S_ISREG(path.lstat().st_mode)
     return False
 
 
 def leads_elsewhere(path: Path) -> bool:
-    """Return whether a folder is a link to another one, or a junction of Windows."""
+    """Return True if the path itself is a link to another folder or file, or a junction of Windows; False if it is
+    neither or missing."""
     with contextlib.suppress(OSError):
         found = path.lstat()
         return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION_TAG
@@ -112,13 +119,14 @@ def leads_elsewhere(path: Path) -> bool:
 
 
 def flush(path: Path) -> None:
-    """Have a file on the disk, and not only on its way there."""
+    """Have a file's content written to the disk itself, so that it survives a power cut. Raises OSError."""
     with path.open("r+b") as file:
         sync(file.fileno())
 
 
 def flush_folder(folder: Path) -> None:
-    """Have on the disk what a folder's files are called, as far as the system lets one ask for that. Raises OSError."""
+    """Have the names of a folder's files written to the disk itself, so that new and renamed files survive a power cut.
+    Does nothing where the system or the drive does not offer this. Raises OSError."""
     if sys.platform == "win32":
         return
     try:
@@ -133,8 +141,11 @@ def flush_folder(folder: Path) -> None:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Make a file that is on the disk, name and content, when this is back. Raises FileExistsError where there is
-    something already, and OSError, after which nothing is there."""
+    """Create a file with this ASCII text. On return, its name and its content are on the disk.
+
+    Raises FileExistsError where something is at the path already, and leaves that alone. Raises other OSErrors where
+    the file cannot be written; the unfinished file is removed then.
+    """
     file = path.open("x", encoding="ascii")
     try:
         with file:
@@ -150,22 +161,27 @@ def write_new(path: Path, text: str) -> None:
 
 
 def put_in_place(made: Path, place: Path) -> Path:
-    """Give a file its final name, under which it takes the place of what was there. Raises OSError.
+    """Rename the file `made` to `place`, where it replaces any earlier file, and return `place`. Raises OSError.
 
     On Windows a scanner, an indexer or a viewer may hold either file for a moment, and nobody can rename it meanwhile.
+    There the attempt is repeated for up to HELD_BY_OTHERS_SECONDS before the error is raised.
     """
     return _once_let_go(lambda: made.replace(place))
 
 
 def remove(path: Path) -> None:
-    """Remove a file, if it is there. Raises OSError.
+    """Remove a file; do nothing if it is missing. Raises OSError.
 
-    On Windows nobody can while another process reads it, as other runs read claims.
+    On Windows this fails while another process reads the file, as other runs read claims. There the attempt is repeated
+    for up to HELD_BY_OTHERS_SECONDS before the error is raised.
     """
     _once_let_go(lambda: path.unlink(missing_ok=True))
 
 
 def _once_let_go(act: Callable[[], Result]) -> Result:
+    """Call `act` and return its result. On Windows, repeat it after a PermissionError for up to HELD_BY_OTHERS_SECONDS,
+    because another process may hold the file for a moment; then raise the error. Elsewhere the error is raised at
+    once."""
     deadline = time.monotonic() + HELD_BY_OTHERS_SECONDS
     while True:
         try:
@@ -177,7 +193,7 @@ def _once_let_go(act: Callable[[], Result]) -> Result:
 
 
 def sync(descriptor: int) -> None:
-    """Have an open file on the disk. Raises OSError."""
+    """Have the content of an open file, given by its descriptor, written to the disk itself. Raises OSError."""
     if sys.platform == "darwin":
         import fcntl
 
@@ -190,12 +206,13 @@ def sync(descriptor: int) -> None:
 
 
 def made_in(folder: Path) -> list[Path]:
-    """Return the files that a program made in a folder, by name, without those that the system put beside them."""
+    """Return the paths in a folder, sorted by name, without the `._` files that macOS puts beside others."""
     return sorted(path for path in folder.iterdir() if not path.name.startswith(APPLE_DOUBLE))
 
 
 def strict(value: Any) -> Any:
-    """`value` in types that strict JSON has: numpy scalars become Python's, NaN and infinities become null."""
+    """Return `value` in types that strict JSON has: numpy scalars become Python numbers, tuples become lists, NaN and
+    infinities become None. Works through dicts and lists. Raises TypeError for anything else."""
     if isinstance(value, Mapping):
         return {str(name): strict(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -212,29 +229,31 @@ def strict(value: Any) -> Any:
 
 
 def to_json(data: Mapping[str, Any]) -> str:
-    """`data` as strict JSON, in lines."""
+    """Return `data` as strict JSON text, indented over several lines; see `strict`."""
     return json.dumps(strict(data), indent=2, allow_nan=False)
 
 
 def write_json(path: Path | str, data: Mapping[str, Any], *, until_whole: Path | None = None) -> None:
-    """Write `data` as strict JSON under `path`, whole or not at all; until_whole is passed to `whole_file`. Raises
-    OSError."""
+    """Write `data` as strict JSON to the file `path`, which appears whole or not at all. until_whole is the folder that
+    holds it until it is whole, see `whole_file`. Raises OSError."""
     text = to_json(data) + "\n"
     with whole_file(Path(path), until_whole=until_whole) as beside:
         beside.write_text(text, encoding="utf-8", newline="\n")
 
 
 def beside_name(name: str) -> str:
-    """Return a temporary name for a file until it is whole, unlike any other."""
+    """Return a temporary name for the file `name` while it is being written. It contains a random part, so that no two
+    are alike."""
     return f".{name}.{secrets.token_hex(8)}.tmp"
 
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, until_whole: Path | None = None) -> Iterator[Path]:
-    """Yield a path to write to; the file then appears under `path`, whole, or not at all. Raises OSError.
+    """Yield a temporary path to write a file to, for the time of a `with` block. When the block is over, the file is
+    renamed to `path`, so that it appears there whole or, after an error, not at all.
 
-    Once it has appeared, it is on the disk. until_whole is the folder, on the same drive, that it is in before; by
-    default the file's own.
+    On return from the block the file is on the disk. until_whole is the folder for the temporary file, on the same
+    drive as `path`; by default it is the folder of `path`. Raises OSError.
     """
     # A process of another machine, on a shared drive, may have the same number.
     beside = (until_whole or path.parent) / beside_name(path.name)

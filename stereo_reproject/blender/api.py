@@ -74,9 +74,9 @@ def compare(
     scene: bpy.types.Scene | None = None,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """Do what `render_frame` does, and render Blender's multiview in the same run.
-
-    Returns `speedup`, `noise_ratio`, `worst_tiles` and more."""
+    """Render a pair as `render_frame` does, then Blender's multiview too, and return their comparison: `speedup`,
+    `noise_ratio`, `worst_tiles` and more. The parameters are those of `render_frame`.
+    """
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]
 
@@ -98,14 +98,14 @@ def render_animation(
     strict: bool = False,
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Render the pairs of many frames, as `python -m stereo_reproject animate` does, and return the report.
+    """Render the pairs of many frames, as `python -m stereo_reproject animate` does, and return the animation's report.
 
-    frames are the scene's, and they go into its own output path, format and stereo layout, unless others are given;
-    output is a folder. existing is the way to handle frames that are there ("refuse", "resume", "overwrite", or "keep",
-    whoever has rendered them); without it, the scene's Overwrite decides. movie, layout, file_format, holes and
-    compare_every are those of `AnimationSettings`. on_frame is called with each finished frame: its number, seconds,
-    traced fraction, and how far the animation is. strict is as for `render_frame`; it makes no frame another one. When
-    it ends early, frames that are finished stay.
+    frames are by default the scene's, and they go into its own output path, format and stereo layout unless others are
+    given; output is a folder. existing says what is done with frames that are there already: "refuse", "resume",
+    "overwrite", or "keep" (whoever has rendered them); by default the scene's Overwrite decides. movie, layout,
+    file_format, holes and compare_every are those of `AnimationSettings`. on_frame is called with each finished frame:
+    its number, seconds, traced fraction, and how far the animation is. strict is as for `render_frame`, and has no
+    effect on the pictures. If the run ends early, frames that are finished stay.
     """
     settings = settings or StereoSettings()
     scene = _scene(scene)
@@ -135,7 +135,9 @@ def render_animation(
 
 
 def _absolute(path: Any, what: str) -> str:
-    """A path as it stands in Blender, where // is the open file's own folder."""
+    """Return a path as an absolute one, where // stands for the open file's folder as everywhere in Blender. what names
+    the path in errors. Raises BadInputError for what is no path or cannot be used.
+    """
     try:
         name = os.fspath(path)
     except TypeError as error:
@@ -150,6 +152,7 @@ def _absolute(path: Any, what: str) -> str:
 
 
 def _frames(frames: Iterable[int]) -> tuple[int, ...]:
+    """Return the frame numbers as a tuple. Raises BadInputError where they are no series of numbers."""
     try:
         return tuple(frames)
     except TypeError as error:
@@ -163,7 +166,8 @@ def inspect(
     sketch: bool = True,
     strict: bool = False,
 ) -> dict[str, Any]:
-    """Return what `python -m stereo_reproject inspect --json` prints: what the scene calls for, and its pair's cost.
+    """Return what `python -m stereo_reproject inspect --json` prints: the effects that the scene calls for, and the
+    predicted cost of its pair.
 
     Without a sketch nothing is rendered and nothing predicted. strict is as for `render_frame`.
     """
@@ -174,12 +178,15 @@ def inspect(
 
 
 def _check_scene(scene: bpy.types.Scene, settings: StereoSettings, *, strict: bool) -> None:
-    """Raise BadInputError where a strict run finds anything lacking."""
+    """With strict, raise BadInputError if the scene is known to lack anything; else do nothing."""
     if strict:
         warnings_ahead(scene, settings.scene, strict=True)
 
 
 def _scene(scene: bpy.types.Scene | None) -> bpy.types.Scene:
+    """Return the scene that is meant: the one given, or without one the active scene. Raises BadInputError for anything
+    else.
+    """
     if scene is None:
         return bpy.context.scene
     if not isinstance(scene, bpy.types.Scene):

@@ -16,9 +16,10 @@ RIGHT = np.array([[-0.043, -0.088, -0.002], [0.378, 0.734, -0.018], [-0.072, -0.
 
 
 def dubois(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The anaglyph of two sRGB-encoded pictures (H, W, 3) or (H, W, 4) in 0..1, in the same encoding and clipped.
+    """Return the anaglyph of two sRGB-encoded pictures (H, W, 3) or (H, W, 4) with values in 0..1, in the same shape
+    and encoding, clipped to 0..1.
 
-    Alpha is the greater of both. Raises ValueError when the pictures differ in shape.
+    Alpha, if there is any, is the greater of the two pictures'. Raises ValueError if they differ in shape.
     """
     if left.shape != right.shape:
         raise ValueError(f"the eyes differ in shape: {left.shape} and {right.shape}")
@@ -30,10 +31,11 @@ def dubois(left: NDArray[np.float32], right: NDArray[np.float32]) -> NDArray[np.
 
 
 def _decoded(colour: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear light from sRGB (IEC 61966-2-1)."""
+    """Return the linear light of an sRGB-encoded picture (IEC 61966-2-1); values are clipped to 0..1 first."""
     colour = np.clip(colour, 0, 1).astype(np.float32, copy=False)
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _encoded(light: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return the sRGB encoding of linear light in 0..1 (IEC 61966-2-1)."""
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055).astype(np.float32)

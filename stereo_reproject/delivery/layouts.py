@@ -22,13 +22,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Layout:
-    """One way to deliver two eyes.
+    """One way to put the two eyes into a picture or movie, such as side by side.
 
-    tag: what players look for in the name, "" where they know nothing
-    st3d: `stereo_mode` of an MP4's st3d box, None where it has no value
-    stereo_mode: Matroska's StereoMode, None where it has no value
-    odd_mode: the same in a frame of an odd number of rows, where it is another
-    across, down: whole pictures side by side and above one another; 1 where the eyes are squeezed or interlaced
+    name: by which users choose it. tag: the part of a file name by which players recognise it, "" where they know none.
+    st3d: its value in the st3d box of an MP4, None where it has none. stereo_mode: its value of Matroska's StereoMode,
+    None where it has none. odd_mode: that value for frames with an odd number of rows, None where it is the same.
+    across, down: the number of pictures of full size side by side and above one another; both are 1 where the eyes are
+    squeezed, interlaced, or mixed.
     """
 
     name: str
@@ -40,7 +40,8 @@ class Layout:
     down: int = 1
 
     def at_height(self, rows: int) -> Layout:
-        """The layout in frames of so many rows."""
+        """Return this layout for frames with `rows` rows. If that number is odd, an interlaced layout has `odd_mode` as
+        its `stereo_mode`."""
         return replace(self, stereo_mode=self.odd_mode) if self.odd_mode and rows % 2 else self
 
 
@@ -87,24 +88,27 @@ MAX_TAG_WORDS = 4
 
 
 def tagged_name(path: Path, layout: Layout) -> Path:
-    """The path with the layout's tag before its extension, unless the name has the tag already as a word."""
+    """Return the path with the layout's tag put before its extension. A name that has the tag as a word already stays
+    as it is, and so does any name for a layout without a tag."""
     if not layout.tag or layout.tag[1:].casefold() in _words(path.stem):
         return path
     return path.with_name(f"{path.stem}{layout.tag}{path.suffix}")
 
 
 def contradicting_tag(path: Path, layout: Layout) -> str | None:
-    """The first tag in a file's name by which players would take it for another layout, as it is written there."""
+    """Return the first tag in a file's name by which players would take the file for another layout, as it is written
+    there; None without any."""
     return next((written for tag, written in _tags(path.stem) if layout.name not in KNOWN_TAGS[tag]), None)
 
 
 def says(path: Path, layout: Layout) -> bool:
-    """Return whether a file's name has a tag of that layout that players know; True for a layout without tags."""
+    """Return True if a file's name has a tag by which players know it for this layout, or if the layout has no tag."""
     return not layout.tag or any(layout.name in KNOWN_TAGS[tag] for tag, _ in _tags(path.stem))
 
 
 def _tags(stem: str) -> Iterator[tuple[str, str]]:
-    """The known tags in a name, and how each is written there."""
+    """Yield the tags in a name that players know: each as its key in KNOWN_TAGS, and as it is written in the name. stem
+    is the file name without its extension."""
     words = list(_WORD.finditer(stem))
     at = 0
     while at < len(words):
@@ -118,4 +122,5 @@ def _tags(stem: str) -> Iterator[tuple[str, str]]:
 
 
 def _words(stem: str) -> list[str]:
+    """Return the words of a name in small letters; anything but letters and digits parts them."""
     return [word.group().casefold() for word in _WORD.finditer(stem)]

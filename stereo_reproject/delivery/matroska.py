@@ -44,7 +44,9 @@ MAX_HEAD_BYTES = 1 << 28
 
 @dataclass(frozen=True)
 class Element:
-    """An element: its number, the width of its size in bytes, its place [start, stop), and where its content begins."""
+    """One element of a Matroska file. Its header starts at `start`, its content is [content, stop), all in bytes from
+    the beginning of the data that it was read from. number is its ID, and width the number of bytes that hold its
+    size."""
 
     number: int
     width: int
@@ -55,7 +57,9 @@ class Element:
 
 @dataclass(frozen=True)
 class _Head:
-    """The file up to the end of Tracks; where places count from; the elements from there on, Tracks the last."""
+    """The beginning of a Matroska file, up to the end of its Tracks. data are these bytes; origin is where the content
+    of Segment begins, from which the places in SeekHead count; elements are those of Segment, in order, Tracks being
+    the last."""
 
     data: bytes
     origin: int
@@ -63,11 +67,13 @@ class _Head:
 
 
 def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: int = 1) -> None:
-    """Put StereoMode into the first video track of an MKV or WebM; None takes the mark away.
+    """Set StereoMode of the first video track of an MKV or WebM file to `mode`; with None, remove it. The file is
+    replaced by a changed copy.
 
-    across, down: whole pictures side by side and above one another in a frame, 1 where eyes are squeezed or interlaced.
-    The pixels' own aspect is kept. Raises StereoReprojectError when the file is damaged and BadInputError when it has
-    no room or is a stream of unknown size; either way it is left as it is.
+    across, down: the number of pictures of full size side by side and above one another in a frame; both are 1 where
+    eyes are squeezed or interlaced. The pixels keep their aspect. Raises StereoReprojectError if the file is damaged,
+    and BadInputError if it cannot be read, has no room for the mark, or is a stream of unknown size. After an error the
+    file is as it was.
     """
     try:
         with path.open("rb") as file:
@@ -84,7 +90,8 @@ def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: in
 
 
 def doc_type(path: Path) -> str:
-    """ "matroska" or "webm", by the file's header; "" when it has none."""
+    """Return the type of a file by its EBML header: "matroska", "webm", or another; "" if it has no such header. Raises
+    OSError."""
     with path.open("rb") as file:
         data = file.read(1024)
     try:
@@ -96,6 +103,8 @@ def doc_type(path: Path) -> str:
 
 
 def _read_head(file: BinaryIO, name: str) -> _Head:
+    """Return the beginning of an open file up to the end of Tracks. `name` is the file's name for messages. Raises
+    StereoReprojectError if the file is damaged or has no Tracks before its pictures."""
     end = file.seek(0, 2)
     segment = _outer(file, _outer(file, 0, name).stop, name)
     if segment.number != SEGMENT or segment.stop > end:
@@ -112,7 +121,9 @@ def _read_head(file: BinaryIO, name: str) -> _Head:
 
 
 def _outer(file: BinaryIO, start: int, name: str) -> Element:
-    """The header of the element that starts there; its content may be longer than what memory takes."""
+    """Return the element whose header starts at byte `start` of a file; only the header is read. `name` is the file's
+    name for messages. Raises StereoReprojectError if the file ends there, and BadInputError if the element's size is
+    unknown."""
     file.seek(start)
     try:
         found = _element(file.read(MAX_HEADER_BYTES), 0, None)
@@ -124,7 +135,8 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
 
 
 def _element(data: bytes, start: int, stop: int | None) -> Element:
-    """Read an element. Raises ValueError if its size is unknown or beyond `stop`, IndexError when it has no header."""
+    """Return the element whose header starts at `start` in `data`. Raises ValueError if its size is unknown or if it
+    goes on beyond `stop` (None for no limit), IndexError if the data end within its header."""
     number, at = _variable(data, start, keep_marker=True)
     size, content = _variable(data, at, keep_marker=False)
     width = content - at
@@ -134,7 +146,8 @@ def _element(data: bytes, start: int, stop: int | None) -> Element:
 
 
 def _variable(data: bytes, at: int, *, keep_marker: bool) -> tuple[int, int]:
-    """A number of variable length (RFC 8794, 4) and where it ends."""
+    """Return a number of variable length (RFC 8794, 4) that starts at `at`, and the place where it ends. keep_marker
+    leaves in the bit that tells the length, as in IDs. Raises IndexError if it is not whole."""
     length = 9 - data[at].bit_length()
     value = int.from_bytes(data[at : at + length])
     if length > 8 or at + length > len(data):
@@ -143,6 +156,7 @@ def _variable(data: bytes, at: int, *, keep_marker: bool) -> tuple[int, int]:
 
 
 def _elements(data: bytes, start: int, stop: int) -> Iterator[Element]:
+    """Yield the elements that follow one another in data[start:stop]. Raises as `_element` does."""
     while start < stop:
         element = _element(data, start, stop)
         yield element
@@ -150,6 +164,9 @@ def _elements(data: bytes, start: int, stop: int) -> Iterator[Element]:
 
 
 def _marked_tracks(data: bytes, tracks: Element, mode: int | None, across: int, down: int) -> bytes:
+    """Return the bytes of the Tracks element with the mark in its first video track set to `mode`; see
+    `write_stereo_mode`. Raises ValueError where there is no video track, and other errors where the data are
+    damaged."""
     for entry in _elements(data, tracks.content, tracks.stop):
         children = list(_elements(data, entry.content, entry.stop)) if entry.number == TRACK_ENTRY else []
         kind = next((_uint(data, e) for e in children if e.number == TRACK_TYPE), None)
@@ -162,6 +179,8 @@ def _marked_tracks(data: bytes, tracks: Element, mode: int | None, across: int, 
 
 
 def _marked_video(data: bytes, video: Element, mode: int | None, across: int, down: int) -> bytes:
+    """Return the content of a Video element with StereoMode set to `mode` (None removes it) and the size for display
+    that goes with it."""
     children = list(_elements(data, video.content, video.stop))
     values = {element.number: _uint(data, element) for element in children}
     if mode is None and STEREO_MODE not in values:
@@ -177,7 +196,8 @@ def _marked_video(data: bytes, video: Element, mode: int | None, across: int, do
 
 
 def _frame_shape(values: dict[int, int]) -> tuple[int, int]:
-    """The size at which the whole frame is to be shown, both eyes in it at the pixels' own aspect."""
+    """Return (width, height) at which the whole frame, with both eyes in it, is to be shown so that its pixels keep
+    their aspect. values are the numbers in the track's Video element, by ID."""
     pixels = values[PIXEL_WIDTH], values[PIXEL_HEIGHT]
     width, height = values.get(DISPLAY_WIDTH, pixels[0]), values.get(DISPLAY_HEIGHT, pixels[1])
     across, down = DOUBLED.get(values.get(STEREO_MODE, 0), (1, 1))
@@ -188,20 +208,24 @@ def _frame_shape(values: dict[int, int]) -> tuple[int, int]:
 
 
 def _uint(data: bytes, element: Element) -> int:
+    """Return the unsigned number that is the content of an element."""
     return int.from_bytes(data[element.content : element.stop])
 
 
 def _unsigned(number: int, value: int) -> bytes:
+    """Return the bytes of an element with a two-byte ID, `number`, whose content is an unsigned number, `value`."""
     content = value.to_bytes(max((value.bit_length() + 7) // 8, 1))
     return number.to_bytes(2) + bytes([0x80 | len(content)]) + content
 
 
 def _with(data: bytes, parent: Element, child: Element, new: bytes) -> bytes:
+    """Return the content of `parent` with one of its children, `child`, replaced by the bytes `new`."""
     return data[parent.content : child.start] + new + data[child.stop : parent.stop]
 
 
 def _master(old: Element, content: bytes) -> bytes:
-    """The element with another content, its checksum (RFC 8794, 11.3.1) the one of that content."""
+    """Return the bytes of an element like `old` with another content. If the content begins with a checksum (RFC 8794,
+    11.3.1), that is computed anew."""
     content = _summed(content)
     width = old.width
     while len(content) >= (1 << 7 * width) - 1:
@@ -211,13 +235,20 @@ def _master(old: Element, content: bytes) -> bytes:
 
 
 def _summed(content: bytes) -> bytes:
+    """Return an element's content with its checksum made right; content without a checksum stays as it is."""
     if content[:2] != bytes([CRC_32, 0x84]):
         return content
     return content[:2] + zlib.crc32(content[6:]).to_bytes(4, "little") + content[6:]
 
 
 def _fitted(head: _Head, tracks: bytes, name: str) -> list[Edit]:
-    """The new Tracks where the old ones end, the Void before them smaller or larger by as much."""
+    """Return the edits of the file that put `tracks`, the bytes of the new Tracks, in place of the old ones, with
+    nothing behind Tracks moved.
+
+    A Void element before Tracks becomes smaller or larger by the difference in size, what lies between moves, and
+    SeekHead gets the new places. Raises BadInputError if no Void before Tracks is large enough; `name` is the file's
+    name for messages.
+    """
     *elements, old = head.elements
     growth = len(tracks) - (old.stop - old.start)
     edits = [Edit(old.start, old.stop, tracks)]
@@ -237,7 +268,8 @@ def _fitted(head: _Head, tracks: bytes, name: str) -> list[Edit]:
 
 
 def _void(size: int) -> bytes | None:
-    """Nothing, in so many bytes; None where there is no such Void."""
+    """Return the bytes of a Void element, a placeholder, of exactly `size` bytes in all; b"" for 0, and None for a size
+    that no Void can have here."""
     if size == 0:
         return b""
     if size < 2 or size > 1 << 24:
@@ -248,6 +280,8 @@ def _void(size: int) -> bytes | None:
 
 
 def _relocated(data: bytes, seek_head: Element, moved: dict[int, int]) -> Edit:
+    """Return the edit of a SeekHead element that replaces the places in it by `moved`, the new place for each old one;
+    others stay."""
     content = bytearray(data[seek_head.content : seek_head.stop])
     for seek in _elements(data, seek_head.content, seek_head.stop):
         for element in _elements(data, seek.content, seek.stop) if seek.number == SEEK else ():

@@ -35,8 +35,8 @@ MAX_MOOV_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class Box:
-    """A box: its type, its place in the file [start, stop), and where its content begins. open_ended: to the file's
-    end."""
+    """One box of an MP4 file: its type, and its place in the file in bytes. The header is [start, content), the content
+    [content, stop). open_ended is True for a box that has no size of its own and goes on to the end of the file."""
 
     kind: bytes
     start: int
@@ -47,19 +47,24 @@ class Box:
 
 @dataclass(frozen=True)
 class _Moov:
-    """The movie's description in memory, and where in the file it begins."""
+    """The bytes of an MP4's moov box, which describes the movie. `start` is the box's place in the file: all places in
+    the methods count from the beginning of the file. `name` is the file's name for messages."""
 
     start: int
     data: bytes
     name: str
 
     def read(self, start: int, stop: int) -> bytes:
+        """Return the bytes [start, stop) of the file."""
         return self.data[start - self.start : stop - self.start]
 
     def number(self, start: int, size: int = 4) -> int:
+        """Return the unsigned number of `size` bytes at `start`."""
         return int.from_bytes(self.read(start, start + size))
 
     def boxes(self, start: int, stop: int) -> Iterator[Box]:
+        """Yield the boxes that follow one another in [start, stop). Raises StereoReprojectError where one does not fit
+        in there."""
         # QuickTime may end a list of boxes with four zero bytes.
         while start + SIZE_32 <= stop:
             size, kind = struct.unpack(">I4s", self.read(start, start + SIZE_32))
@@ -72,10 +77,12 @@ class _Moov:
             start += size
 
     def child(self, parent: Box, kind: bytes) -> Box | None:
+        """Return the first box of type `kind` directly inside `parent`; None without one."""
         return next((box for box in self.boxes(parent.content, parent.stop) if box.kind == kind), None)
 
     def descendants(self, parent: Box, kinds: tuple[bytes, ...]) -> list[Box] | None:
-        """The boxes on a path down, or None where one is missing."""
+        """Return the boxes of these types, each inside the one before and the first inside `parent`; None where one is
+        missing."""
         found: list[Box] = []
         for kind in kinds:
             box = self.child(found[-1] if found else parent, kind)
@@ -86,14 +93,17 @@ class _Moov:
 
 
 def damaged(name: str) -> StereoReprojectError:
+    """Return the error for a movie, called `name`, that is not whole."""
     return StereoReprojectError(f"{name} is not a whole movie; was the rendering stopped or is the disk full?")
 
 
 def write_st3d(path: Path, mode: int | None) -> None:
-    """Put an st3d box with this `stereo_mode` into the first video track of an MP4 or MOV; None takes the mark away.
+    """Set the stereo layout of the first video track of an MP4 or MOV file: put in an st3d box with this value, or none
+    if `mode` is None. Marks that are there already are removed, Apple's included. The file is replaced by a changed
+    copy.
 
-    A mark that is there already goes, Apple's included. Raises StereoReprojectError when the file is damaged and
-    BadInputError when it is a kind of MP4 that is not known here; either way it is left as it is.
+    Raises StereoReprojectError if the file is damaged, and BadInputError if it cannot be read or written, has no room
+    for the mark, or is a kind of MP4 that is not supported. After an error the file is as it was.
     """
     try:
         with path.open("rb") as file:
@@ -111,6 +121,8 @@ def write_st3d(path: Path, mode: int | None) -> None:
 
 
 def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
+    """Return the moov box of an open file, and its content. `name` is the file's name for messages. Raises
+    StereoReprojectError if it is missing or damaged, BadInputError for a fragmented movie."""
     boxes = list(_top_boxes(file, name))
     if any(box.kind == b"moof" for box in boxes):
         raise BadInputError(f"{name} is a fragmented movie, which is not supported; write it unfragmented")
@@ -122,6 +134,8 @@ def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
 
 
 def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
+    """Yield the outermost boxes of an open file, of which only the headers are read. `name` is the file's name for
+    messages. Raises StereoReprojectError where one is not whole."""
     end, start = file.seek(0, 2), 0
     while start < end:
         file.seek(start)
@@ -141,7 +155,8 @@ def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
 
 
 def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit], list[Box]]:
-    """Return the changes of the first video track's sample entry, and of the boxes around it."""
+    """Return the edits that set the mark in the first video track (see `write_st3d`), and the boxes around it, whose
+    sizes change with it. Raises StereoReprojectError where there is no video track."""
     for track in moov.boxes(moov_box.content, moov_box.stop):
         way = moov.descendants(track, PATH_TO_ENTRIES) if track.kind == b"trak" else None
         if way and _is_video(moov, way[0]):
@@ -155,11 +170,14 @@ def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit
 
 
 def _is_video(moov: _Moov, media: Box) -> bool:
+    """Return True if the mdia box `media` is that of a video track."""
     handler = moov.child(media, b"hdlr")
     return handler is not None and moov.read(handler.content + 8, handler.content + 12) == b"vide"
 
 
 def _entry_edits(moov: _Moov, entry: Box, mode: int | None) -> list[Edit]:
+    """Return the edits of a video track's sample entry: old marks are removed, and an st3d box is inserted unless
+    `mode` is None."""
     boxes = list(moov.boxes(entry.content + VISUAL_SAMPLE_ENTRY, entry.stop))
     edits = [Edit(box.start, box.stop, b"") for box in boxes if box.kind in MARKS]
     if mode is not None:
@@ -170,13 +188,15 @@ def _entry_edits(moov: _Moov, entry: Box, mode: int | None) -> list[Edit]:
 
 
 def _resized(box: Box, growth: int) -> Edit:
+    """Return the edit that makes the size in a box's header larger by `growth` bytes."""
     if box.content - box.start == SIZE_64:
         return Edit(box.start + SIZE_32, box.start + SIZE_64, struct.pack(">Q", box.stop - box.start + growth))
     return Edit(box.start, box.start + 4, struct.pack(">I", box.stop - box.start + growth))
 
 
 def _offset_edits(moov: _Moov, moov_box: Box, growth: int) -> list[Edit]:
-    """Chunks that lie behind the description move with its size; those before it stay."""
+    """Return the edits of the tables that say where in the file pictures and sound lie. What lies behind the moov box
+    moves by `growth` bytes; what lies before it stays."""
     edits = []
     for track in moov.boxes(moov_box.content, moov_box.stop):
         tables = moov.descendants(track, PATH_TO_ENTRIES[:3]) if track.kind == b"trak" else None
@@ -187,6 +207,8 @@ def _offset_edits(moov: _Moov, moov_box: Box, growth: int) -> list[Edit]:
 
 
 def _moved(moov: _Moov, table: Box, form: str, behind: int, growth: int) -> Edit:
+    """Return the edit of one table of offsets: those from the place `behind` on become larger by `growth`. form is the
+    format of one offset for `struct`. Raises BadInputError if an offset becomes too large for it."""
     size = struct.calcsize(form)
     start, count = table.content + 8, moov.number(table.content + 4)
     if start + count * size > table.stop:

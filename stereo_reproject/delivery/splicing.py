@@ -20,7 +20,8 @@ BLOCK_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Edit:
-    """The bytes [start, stop) of a file are to be `new`; an insertion where start is stop."""
+    """One change of a file: the bytes [start, stop) are replaced by `new`. It is an insertion where start equals
+    stop."""
 
     start: int
     stop: int
@@ -28,13 +29,15 @@ class Edit:
 
     @property
     def growth(self) -> int:
+        """The number of bytes by which the file becomes longer; negative if it becomes shorter."""
         return len(self.new) - (self.stop - self.start)
 
 
 def splice(path: Path, edits: Sequence[Edit]) -> None:
-    """Apply edits that do not overlap, in any order, by way of a temporary file beside `path`.
+    """Apply edits, which must not overlap and may be in any order, to a file. A changed copy is written beside it and
+    then takes its place, so that the file is whole at every moment.
 
-    Raises BadInputError where that cannot be written; then the file is as it was.
+    Raises BadInputError if the copy cannot be written; then the file is as it was.
     """
     if all(edit.start == edit.stop and not edit.new for edit in edits):
         return
@@ -58,6 +61,7 @@ def splice(path: Path, edits: Sequence[Edit]) -> None:
 
 
 def _copy_edited(source: BinaryIO, target: BinaryIO, edits: Sequence[Edit]) -> None:
+    """Copy `source` to `target` with the edits applied."""
     for edit in sorted(edits, key=lambda edit: (edit.start, edit.stop)):
         _copy(source, target, edit.start - source.tell())
         target.write(edit.new)
@@ -66,6 +70,7 @@ def _copy_edited(source: BinaryIO, target: BinaryIO, edits: Sequence[Edit]) -> N
 
 
 def _copy(source: BinaryIO, target: BinaryIO, count: int) -> None:
+    """Copy the next `count` bytes of `source` to `target`, in blocks. Raises OSError if the source ends before."""
     while count > 0:
         block = source.read(min(count, BLOCK_BYTES))
         if not block:

@@ -15,10 +15,12 @@ MP4_FIRST_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
 
 
 def write_stereo_mode_of(path: Path, layout: Layout) -> bool:
-    """Mark a movie with its layout; whether its container has a place and a value for it.
+    """Mark a movie file with its stereo layout, by the means of its container. Return True if the container can say
+    this layout.
 
-    Where it has none, a mark that is there already is wrong and goes (Blender 5.2 writes some); a container without
-    marks (AVI ...) is left alone. Raises StereoReprojectError when the file is damaged, and then it is left alone too.
+    If it cannot, any mark in an MP4, MOV, MKV or WebM is removed, for it would be wrong (Blender 5.2 writes some);
+    other containers, such as AVI, are not changed. Raises StereoReprojectError if the file is damaged, and
+    BadInputError if it cannot be read or written; then it is as it was.
     """
     try:
         with path.open("rb") as file:

@@ -22,10 +22,11 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class SourceNoise:
-    """Effect of noise on a pixel around each probe, after `tone`, as all the source's noisy pixels there tell.
+    """Effect of noise on single pixels around each of N probes, after `tone`.
 
-    shift (N, 3): mean change of brightness. It is negative: most samples of a dim corner are black and a few are
-    bright, of which `tone` makes little. variance (N,): of one pixel. in_warp: share of it that the warped pixels have.
+    shift (N, 3) is how much noise changes the mean brightness. It is negative: most samples of a dim corner are black
+    and a few are bright, of which `tone` makes little. variance (N,) is that of one noisy pixel. in_warp is the share
+    of this variance that the warped pixels have themselves: 0 in a denoised picture, 1 in a noisy one.
     """
 
     shift: NDArray[np.float64]
@@ -34,18 +35,20 @@ class SourceNoise:
 
     @classmethod
     def of_noisy(cls, variance: NDArray[np.float64]) -> SourceNoise:
-        """Return the noise of a picture that is not denoised: its pixels have the variance (N,) of a trace, and are as
-        dark by it."""
+        """Return the noise of a picture that is not denoised, by the variance (N,) of its pixels.
+
+        Warped pixels are as noisy as traced ones, so that noise shifts both alike: the shift is 0 and in_warp is 1.
+        """
         return cls(np.zeros((variance.size, 3)), variance, in_warp=1.0)
 
 
 @dataclass(frozen=True)
 class Bias:
-    """Correction of each tile's warped colours.
+    """Slow errors of the warped colours, as a correction for each of N tiles.
 
-    added (N, 3) is added after `tone`. without_own (N, 3) is told by the other probes alone, but for the little that
-    they have heard of a tile's own within wider reaches: an excess is told too large by that, and never too small.
-    shown (N,) is the number of the material at each tile's probe.
+    added (N, 3) is what is to be added after `tone`. without_own (N, 3) is the same correction as the other tiles'
+    probes tell it, to judge a tile by; they may have heard a little of its own within wider reaches, which makes an
+    excess too large and never too small. shown (N,) is the number of the material at each tile's probe.
     """
 
     probes: Probes
@@ -54,8 +57,11 @@ class Bias:
     shown: NDArray[np.integer]
 
     def agreed(self, other: Bias) -> Bias:
-        """Return the smaller of two corrections that the same probes tell, and none where one is for darker and one for
-        brighter."""
+        """Return the correction on which two of them agree: the smaller one, and none where one is for darker and one
+        for brighter.
+
+        Both must have the same probes.
+        """
         return replace(
             self,
             added=_smaller(self.added, other.added),
@@ -63,22 +69,29 @@ class Bias:
         )
 
     def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
-        """Return the scene-linear colours (N, >= 3) of the probes' pixels corrected, (N, 3)."""
+        """Return the scene-linear colours (N, 3) of the probes' pixels, corrected; colour (N, >= 3) is not.
+
+        without_own: True to correct each by what the other tiles' probes tell.
+        """
         return colour[..., :3] * _factor(colour[..., :3], self.without_own if without_own else self.added)
 
     def corrected(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """Return the scene-linear colour (H, W, >= 3) with `pixels` (H, W) corrected; shown (H, W) are materials."""
+        """Return a copy of the scene-linear colour (H, W, >= 3) in which `pixels` (H, W) are corrected.
+
+        shown (H, W) is the number of the material that each pixel shows.
+        """
         return multiplied(colour, pixels, self.factor(colour, pixels, shown))
 
     def factor(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """Return the factors (P, 3) by which the scene-linear colours of `pixels` (H, W) are corrected, in the mask's
+        """Return the factors (P, 3) that correct the scene-linear colours of the P set `pixels` (H, W), in the mask's
         order.
 
-        Between the tiles' middles the bias is interpolated, among those that show the same material as the pixel.
+        colour (H, W, >= 3) is the picture's; shown (H, W) is the number of the material of each pixel. Between the
+        tiles' middles the correction is interpolated, among the tiles that show the same material as the pixel.
         """
         rows, columns = np.nonzero(pixels)
         result = np.ones((rows.size, 3), np.float32)
@@ -89,7 +102,10 @@ class Bias:
         return result
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
-        """Return the bias (P, 3) at pixels (P,) that show the materials `own` (P,)."""
+        """Return the correction (P, 3), after `tone`, at P pixels; 0 where no tile around shows the same material.
+
+        rows, columns and own (P,) are their places and the materials that they show.
+        """
         height, width = self.probes.tile_grid
         numbers = self.probes.on_grid(np.arange(self.probes.rows.size), -1)
         place_y, place_x = ((p + 0.5) / self.probes.spacing - 0.5 for p in (rows, columns))
@@ -114,7 +130,7 @@ def bias_of(
     *,
     noise: SourceNoise,
 ) -> Bias:
-    """Return the slow errors that the probes' traces tell.
+    """Return the slow errors of the warped colours, as far as the probes' traces tell them beyond doubt.
 
     contrast (H, W) is the picture's (`contrast.Contrast.signal`); shown (H, W) is a number for the material of each
     pixel; noise is that of the source's own pixels around each probe. Warped colours that are noisy should be of single
@@ -140,9 +156,9 @@ def bias_of(
 
 
 def _shrunk_mean(total: NDArray, certainty: NDArray) -> NDArray[np.float64]:
-    """Return the mean (N, 3) of residuals, shrunk by what chance may have to do with it (James and Stein).
+    """Return the mean (N, 3) of residuals, made smaller by as much of it as may be chance (James and Stein).
 
-    total (N, 3) is their weighted sum, certainty (N,) the sum of their weights.
+    total (N, 3) is the residuals' weighted sum, certainty (N,) the sum of their weights. It is 0 where that is 0.
     """
     inverse = 1.0 / np.maximum(certainty, 1e-9)
     mean = total * inverse[:, None]
@@ -152,14 +168,18 @@ def _shrunk_mean(total: NDArray, certainty: NDArray) -> NDArray[np.float64]:
 
 
 class _Neighbours:
-    """Sums over the tiles around each whose probes show the same material as its own."""
+    """Takes sums over the tiles around each tile, of those whose probes show the same material as its own.
+
+    shown (N,) is the material at each probe; known (N,) are the probes whose traces are numbers.
+    """
 
     def __init__(self, probes: Probes, shown: NDArray, known: NDArray[np.bool_]) -> None:
         self._probes = probes
         self._shown = probes.on_grid(np.where(known, shown, -1), -1)
 
     def sum(self, values: NDArray, reach: int) -> NDArray[np.float64]:
-        """Return the sums (N, ...) of values (N, ...) over `reach` tiles each way, its own among them."""
+        """Return for each tile the sum (N, ...) of values (N, ...) over `reach` tiles each way that show its material,
+        its own included."""
         grid, shown = self._probes.on_grid(values, 0.0), self._shown
         total = np.zeros_like(grid, np.float64)
         height, width = shown.shape
@@ -174,22 +194,24 @@ class _Neighbours:
 
 
 def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the smaller of two changes, and 0 where their signs differ."""
+    """Return the one of two changes that is closer to 0, and 0 where their signs differ."""
     size = np.minimum(np.abs(one), np.abs(other))
     return np.where(one * other > 0.0, np.copysign(size, one), 0.0)
 
 
 def multiplied(image: NDArray[np.float32], pixels: NDArray[np.bool_], factor: NDArray[np.float32]) -> NDArray:
-    """Return the colours (H, W, >= 3), those of `pixels` (H, W) multiplied by factor (P, 3)."""
+    """Return a copy of the colours (H, W, >= 3) in which the P set `pixels` (H, W) are multiplied by factor (P, 3)."""
     result = image.copy()
     result[pixels, :3] *= factor
     return result
 
 
 def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the factors by which scene-linear colours (P, 3) change by `added` (P, 3) after `tone`.
+    """Return the factors (P, 3) that change scene-linear colours (P, 3) by as much as adding `added` (P, 3) after
+    `tone` would.
 
-    1 for what is not light. With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) / (1 - s).
+    It is 1 where there is no light. With c the colour and s = added (1 + c), tone(c) + added is the tone of (c + s) /
+    (1 - s).
     """
     limit = TUNING.max_bias_factor
     light = (colour > 0.0) & (colour < float(np.finfo(np.float32).max) / limit)

@@ -32,8 +32,9 @@ MIN_NOISE = 1e-12
 class DenoisedEvidence:
     """Evidence of the probes of a denoised picture.
 
-    colour (H, W, C) is the target's with its slow errors taken away; at_probes (N, 3) are the colours that a trace of
-    the probes is then expected to have, had their own traces not been heard; selection is what the first traces tell.
+    colour (H, W, C) is the target's with its slow errors taken away. at_probes (N, 3) are the warped colours at the
+    probes to be compared with their traces, corrected by what the other probes tell and shifted as noise shifts a
+    trace. selection is what the probes' first traces tell, by which tiles are chosen.
     """
 
     colour: NDArray[np.float32]
@@ -43,9 +44,9 @@ class DenoisedEvidence:
 
 @dataclass(frozen=True)
 class DenoisedEstimator:
-    """Measures a denoised target.
+    """The `Estimator` for a denoised picture.
 
-    contrast is that of the warped picture; noisy (H, W, 4) is the scene-linear colour that was warped from the source
+    contrast is that of the warped picture. noisy (H, W, 4) is the scene-linear colour that was warped from the source
     before that was denoised.
     """
 
@@ -54,11 +55,15 @@ class DenoisedEstimator:
     denoising: Denoising
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Place probes at one place in each tile: together they are a picture."""
+        """Return probes at the same place in each tile of `spacing` pixels: together they are a small picture."""
         return place_regular_probes(warped, spacing=spacing, seed=seed)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
-        """Return the corrected target and the evidence, as `Estimator` says."""
+        """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says.
+
+        The noisy colour of warped pixels is moved as the denoised one is, so that traced pixels are denoised among
+        neighbours of their own brightness.
+        """
         colour = target.colour.copy()
         colour[probes.mask] = traces.warped
         materials = materials_of(target.passes)
@@ -88,9 +93,9 @@ class DenoisedEstimator:
         traces: ProbeTraces,
         materials: NDArray[np.integer] | None,
     ) -> DenoisedEvidence:
-        """Return what the probes tell of the target's passes, whose colour is the warped one in `warped` (H, W).
+        """Return what the probes tell of a target whose pixels in `warped` (H, W) have the warped, denoised colour.
 
-        materials (H, W) is a number for what each pixel shows, if known.
+        passes are the target's; materials (H, W) is a number for what each pixel shows, None where it is not known.
         """
         contrast, noisy = self.contrast.signal, self.noisy
         kinds = np.zeros(warped.shape, np.intp) if materials is None else materials
@@ -113,15 +118,20 @@ class DenoisedEstimator:
         return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:  # noqa: ARG002
-        """Return True where the gain is large; of a denoised picture the estimate is too unsure to decide."""
+        """Return whether the gain is large; whether the promise is kept does not count, as the estimate of a denoised
+        picture is too unsure."""
         return gain > TUNING.min_gain_denoised
 
 
 def source_noise(
     probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]
 ) -> SourceNoise:
-    """Return the noise around each probe by the warped pixels (H, W) that are no probes, whose denoised colour
-    (H, W, C) is known beside the noisy one."""
+    """Return the noise of the source's single pixels around each probe, by the difference of their noisy and denoised
+    colours.
+
+    colour is denoised, noisy is not, both (H, W, C). Only the pixels of warped (H, W) that are no probes count: they
+    have both colours from the source.
+    """
     known = warped & ~probes.mask
     change = np.where(known[..., None], tone(noisy).astype(np.float64) - tone(colour), 0.0)
     near = probes.rows, probes.columns
@@ -134,7 +144,10 @@ def source_noise(
 
 
 def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the mean squared difference (N,) of the source's pixels from their denoised ones, around each probe."""
+    """Return the variance (N,) of the source's noise close around each probe: of NOISY_PASS about the denoised colour.
+
+    Only the pixels of warped (H, W) that are no probes count. It is 0 where there is none.
+    """
     warped = warped & ~probes.mask
     squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
     near = probes.rows, probes.columns
@@ -146,7 +159,11 @@ def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> ND
 def _denoised_probes(
     probes: Probes, passes: Passes, colours: tuple[NDArray[np.float32], ...], denoising: Denoising
 ) -> list[NDArray[np.float32]]:
-    """Return the colours (N, 4) of the probes' pixels denoised, (N, 3) each, as pictures of one pixel a tile."""
+    """Return the probes' colours denoised, (N, 3) for each of the noisy `colours` (N, 4).
+
+    For this, each of these is made into a small picture of one pixel a tile. Tiles without a probe, and the passes that
+    guide the denoiser, are filled from the target's `passes`.
+    """
     height, width = probes.shape
     rows, columns = (
         np.minimum(np.arange(count) * probes.spacing + probes.spacing // 2, size - 1)
@@ -167,8 +184,13 @@ def _denoised_probes(
 def _error_by_material(
     probes: Probes, error: NDArray, contrast: NDArray, shown: NDArray[np.integer]
 ) -> NDArray[np.float64]:
-    """Return the error (N,) of each tile, were every pixel as wrong for its contrast (H, W) as the material that it
-    shows (H, W) is at the probes, where it is `error` (N,)."""
+    """Return the squared error (N,), summed over each tile, if its pixels were as wrong as their materials are at the
+    probes.
+
+    error (N,) is what was found at each probe. It is summed by material and divided by the contrast there; each pixel
+    of a tile then has its own contrast (H, W) times that of its material, shown (H, W). A material without a probe
+    counts as right.
+    """
     of_probe = shown[probes.rows, probes.columns]
     count = int(shown.max(initial=0)) + 1
     at_probes = np.bincount(of_probe, weights=contrast[probes.rows, probes.columns], minlength=count)

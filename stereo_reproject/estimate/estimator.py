@@ -20,22 +20,28 @@ from .target import Target
 
 
 class Estimator(Protocol):
-    """Places probes in a target, and reads them."""
+    """Places probes in a target, and tells from their traces how wrong its warped pixels are."""
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Place one probe in each tile of `spacing` pixels, among the pixels of `warped` (H, W)."""
+        """Return one probe for each tile of `spacing` pixels that has any pixel of `warped` (H, W), placed at such a
+        pixel.
+
+        seed is that of the random places.
+        """
         ...
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles.
 
-        The target holds the traced probes already; traces has their colours before and after.
+        The target holds the traced probes already; traces has their colours as they were warped and in both traces.
         """
         ...
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
-        """Return whether tiles should be traced in one more render that is expected to take `gain` off the frame's
-        excess; promise is the noise ratio that is promised."""
+        """Return whether it is worth one more render call to trace tiles from which `gain` is expected.
+
+        gain is the amount by which the frame's excess would fall; promise is the noise ratio that is promised.
+        """
         ...
 
 
@@ -44,8 +50,8 @@ def estimator_of(
 ) -> Estimator | None:
     """Return the estimator for a warped view, or None where nothing is to be measured.
 
-    That is where the accuracy promises nothing, where every pixel is a hole, and where nothing that is seen can break
-    the promise (`probed` is False). denoising is None for a picture that stays noisy.
+    Nothing is where the accuracy promises nothing, where every pixel is a hole, and where nothing that is seen can
+    break the promise (`probed` is False). denoising is None for a picture that stays noisy.
     """
     holes = reprojection.reasons > 0
     if accuracy.promise is None or not probed or holes.all():

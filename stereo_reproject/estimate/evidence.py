@@ -23,9 +23,10 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class ProbeTraces:
-    """Scene-linear colours (N, >= 3) of the probes' pixels: as they were warped, and as traced once and once again.
+    """Scene-linear colours (N, >= 3) of the probes' pixels: as they were warped, and as they were traced once and once
+    again.
 
-    A probe with a value that is no number tells nothing.
+    A probe with NaN or infinity in any of them tells nothing.
     """
 
     warped: NDArray
@@ -34,12 +35,13 @@ class ProbeTraces:
 
     @property
     def finite(self) -> NDArray[np.bool_]:
-        """(N,) probes whose values are all numbers."""
+        """The probes (N,) whose three colours are all finite."""
         w, a, b = (np.isfinite(colour).all(axis=-1) for colour in (self.warped, self.once, self.again))
         return w & a & b
 
     def toned(self, known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
-        """Return the three colours (N, 3) after `metrics.tone`, black where `known` (N,) is not set."""
+        """Return the three colours (N, 3) after `metrics.tone`: warped, once, again. They are black where `known` (N,)
+        is not set."""
         w, a, b = (
             tone(np.where(known[:, None], colour, 0.0)).astype(np.float64)
             for colour in (self.warped, self.once, self.again)
@@ -61,16 +63,16 @@ class SelectionEvidence:
 
 @dataclass(frozen=True)
 class TileEvidence:
-    """Evidence of the probes per tile (N,) that has one. Squares are of tone-mapped colour.
+    """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
-    excess: squared error beyond noise, summed over the tile's warped pixels: from its probe, or, for a tile that was
-    traced since (`refined`), from all its pixels. left: the part of it that counts as left in the frame, on average.
-    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture shows.
-    pixels: warped pixels of the tile. contrast: sum that the excess of tiles is taken to be proportional to, where
-    nothing else is known. frame_pixels: pixels of the whole picture. materials: what the tiles show, None if unknown.
-    noise_left: variance of a denoised pixel over that of a traced one, 1 for a picture that is not denoised.
-    selection: expected excess of each tile by the first traces alone, and left_by_second the excess by the second;
-    None for a picture that is not denoised.
+    excess: squared error beyond noise, summed over the tile's warped pixels; from its probe, or, for a tile that was
+    traced since (`refined`), from all its pixels. left: the excess that the frame still has in this tile, on average.
+    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise
+    shows. pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess is
+    taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
+    unknown. noise_left: variance of a denoised pixel over that of a traced one. The last two are for denoised pictures,
+    else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by the second
+    traces alone.
     """
 
     probes: Probes
@@ -89,25 +91,29 @@ class TileEvidence:
 
     @property
     def mean_noise(self) -> float:
-        """Variance of one pixel, averaged over the warped part of the frame; holes are taken to be as noisy."""
+        """Variance of one pixel of the delivered picture, averaged over the warped part of the frame; holes count as
+        being as noisy."""
         weight = self.probes.weight
         return float((weight * self.noise).sum() / weight.sum()) if weight.size else 0.0
 
     @property
     def neighbourhood_noise(self) -> NDArray[np.float64]:
-        """(N,) variance of one pixel, averaged over the tiles around each and itself."""
+        """Variance (N,) of one pixel of the delivered picture, averaged over each tile and those within two tiles of
+        it."""
         weight = self.probes.weight
         noise = weight * self.noise
         return (self.probes.neighbour_sum(noise) + noise) / (self.probes.neighbour_sum(weight) + weight)
 
     @property
     def traced_noise(self) -> float:
-        """Variance of one traced pixel over that of one of the delivered picture."""
+        """Variance of a pixel as it is traced over that of a pixel of the delivered picture: above 1 where that is
+        denoised."""
         return 1.0 / self.noise_left
 
     @property
     def frame_noise(self) -> float:
-        """Sum over the frame's pixels of the squared difference between two plain renders."""
+        """Sum, over all pixels of the frame, of the squared difference to be expected between two plain renders of
+        it."""
         return 2.0 * self.mean_noise * self.frame_pixels
 
 
@@ -121,11 +127,12 @@ def measure_tiles(
     noise_left: float = 1.0,
     selection: SelectionEvidence | None = None,
 ) -> TileEvidence:
-    """Return the evidence of the probes for the pixels of `warped` (H, W), their own among them.
+    """Return the evidence of the probes for the pixels of `warped` (H, W), among which the probes' own pixels must be.
 
-    materials (H, W) is a number for the materials that each pixel shows, if known. noise_left is the variance of a
-    denoised pixel over that of a traced one, 1 where nothing is denoised. selection is the evidence of the first traces
-    alone, if tiles are chosen by it; what is left is then told by the second alone.
+    contrast is that of the warped picture. materials (H, W) is a number for the materials that each pixel shows, None
+    if unknown. noise_left is the variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
+    selection is the evidence of the first traces alone, if tiles are chosen by it; the error that is left is then told
+    by the second traces alone.
     """
     w, a, b = traces.toned(traces.finite)
     noise = noise_left * np.mean((a - b) ** 2, axis=-1) / 2.0
@@ -153,10 +160,11 @@ def measure_tiles(
 def _excess_by_second(
     probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, noise_left: float
 ) -> NDArray[np.float64]:
-    """Return the excess (N,) of the probes' pixels by their second trace; residual (N, 3) is w - b.
+    """Return the squared error beyond noise (N,) of the probes' pixels, by their second trace alone; residual (N, 3) is
+    the warped colour less the second, after `tone`.
 
-    A tile's own first trace must have no part in it: the noise is the local one of the source, at the scale that all
-    probes give it.
+    A tile's own first trace, by which it was chosen or not, must have no part in this. So the noise that is subtracted
+    is that of the source around the probe, scaled to the mean of what all probes tell.
     """
     local = selection.source_noise
     scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
@@ -169,8 +177,10 @@ def _excess_by_second(
 def _materials_in(
     probes: Probes, materials: NDArray[np.integer], contrast: NDArray, found: NDArray[np.float64]
 ) -> ShownMaterials:
-    """Return which of the materials (H, W) each tile shows, with the contrast (H, W) on each, and the excess (N,) that
-    the probes found."""
+    """Return which of the materials (H, W) each tile shows, with the contrast (H, W) of the pixels of each.
+
+    found (N,) is the excess that the probes found, which goes into the result as it is.
+    """
     numbers = probes.on_grid(np.arange(probes.rows.size), 0)
     side = probes.spacing
 
@@ -184,7 +194,12 @@ def _materials_in(
 
 
 def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share (N,) of each probe's evidence that counts, so that none is louder than is allowed."""
+    """Return the share (N,), 0 to 1, of each probe's evidence that counts, so that a single bright spark does not
+    outweigh all.
+
+    noise (N,) is what each probe measured. It is less than 1 where that is far above the noise of the probes around and
+    of all others.
+    """
     everywhere = (noise.sum() - noise) / max(noise.size - 1, 1)
     nearby = probes.neighbour_sum(noise) / np.maximum(probes.neighbour_sum(np.ones_like(noise)), 1.0)
     allowed = TUNING.max_probe_noise_ratio * np.maximum(nearby, everywhere)
@@ -193,10 +208,11 @@ def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float
 
 @dataclass(frozen=True)
 class RefinedTiles:
-    """Tiles that were traced as a whole.
+    """Tiles that were traced as a whole, because probes asked for it.
 
     tiles (N,) are set for them; pixels (H, W) were traced; warped and traced (H, W, >= 3) are the scene-linear colours
-    before and after. outliers (N,) are those of the tiles that were chosen by their own probe alone, if any were.
+    of the picture before and after. outliers (N,) are those of the tiles that were chosen by their own probe alone;
+    None without any.
     """
 
     tiles: NDArray[np.bool_]
@@ -207,10 +223,12 @@ class RefinedTiles:
 
 
 def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.float64]) -> TileEvidence:
-    """Return the evidence once some tiles were traced: their excess is known from every pixel then.
+    """Return the evidence after some tiles were traced: their excess is then known from all their pixels, and is gone
+    from `left`.
 
-    noise (N,) is the variance of one pixel of a plain render. An outlier's own probe may have told too much, as those
-    of the tiles that stay have then told too little: of it no more is taken off than is known now to have been there.
+    noise (N,) is the variance of one pixel of a plain render. For a tile that was chosen by its own probe alone, only
+    as much is gone as all its pixels show. Such a probe stood out, so it may have told too much, as the probes of the
+    tiles that stay have then told too little.
     """
     refined = done.tiles
     known = (
@@ -234,7 +252,11 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
 def _selection_after(
     evidence: TileEvidence, refined: NDArray[np.bool_], excess: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the expected excess (N,) once that of some tiles is known: more around those that had more."""
+    """Return the expected excess (N,) of tiles once some were traced: more around those that had more than was
+    expected.
+
+    refined (N,) are the tiles just traced, excess (N,) is what they had. Traced tiles have 0.
+    """
     expected = evidence.selection
     assert expected is not None
     had, foretold = (

@@ -21,14 +21,23 @@ Uncertain = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def expected_excess(evidence: TileEvidence, reach: int) -> Uncertain:
-    """Return the expected excess (N,) of a pixel of each tile, by the tiles within `reach` and by its materials."""
+    """Return the expected excess (N,) of a pixel of each tile, with its standard error (N,), by all evidence but its
+    own probe.
+
+    It is told by the tiles within `reach` and by those of the same materials; for a denoised picture as
+    `denoised_excess` says.
+    """
     if evidence.selection is not None:
         return denoised_excess(evidence, evidence.selection)
     return with_materials(evidence, neighbours_excess(evidence, reach))
 
 
 def neighbours_excess(evidence: TileEvidence, reach: int) -> Uncertain:
-    """Return the excess (N,) of a pixel of each tile by those within `reach` tiles, in proportion to its contrast."""
+    """Return the excess (N,) of a pixel of each tile, with its standard error (N,), by the probes of the tiles within
+    `reach`.
+
+    A tile's own probe is left out. The excess is mostly taken to be in proportion to the tile's contrast.
+    """
     probes, unmoved = evidence.probes, TUNING.unmoved_share
     around = probes.neighbour_sum(evidence.excess, reach)
     contrast = np.maximum(np.maximum(probes.neighbour_sum(evidence.contrast, reach), evidence.contrast), 1e-30)
@@ -40,7 +49,11 @@ def neighbours_excess(evidence: TileEvidence, reach: int) -> Uncertain:
 
 
 def with_materials(evidence: TileEvidence, nearby: Uncertain) -> Uncertain:
-    """Return the excess (N,) of a pixel of each tile by its neighbours (`nearby`) and its materials together."""
+    """Return the excess (N,) of a pixel of each tile, with its standard error (N,), by its neighbours and its materials
+    together.
+
+    nearby is what `neighbours_excess` returned; it is returned as it is where the materials are not known.
+    """
     if evidence.materials is None:
         return nearby
     excess, error = nearby
@@ -49,10 +62,10 @@ def with_materials(evidence: TileEvidence, nearby: Uncertain) -> Uncertain:
 
 
 def denoised_excess(evidence: TileEvidence, selection: NDArray[np.float64]) -> Uncertain:
-    """Return the excess (N,) of a pixel of each tile of a denoised picture; selection (N,) is that of whole tiles.
+    """Return the excess (N,) of a pixel of each tile of a denoised picture, with its standard error (N,).
 
-    By the denoised probes, or by the others' traces where those tell of more beyond chance; in all no more than all
-    traces together allow.
+    It is what the denoised probes tell, selection (N,) for whole tiles, scaled down where all traces together allow
+    less; or what the traces of other tiles tell, where that is more and beyond chance.
     """
     total, doubt = remaining_excess(evidence, np.zeros(0, np.intp))
     allowed = max(float(total[-1] + doubt[-1]), 0.0) * evidence.frame_noise
@@ -66,9 +79,12 @@ def denoised_excess(evidence: TileEvidence, selection: NDArray[np.float64]) -> U
 
 
 def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncertain:
-    """Return the excess (K + 1,) of the frame over its noise once the first k tiles of `order` (K,) are traced too.
+    """Return the excess of the whole frame, as a share of its noise, after tracing more and more tiles, and its
+    standard error.
 
-    Its standard error is that of a ratio of two sums over the same probes (linearized), each tile a stratum.
+    Both are (K + 1,): entry k is for the first k of the tiles `order` (K,) traced, entry 0 for none of them. order has
+    indices of tiles. Tiles that are refined already count as the evidence has them. The error is that of a ratio of two
+    sums over the same probes (linearized), each tile a stratum.
     """
     noise, weight = evidence.frame_noise, evidence.probes.weight
     gone = np.concatenate([[0.0], np.cumsum(evidence.left[order])])
@@ -84,10 +100,11 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
 
 
 def local_noise(evidence: TileEvidence) -> NDArray[np.float64]:
-    """Return the variance (N,) of one traced pixel in each tile.
+    """Return the variance (N,) that one pixel of the delivered picture has in each tile.
 
-    Probes around tell it, but beside something noisy they tell too much; so does the picture's own noise where it has a
-    fine texture. The smaller of both is taken, the latter at the scale that the former give it over the frame.
+    The probes around tell it, but beside something noisy they tell too much. The warped picture's own noise tells it
+    too, but too much where there is a fine texture. So the smaller of both is taken, the latter scaled to agree with
+    the former over the frame.
     """
     told, seen = evidence.neighbourhood_noise, evidence.seen_noise
     known = seen > 0.0
@@ -100,7 +117,7 @@ def local_noise(evidence: TileEvidence) -> NDArray[np.float64]:
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
-    """Return the value up to which half of the weights lie."""
+    """Return the value, of `values`, up to which half of the weights lie."""
     order = np.argsort(values)
     upto = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(upto, 0.5 * upto[-1])])

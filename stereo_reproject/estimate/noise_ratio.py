@@ -20,7 +20,10 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Estimate:
-    """Noise ratio of a frame with the ends of its 95 % confidence interval; the ends are NaN where none is known."""
+    """Noise ratio of a frame, estimated from its probes, with the ends of its 95 % confidence interval.
+
+    low and high are NaN where the interval is not known.
+    """
 
     noise_ratio: float
     low: float
@@ -28,7 +31,8 @@ class Estimate:
 
     @property
     def excess(self) -> float:
-        """Mean squared error beyond noise over that of noise: noise ratio^2 - 1."""
+        """Squared error beyond noise, as a share of noise: noise_ratio^2 - 1. It is negative for a frame better than a
+        render."""
         return self.noise_ratio**2 - 1.0
 
 
@@ -37,7 +41,7 @@ AS_RENDERED = Estimate(1.0, float("nan"), float("nan"))
 
 
 def estimate(evidence: TileEvidence) -> Estimate:
-    """Return the frame's noise ratio; the refined tiles count as traced."""
+    """Return the frame's noise ratio with its interval; tiles that were refined count as traced."""
     if not evidence.frame_noise:
         return AS_RENDERED
     if evidence.left_by_second is not None:
@@ -48,29 +52,36 @@ def estimate(evidence: TileEvidence) -> Estimate:
 
 
 def as_rendered(evidence: TileEvidence | None) -> Estimate:
-    """Return the estimate of a frame that is traced throughout: 1, give or take what chance does to any one render."""
+    """Return the estimate of a frame that is traced throughout: 1, with the interval that chance gives any one render.
+
+    evidence tells the noise; without it (None, or no noise at all) the ends of the interval are NaN.
+    """
     if evidence is None or not evidence.frame_noise:
         return AS_RENDERED
     return _interval(0.0, _own_noise(evidence, np.ones_like(evidence.refined)))
 
 
 def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
-    """Return the variance of the excess that comes from the noise of the traced pixels, the tiles `traced` (N,) among
-    them."""
+    """Return the variance that the noise of the traced pixels adds to the frame's excess.
+
+    Traced are the tiles set in `traced` (N,), and all pixels of the frame that are in no tile's warped part.
+    """
     pixels = evidence.frame_pixels - evidence.pixels[~traced].sum()
     return float(pixels * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
 
 
 def _interval(excess: float, variance: float) -> Estimate:
-    """Return the estimate with this excess, whose variance is given."""
+    """Return the estimate of the noise ratio by the frame's excess, and by the variance of that excess."""
     reach = CONFIDENCE_95_SIGMAS * np.sqrt(variance)
     return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach)))
 
 
 def worst_tiles(evidence: TileEvidence) -> float:
-    """Return the expected `metrics.worst_tiles`, without chance: a second plain render too is above 1 by that.
+    """Return an estimate of `metrics.worst_tiles`, the noise ratio of the worst hundredth of the tiles, less what
+    chance adds.
 
-    Each tile is judged by those around it and by its materials: an error in one tile alone is told too low.
+    For chance alone, a second plain render is above 1 in that metric. Each tile is judged by those around it and by its
+    materials, so an error in one tile alone is told too low.
     """
     if not evidence.frame_noise:
         return 1.0
@@ -85,9 +96,10 @@ def worst_tiles(evidence: TileEvidence) -> float:
 
 
 def tile_estimates(evidence: TileEvidence) -> NDArray[np.float64]:
-    """Return the noise ratio of each tile and the ends of its 95 % interval, (N, 3), judged as in `worst_tiles`.
+    """Return (N, 3) the noise ratio of each tile, and the lower and upper end of its 95 % interval, judged as in
+    `worst_tiles`.
 
-    1 for tiles that were refined; NaN where there is no noise at all.
+    It is 1 for tiles that were refined; NaN where there is no noise at all.
     """
     if not evidence.frame_noise:
         return np.full((evidence.refined.size, 3), np.nan)
@@ -97,11 +109,11 @@ def tile_estimates(evidence: TileEvidence) -> NDArray[np.float64]:
 
 
 def _excess_over_noise(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
-    """Return the expected excess (N,) of each tile over the noise of two plain renders, and its standard error; 0 where
-    it was refined.
+    """Return the expected excess (N,) of a pixel of each tile over the noise of two plain renders, and its standard
+    error (N,).
 
-    As in `metrics.worst_tiles`, what is quieter than most is as noisy as those; where most is sky, as a hundredth
-    of the mean.
+    Both are 0 where the tile was refined. As in `metrics.worst_tiles`, a tile that is quieter than most counts as being
+    as noisy as those; where most are without noise, as a hundredth of the mean at least.
     """
     noise = local_noise(evidence)
     floor = float(np.median(noise))

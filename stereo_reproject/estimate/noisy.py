@@ -21,10 +21,11 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class NoisyEstimator:
-    """Measures a noisy target.
+    """The `Estimator` for a picture that is not denoised.
 
-    contrast is that of the warped picture; warped (H, W, 4) is its scene-linear colour before anything was corrected;
-    single_samples gives the colours (N, C) of the source's own pixels nearest to what rows and columns (N,) show.
+    contrast is that of the warped picture. warped (H, W, 4) is its scene-linear colour before anything was corrected.
+    single_samples takes rows and columns (N,) of target pixels, and gives for each the colour (N, C) of the single
+    source pixel nearest to what it shows.
     """
 
     contrast: Contrast
@@ -32,11 +33,12 @@ class NoisyEstimator:
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Place probes at random, with more chance where there is contrast."""
+        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
+        is contrast."""
         return place_random_probes(warped, self.contrast, spacing=spacing, seed=seed)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
-        """Return the corrected target and the evidence, as `Estimator` says."""
+        """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""
         materials = materials_of(target.passes)
         target, expected = self._corrected(target, probes, traces)
         evidence = measure_tiles(
@@ -49,9 +51,10 @@ class NoisyEstimator:
         return target, evidence
 
     def _corrected(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, NDArray[np.float32]]:
-        """Take slow errors away from the warped pixels, from all parts of their light alike.
+        """Return the target with slow errors taken away from its warped pixels, in all parts of their light alike.
 
-        Also returns the colours (N, 3) that the probes' pixels would then have, had their own traces not been heard.
+        Returned with it are the colours (N, 3) that the probes' pixels would then have, corrected by what other tiles'
+        probes tell.
         """
         warped, shown = target.warped, materials_of(target.passes)
         materials = np.zeros(warped.shape, np.intp) if shown is None else shown
@@ -74,5 +77,5 @@ class NoisyEstimator:
         return target, bias.at_probes(traces.warped, without_own=True)
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
-        """Return True where the promise is not kept yet, or the gain is large."""
+        """Return whether the promise is not kept yet, or the gain is large."""
         return estimate(evidence).noise_ratio > promise or gain > TUNING.min_gain

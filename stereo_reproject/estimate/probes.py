@@ -18,9 +18,8 @@ from .tuning import TUNING
 class Probes:
     """Places of the probes, one in each tile of `spacing` x `spacing` pixels that has a warped pixel.
 
-    rows, columns (N,) are in the order in which a mask of the probes names them; weight (N,) is the number of warped
-    pixels of its tile that each stands for, on average over the places it may have: one over its chance. shape is that
-    of the picture, (H, W).
+    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of its tile's warped pixels that each
+    stands for, which is one over the chance with which its pixel was drawn. shape is that of the picture, (H, W).
     """
 
     rows: NDArray[np.intp]
@@ -31,19 +30,19 @@ class Probes:
 
     @property
     def mask(self) -> NDArray[np.bool_]:
-        """(H, W) set at the probes."""
+        """Mask (H, W) of the pixels that are probes."""
         result = np.zeros(self.shape, bool)
         result[self.rows, self.columns] = True
         return result
 
     @property
     def tiles(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Row and column (N,) of each probe's tile, in tiles."""
+        """Row and column (N,) of each probe's tile, counted in tiles."""
         return self.rows // self.spacing, self.columns // self.spacing
 
     @property
     def tile_grid(self) -> tuple[int, int]:
-        """Number of rows and of columns of tiles."""
+        """Number of rows and of columns of tiles in the picture; tiles at the right and bottom may be smaller."""
         height, width = self.shape
         return -(-height // self.spacing), -(-width // self.spacing)
 
@@ -52,42 +51,52 @@ class Probes:
         return _tile_sums(image, self.spacing)[self.tiles]
 
     def tile_mean(self, image: NDArray, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the mean (N,) of an image (H, W) over the pixels (H, W) that are set in each probe's tile; 0 where
-        none is."""
+        """Return the mean (N,) of an image (H, W) over those pixels of each probe's tile that are set in `pixels` (H,
+        W).
+
+        It is 0 where none is set.
+        """
         return self.tile_sum(np.where(pixels, image, 0.0)) / np.maximum(self.tile_sum(pixels), 1.0)
 
     def on_grid(self, values: NDArray, elsewhere: float) -> NDArray:
-        """Return values (N, ...) as rows and columns of tiles, with `elsewhere` in tiles without a probe."""
+        """Return values (N, ...) of the probes, laid out by rows and columns of tiles, (R, C, ...); `elsewhere` is put
+        in tiles without a probe."""
         grid = np.full((*self.tile_grid, *values.shape[1:]), elsewhere, values.dtype)
         grid[self.tiles] = values
         return grid
 
     def neighbour_sum(self, values: NDArray, reach: int = 2) -> NDArray[np.float64]:
-        """Return the sum (N,) of values (N,) over the tiles within `reach` of each, without its own."""
+        """Return for each probe the sum (N,) of values (N,) over the probes within `reach` tiles each way, without its
+        own."""
         grid = self.on_grid(values, 0.0)
         return box_sum(grid, (reach, reach))[self.tiles] - values
 
     def neighbourhood_mean(self, values: NDArray) -> NDArray[np.float64]:
-        """Return the mean (N,) of values (N,) over the tiles within 2 of each that have a probe, its own included."""
+        """Return for each probe the mean (N,) of values (N,) over the probes within 2 tiles each way, its own
+        included."""
         count = self.neighbour_sum(np.ones_like(values, np.float64)) + 1.0
         return (self.neighbour_sum(values) + values) / count
 
     def over_pixels(self, values: NDArray, elsewhere: float) -> NDArray:
-        """Return values (N, ...) spread over the pixels of each probe's tile, (H, W, ...), with `elsewhere` in tiles
-        without a probe."""
+        """Return values (N, ...) of the probes spread over all pixels of their tiles, (H, W, ...).
+
+        Pixels of tiles without a probe get `elsewhere`.
+        """
         tiles = self.on_grid(values, elsewhere)
         height, width = self.shape
         return np.repeat(np.repeat(tiles, self.spacing, axis=0), self.spacing, axis=1)[:height, :width]
 
     def pixels_of(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return the pixels (H, W) of the tiles whose probes are set in `chosen` (N,)."""
+        """Return (H, W) all pixels of the tiles whose probes are set in `chosen` (N,)."""
         return self.over_pixels(chosen, False)
 
 
 def place_random_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacing: int, seed: int) -> Probes:
-    """Place one probe in each tile of `spacing` pixels, at a random pixel of `warped` (H, W).
+    """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W); none for a tile without
+    any.
 
-    Half of the chance is spread evenly over the tile, half over the picture's contrast, where an error would show.
+    A share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to the contrast's
+    signal, where an error would show.
     """
     rng = np.random.default_rng(seed)
     rows, columns = np.nonzero(warped)
@@ -107,8 +116,11 @@ def place_random_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacin
 
 
 def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-    """Place one probe in each tile of `spacing` pixels, at the pixel of `warped` (H, W) nearest to one place that is
-    the same in all tiles and drawn by the seed: together they are a small picture, which can be denoised."""
+    """Return one probe for each tile of `spacing` pixels, at nearly the same place in all tiles, drawn by the seed.
+
+    It is the pixel of `warped` (H, W) nearest to that place; a tile without any has no probe. Together the probes are a
+    small picture, which can be denoised.
+    """
     height, width = warped.shape
     place = np.random.default_rng(seed).integers(0, spacing, 2)
     rows, columns = np.nonzero(warped)
@@ -123,6 +135,6 @@ def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) 
 
 
 def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
-    """Return the sum of an image (H, W) over each tile, as rows and columns of tiles."""
+    """Return the sum of an image (H, W) over each tile of `spacing` pixels, by rows and columns of tiles, (R, C)."""
     edges = [np.arange(0, size, spacing) for size in image.shape]
     return np.add.reduceat(np.add.reduceat(image.astype(np.float64), edges[0], axis=0), edges[1], axis=1)

@@ -32,11 +32,11 @@ def choose_tiles(
     unseen: float = 0.0,
     margin_sigmas: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Return the tiles (N,) to be traced beyond those that are.
+    """Return the tiles (N,) to be traced beyond those that were, so that the frame keeps its promise.
 
-    As few, worst first, as bring the frame's noise ratio down to `promise`, with a margin of so many standard errors
-    (None: as tuned); and every tile whose own ratio is expected to be above `worst`. unseen is the step after tone
-    mapping below which nothing is seen: noise that is less is taken for that.
+    They are as few, worst first, as bring the frame's noise ratio down to `promise`, with a margin of margin_sigmas
+    standard errors (None: as tuned); and every tile whose own ratio is expected to be above `worst`. unseen is a
+    standard deviation after tone mapping that nobody sees: noise below it counts as this much.
     """
     free = ~evidence.refined
     if not evidence.frame_noise:
@@ -58,7 +58,10 @@ def choose_tiles(
 
 
 def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
-    """Return the tiles (N,) whose own probe alone says, far beyond chance, that their noise ratio is above `worst`."""
+    """Return the tiles (N,) whose own probe alone says, far beyond chance, that their noise ratio is above `worst`.
+
+    None for a denoised picture, whose single traces tell too little. unseen is as for `choose_tiles`.
+    """
     if evidence.selection is not None:
         return np.zeros_like(evidence.refined)
     noise = np.maximum(local_noise(evidence), max(float(np.median(evidence.noise)), unseen**2))
@@ -68,7 +71,8 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
 
 
 def expected_gain(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> float:
-    """Return the excess of the frame over its noise that tracing the chosen tiles (N,) is expected to take away."""
+    """Return the amount by which tracing the chosen tiles (N,) is expected to lower the frame's excess, as a share of
+    its noise."""
     if not evidence.frame_noise:
         return 0.0
     expected = expected_excess(evidence, TUNING.tile_reach_tiles)[0] * evidence.pixels
@@ -76,9 +80,10 @@ def expected_gain(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> float:
 
 
 def _on_mostly_traced_materials(evidence: TileEvidence, chosen: NDArray[np.bool_], unseen: float) -> NDArray[np.bool_]:
-    """Return the tiles (N,) of a denoised picture on whose material most tiles are chosen (N,), or were before.
+    """Return the tiles (N,) of a denoised picture on whose material most tiles are chosen (N,), or were traced before.
 
-    But none where nothing is to be seen that may have moved: around there too, contrast is less than `unseen`.
+    Tiles are left out where contrast, around there too, is less than `unseen`, so that nobody would see what has moved.
+    None for a picture that is not denoised.
     """
     if evidence.selection is None or evidence.materials is None:
         return np.zeros_like(chosen)
@@ -94,10 +99,12 @@ def _on_mostly_traced_materials(evidence: TileEvidence, chosen: NDArray[np.bool_
 def _excess_bound(
     evidence: TileEvidence, order: NDArray[np.intp], expected: NDArray, margin_sigmas: float
 ) -> NDArray[np.float64]:
-    """Return the excess (K + 1,) that is held against the promise when the first k tiles of `order` (K,) are traced.
+    """Return (K + 1,) the excess that the frame is judged by once the first k tiles of `order` (K,) are traced, for
+    each k.
 
-    It is that of the frame plus a margin. Single traces of a denoised picture tell next to nothing but noise: there it
-    is what tiles are expected (N,) to have.
+    It is the frame's remaining excess plus a margin of margin_sigmas standard errors. Single traces of a denoised
+    picture tell next to nothing but noise: there it is the sum of what the pixels of the tiles left are expected (N,)
+    to have.
     """
     if evidence.selection is None:
         excess, error = remaining_excess(evidence, order)
@@ -109,7 +116,11 @@ def _excess_bound(
 
 def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray[np.bool_]:
     """Return the tiles (N,) that are expected to have a noise ratio above `worst`, as `metrics.worst_tiles` measures
-    it, or of which those around alone are sure of that: a material may be wrong in one small place."""
+    it.
+
+    Those are among them of which the tiles around alone are sure, whatever its materials tell: a material may be wrong
+    in one small place. unseen is as for `choose_tiles`.
+    """
     noise = local_noise(evidence)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
     if evidence.selection is not None:

@@ -19,11 +19,11 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class ShownMaterials:
-    """Materials in the tiles (N,), as pairs (P,) of a tile and a material that it shows, and what probes found there.
+    """Materials that the N tiles show, as P pairs of a tile and a material, and the excess that probes found on them.
 
-    contrast (P,) is summed over the tile's pixels that show the material (see `evidence.TileEvidence`); of_probe (N,)
-    is the material at each tile's probe, and found (N,) the excess that it found, summed over its tile. Materials are
-    numbers from 0; what they stand for does not matter here.
+    tile and material (P,) are the pairs; contrast (P,) is summed over the tile's pixels that show the material (see
+    `evidence.TileEvidence`). of_probe (N,) is the material at each tile's probe, and found (N,) the excess that the
+    probe found, for the whole tile. Materials are numbers from 0; which they are does not matter here.
     """
 
     tile: NDArray[np.intp]
@@ -33,10 +33,11 @@ class ShownMaterials:
     found: NDArray[np.float64]
 
     def expected(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the expected excess (N,) of each tile, its own probe left out, and the standard error that the
+        """Return the expected excess (N,) of each tile, summed over its pixels, and the standard error that its
         materials bring in.
 
-        nearby (N,) is the excess by the probes around each.
+        nearby (N,) is the excess by the probes around each. To this is added as much as is believed of what its
+        materials tell beyond it; the tile's own probe is left out.
         """
         told, error = self._by_materials(nearby)
         apart = told - self._part_of(nearby)
@@ -45,11 +46,11 @@ class ShownMaterials:
         return likely, np.sqrt(self._of_tiles((share * error) ** 2))
 
     def _by_materials(self, nearby: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the excess (P,) of each pair, were the material as wrong for its contrast as it is in all other tiles,
-        and the standard error of that.
+        """Return the excess (P,) that each pair of tile and material would have by that material in all other tiles,
+        and its error.
 
-        It is the pair's part of nearby (N,), and 0, where too few other probes tell, or there is more contrast here
-        than there.
+        It is found there for some contrast, and scaled to the pair's own. Where too few other probes tell, or there is
+        more contrast here than there, it is the pair's part of nearby (N,), with an error of 0.
         """
         others = self._by_material(np.ones_like(self.found)) - self._own
         elsewhere = (
@@ -64,8 +65,13 @@ class ShownMaterials:
         return told, np.sqrt(np.maximum(squares, 0.0)) * per_contrast
 
     def _belief(self, told: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the share (P,) of each material's evidence that is believed: the least-squares slope of found on told
-        (N,), both without what those nearby tell, over the other tiles that have their probe on it."""
+        """Return the share (P,), 0 to 1, of its material's evidence that is believed for each pair of tile and
+        material.
+
+        It is the least-squares slope of found (N,), the probes' own excess, on told (N,), the excess that materials
+        tell. Both are less what the probes nearby tell, and it is fitted over the other tiles that have their probe on
+        the material.
+        """
         mean_contrast = np.bincount(self.of_probe, weights=self._tile_contrast, minlength=self._count)
         mean_contrast = mean_contrast / np.maximum(np.bincount(self.of_probe, minlength=self._count), 1)
         # Per contrast, so that bright tiles do not decide alone; but flat ones, where hardly anything is, not at all.
@@ -78,38 +84,42 @@ class ShownMaterials:
 
     @cached_property
     def _count(self) -> int:
+        """Number of materials: one more than the greatest number of any."""
         return 1 + int(max(self.material.max(initial=0), self.of_probe.max(initial=0)))
 
     @cached_property
     def _own(self) -> NDArray[np.bool_]:
-        """(P,) set where the tile's own probe is on the material."""
+        """The pairs (P,) whose tile has its own probe on the pair's material."""
         return self.material == self.of_probe[self.tile]
 
     @cached_property
     def _tile_contrast(self) -> NDArray[np.float64]:
-        """(N,) contrast of each tile."""
+        """Contrast (N,) of each tile, summed over its materials."""
         return self._of_tiles(self.contrast)
 
     def _by_material(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum (P,) of values (N,) over all tiles that have their probe on the material."""
+        """Return for each pair the sum (P,) of values (N,) over all tiles that have their probe on the pair's
+        material."""
         # Of nothing, bincount makes integers.
         return np.bincount(self.of_probe, weights=values, minlength=self._count)[self.material].astype(np.float64)
 
     def _of_tiles(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sum (N,) of values (P,) over each tile's materials."""
+        """Return for each tile the sum (N,) of values (P,) over its pairs, one for each material that it shows."""
         return np.bincount(self.tile, weights=values, minlength=self.of_probe.size).astype(np.float64)
 
     def _part_of(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the part (P,) of values (N,) that is on each of the tile's materials, by their contrast."""
+        """Return for each pair the part (P,) of its tile's value (N,) that falls on its material, in proportion to
+        contrast."""
         return values[self.tile] * self.contrast / self._tile_contrast[self.tile]
 
 
 def materials_by_tile(
     rows: Iterable[tuple[NDArray[np.intp], NDArray[np.intp], NDArray]],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
-    """Return pairs (P,) of a tile and a material in it: both, and their contrast, which is above 0.
+    """Return all pairs (P,) of a tile and a material that it shows: tiles, materials, and the contrast, above 0, of
+    each pair.
 
-    rows hold the tile, the material and the contrast of pixels (M,), one row of tiles after the other.
+    rows have, for one row of tiles after the other, the tile, the material and the contrast of M pixels, (M,) each.
     """
     pairs = []
     for tile, material, contrast in rows:

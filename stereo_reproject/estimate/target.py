@@ -40,38 +40,41 @@ class Target:
 
     @classmethod
     def of_warp(cls, view: str, passes: Passes, reasons: NDArray[np.uint16]) -> Target:
-        """Return a target of warped passes, in which each pixel with a `Reason` (H, W) is a hole."""
+        """Return a target of warped passes (H, W, C), in which each pixel that has any `Reason` flag (H, W) is a
+        hole."""
         return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
 
     @property
     def colour(self) -> NDArray[np.float32]:
-        """(H, W, 4) colour pass."""
+        """Scene-linear colour (H, W, 4), the colour pass."""
         return self.passes[COLOUR_PASS]
 
     @property
     def warped(self) -> NDArray[np.bool_]:
-        """(H, W) pixels that were not traced and are no holes."""
+        """Pixels (H, W) that come from the warp alone: they were not traced and are no holes."""
         return self.provenance == 0
 
     @property
     def traced(self) -> NDArray[np.bool_]:
-        """(H, W) pixels that were traced, once the holes were."""
+        """Pixels (H, W) that were traced, or are holes and still to be traced."""
         return self.provenance != 0
 
     @property
     def keeps_warped_colour(self) -> NDArray[np.bool_]:
-        """(H, W) pixels whose colour is the warped one in a denoised picture. Probes in tiles that stay warped are
-        among them: alone, a traced pixel would stand out."""
+        """Pixels (H, W) whose colour, in a denoised picture, is the warped one in the end.
+
+        Probes in tiles that stay warped are among them: alone, a traced pixel would stand out.
+        """
         return ~self.any_of(Provenance.HOLE | Provenance.REFINED)
 
     def any_of(self, flags: Provenance) -> NDArray[np.bool_]:
-        """Return the pixels (H, W) that have any of the flags."""
+        """Return (H, W) the pixels that have any of these flags."""
         return (self.provenance & np.uint8(flags)) > 0
 
     def flagged(self, pixels: NDArray[np.bool_], flags: Provenance) -> Target:
-        """Return the target with these flags set in the pixels (H, W)."""
+        """Return a target whose pixels (H, W) have these flags too."""
         return replace(self, provenance=np.where(pixels, self.provenance | np.uint8(flags), self.provenance))
 
     def with_pixels(self, pixels: NDArray[np.bool_], passes: Mapping[str, NDArray]) -> Target:
-        """Return the target whose pixels (H, W) hold the passes (N, C), in the mask's order; flags stay."""
+        """Return a target whose set pixels (H, W) hold the passes (N, C), given row by row; flags stay as they are."""
         return replace(self, passes=composite(self.passes, dict(passes), pixels))

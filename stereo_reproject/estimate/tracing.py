@@ -30,11 +30,12 @@ NOTHING_DIFFERS = "nothing that is seen looks different from each eye, and calls
 
 @dataclass(frozen=True)
 class Refinement:
-    """Pixels that were traced because probes asked for it, and what is left of the error.
+    """Pixels that were traced because probes asked for it, and the error that is left.
 
-    pixels (H, W); fills are the renders in which they were traced. estimate is None where there were no probes, and
-    no_estimate then says why. whole: all of the target was traced in the end, and so it is as good as rendered.
-    can_promise: whether another accuracy could promise more, for probes can tell.
+    pixels (H, W) are these; fills are the renders in which they were traced. estimate is the frame's noise ratio, None
+    where there were no probes, and no_estimate then says why. evidence is that of the probes, None without any. whole:
+    all of the target was traced in the end, and so it is as good as rendered. can_promise is False where probes cannot
+    tell anything, so that only a full render could promise more.
     """
 
     pixels: NDArray[np.bool_]
@@ -65,9 +66,9 @@ class WarpedTarget:
 
 
 class TargetTracing(Protocol):
-    """Completes a warped target by tracing; `target` is its state so far.
+    """Completes a warped target by tracing: a pilot if one is wanted, then the holes, then the tiles that need it.
 
-    pilot_share is the share of the frame that a pilot expected to be
+    target is its state so far, replaced at each step. pilot_share is the share of the frame that a pilot expected to be
     refined, None where none was sent. correction says how far traced pixels were moved to match a source of another
     engine, None where it is the same engine.
     """
@@ -82,22 +83,23 @@ class TargetTracing(Protocol):
         ...
 
     def send_pilot(self) -> None:
-        """Trace the probes of a pilot."""
+        """Render a few probes and wait for them, so that pilot_share tells whether a full render would be cheaper."""
         ...
 
     def fill(self) -> FillChoice:
-        """Trace the holes; return how."""
+        """Trace the holes; return the fill method that was chosen, and why. To be called once, after any pilot."""
         ...
 
     def refine(self) -> Refinement:
-        """Trace whatever else the promise calls for."""
+        """Trace what the promise calls for beyond the holes, if anything, and return the outcome. To be called after
+        `fill`."""
         ...
 
 
 class ProbedTracing:
-    """Completes a warped target with the engine that rendered its source, as `TargetTracing` says.
+    """Completes a warped target with the engine that rendered its source; the `TargetTracing` with probes.
 
-    Probes are traced where there is an estimator to read them.
+    Probes are traced where there is an estimator to read them. seed is that of their places.
     """
 
     correction: Correction | None = None
@@ -115,10 +117,16 @@ class ProbedTracing:
 
     @property
     def _holes(self) -> NDArray[np.bool_]:
+        """Holes (H, W) of the target, traced by now or not."""
         return self.target.any_of(Provenance.HOLE)
 
     @property
     def wants_pilot(self) -> bool:
+        """True where a few probes should go ahead: there are many holes, and a full render is not the cheapest way
+        already.
+
+        It is False without an estimator, where the fill method is fixed, and where pixels cannot be packed.
+        """
         share = float(np.mean(self._holes))
         if self._estimator is None or share < TUNING.pilot_min_hole_share or self._planner.asked != "auto":
             return False
@@ -126,6 +134,10 @@ class ProbedTracing:
         return not self._planner.blockers.get("packed") and self._planner.plan(share).method != "full"
 
     def send_pilot(self) -> None:
+        """Render widely spaced probes and wait for them, then set pilot_share by what they tell.
+
+        The probes become pixels of the target, as any probe does, and its slow errors are corrected.
+        """
         spacing = self._accuracy.probe_spacing * TUNING.pilot_spacing_ratio
         self._pilot = self._trace_probed("packed", np.zeros_like(self._holes), spacing, self._seed)
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
@@ -133,7 +145,11 @@ class ProbedTracing:
         self.pilot_share = float(self._pilot.pixels[chosen].sum() / self._holes.size)
 
     def fill(self) -> FillChoice:
-        """Trace the holes, and in the same render the probes, if there are to be any."""
+        """Trace the holes, and in the same render the probes, if there are to be any; return the fill method that was
+        chosen.
+
+        For a full render all pixels of the target become holes, and there are no probes.
+        """
         spacing = None if self._estimator is None else self._accuracy.probe_spacing
         share = float(np.mean(self._holes))
         choice = self._planner.plan(share, spacing=spacing, expected=self.pilot_share or 0.0)
@@ -148,10 +164,10 @@ class ProbedTracing:
         return choice
 
     def refine(self) -> Refinement:
-        """Trace as few tiles as bring the frame to its promise, in a few renders at most, by the cheapest way.
+        """Trace as few tiles as bring the frame to its promise, in a few renders at most, and return the outcome.
 
-        Tiles that were traced tell more of their neighbours than a probe does: the second render is for what they
-        uncover. Where a full render is not clearly dearer, it is taken and all that is still warped is traced.
+        Traced tiles tell more of their neighbours than a probe does; another render is for the tiles that this shows to
+        be wrong. Where a full render is not clearly dearer, it is taken, and all that is still warped is traced.
         """
         evidence = self._evidence
         if evidence is None:
@@ -176,7 +192,8 @@ class ProbedTracing:
         return Refinement(self.target.traced & ~before, tuple(fills), estimate(evidence), evidence)
 
     def _unrefined(self) -> Refinement:
-        """Return the refinement of a target that was not probed, or rendered whole before it was."""
+        """Return the refinement of a target without probes' evidence: nothing probed it, or it was rendered whole at
+        once."""
         nothing, promises = np.zeros_like(self._holes), self._accuracy.promise is not None
         whole = promises and bool(self.target.traced.all())
         told = as_rendered(self._pilot) if whole else None
@@ -185,22 +202,28 @@ class ProbedTracing:
         )
 
     def _tiles_to_trace(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the tiles (N,) to be traced, and those of them (N,) that are outliers by their own probe alone."""
+        """Return the tiles (N,) to be traced, and those of them (N,) that were chosen by their own probe alone."""
         worst, unseen = self._accuracy.tile_limit, self._accuracy.unseen
         chosen = choose_tiles(evidence, self._promise, worst=worst, unseen=unseen)
         outliers = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
         return chosen | outliers, outliers
 
     def _worth_a_render(self, evidence: TileEvidence, chosen: NDArray[np.bool_]) -> bool:
+        """Return whether tracing the chosen tiles (N,) is worth one more render call.
+
+        It always is where the accuracy promises something of the worst tiles.
+        """
         assert self._estimator is not None
         gain = expected_gain(evidence, chosen)
         return self._accuracy.promises_worst_tiles or self._estimator.is_worth_a_render(evidence, gain, self._promise)
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:
+        """Flag these pixels (H, W) of the target as refined, but for holes."""
         self.target = self.target.flagged(pixels & ~self._holes, Provenance.REFINED)
 
     def _trace(self, method: str, pixels: NDArray[np.bool_]) -> None:
-        """Trace pixels (H, W) once; their flags are the caller's."""
+        """Trace pixels (H, W) once by this fill method, and put them into the target; to flag them is left to the
+        caller."""
         if pixels.any():
             [traced] = self._tracer.trace(method, [TraceRequest(self.target.view, pixels)])
             self.target = self.target.with_pixels(pixels, traced)
@@ -208,7 +231,8 @@ class ProbedTracing:
     def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> TileEvidence:
         """Trace the holes (H, W) once and probes among the rest twice, in one render; return the probes' evidence.
 
-        Probes are pixels of the result too: each becomes the mean of its two traces.
+        The target gets these pixels, its probes flagged, and is corrected by what they tell. A probe's pixel becomes
+        the mean of its two traces. spacing is the side of the tiles that have a probe each, seed that of their places.
         """
         assert self._estimator is not None
         probes = self._estimator.place(self.target.warped, spacing=spacing, seed=seed)
@@ -226,6 +250,6 @@ class ProbedTracing:
 
 
 def _mean_of_finite(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the mean (N, C) of two traces; where one is no number, the other."""
+    """Return the mean (N, C) of two traces; where one value is NaN or infinite, the other is taken."""
     once, again = np.where(np.isfinite(once), once, again), np.where(np.isfinite(again), again, once)
     return (0.5 * once + 0.5 * again).astype(np.float32)

@@ -38,7 +38,8 @@ PINHOLE = Lens()
 class Optics:
     """Facts of a scene that its passes do not tell: the lens of both views, and the places of volumes.
 
-    volumes: corners (8, 3), in the world, of a box around each volume; infinite for a volume that is everywhere.
+    volumes: for each volume the corners (8, 3), in the world, of a box around it; infinite for a volume that is
+    everywhere.
     """
 
     lens: Lens = PINHOLE
@@ -50,10 +51,10 @@ NO_OPTICS = Optics()
 
 
 def ray_lengths_tell(source: RenderedView, target: View, optics: Optics) -> bool:
-    """Return whether the lengths of the source's rays tell what moves otherwise than its depth says.
+    """Return whether the source's LENGTH_PASS may be read to find thin things and the images in flat mirrors.
 
-    They do for a perspective camera; not where the lens blurs, since that mixes depths everywhere, and not where there
-    is a volume, which has no depth.
+    It may for a perspective camera, if anything moves between source and target. It may not where the lens blurs, since
+    that mixes depths everywhere, nor where there is a volume, which has no depth.
     """
     mixed = optics.lens.aperture or len(optics.volumes)
     is_perspective = isinstance(source.camera, PerspectiveCamera)
@@ -62,10 +63,10 @@ def ray_lengths_tell(source: RenderedView, target: View, optics: Optics) -> bool
 
 @dataclass(frozen=True)
 class HoleClassifier:
-    """The rules, with all that they need to know of one source and the target.
+    """The rules by which target pixels are flagged to be traced, with all that they need to know of one source.
 
-    disparity (H, W), in pixels, and steps are the source's own. cubic: True where a pass was looked up with the cubic
-    kernel.
+    disparity (H, W), in pixels, is the source's towards the target, and steps are its discontinuities. cubic: True
+    where a pass was looked up with the cubic kernel.
     """
 
     source: RenderedView
@@ -79,13 +80,16 @@ class HoleClassifier:
     def of_source(
         cls, source: RenderedView, target: View, warped: WarpedView, optics: Optics, options: WarpOptions
     ) -> HoleClassifier:
-        """Return the classifier for a view that was warped from this source with these options."""
+        """Return the classifier for a view that was warped from this source to this target with these options."""
         disparity = disparity_of(source.depth, source.camera, target.camera)
         steps = warped.steps or disparity_steps(disparity)
         return cls(source, target, disparity, steps, optics, options.cubic)
 
     def reasons(self, warped: WarpedView, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) `Reason` flags of the warped view's pixels; 0 for those that need no tracing."""
+        """Return (H, W) `Reason` flags of the pixels of a warped view; 0 for those that need no tracing.
+
+        They include the view's own flags of empty pixels, which get no others. accuracy has the thresholds.
+        """
         warp, reasons = warped.warp, warped.empty.copy()
         answered = reasons == 0
         blurred = self._source_silhouettes(accuracy) | self._thin_things(accuracy)
@@ -113,7 +117,7 @@ class HoleClassifier:
         return reasons
 
     def _source_silhouettes(self, accuracy: Accuracy) -> NDArray[np.bool_]:
-        """Return (H, W) source pixels that mix the colours of the two sides of an edge."""
+        """Return (H, W) source pixels whose colour mixes the two sides of a depth edge that look different."""
         blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
         steps = in_focus(self.steps, blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
@@ -124,7 +128,11 @@ class HoleClassifier:
         return differing(band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
 
     def _sub_pixel_features(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
-        """Return (H, W) target pixels on and beside which features land that have next to no area in the grid."""
+        """Return (H, W) target pixels on and beside which wires and other things about as thin as a pixel land.
+
+        The grid draws next to nothing of such things. Only those count whose pixels are set in `blurred` (H, W), the
+        source's silhouettes and thin things.
+        """
         depth = self.source.depth
         cut_right, cut_down = self.steps.torn()
         alone = sub_pixel_features(depth, cut_right=cut_right, cut_down=cut_down)
@@ -132,7 +140,11 @@ class HoleClassifier:
         return dilate(landed, accuracy.silhouette_radius)
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
-        """Return (H, W) source pixels of things that their depth misses, and where those move."""
+        """Return (H, W) source pixels in which something thin stands before the surface that their depth tells of.
+
+        With them come the pixels over which it moves in the target. No pixel is set where LENGTH_PASS is missing or may
+        not be read.
+        """
         length, depth = self.source.passes.get(LENGTH_PASS), self.source.depth
         tell = accuracy.silhouette_radius > 0 and ray_lengths_tell(self.source, self.target, self.optics)
         if length is None or not tell:
@@ -143,7 +155,10 @@ class HoleClassifier:
         return thin_things(length[..., 0], depth, camera, self.target.camera, edges=edges, clip_start=near)
 
     def _volumes(self, warped: WarpedView) -> dict[Reason, NDArray[np.bool_]]:
-        """Return (H, W) target pixels of the sky that a volume may cover, by their reason; nothing without volumes."""
+        """Return, under the reason VOLUME, (H, W) target pixels of the sky that a volume may cover.
+
+        The dictionary is empty without volumes, and where nothing moves between source and target.
+        """
         if not len(self.optics.volumes) or see_the_same(self.source.camera, self.target.camera):
             return {}
         sky = np.isposinf(warped.passes[DEPTH_PASS][..., 0])
@@ -151,21 +166,26 @@ class HoleClassifier:
 
 
 def _strands(passes: Passes) -> NDArray[np.bool_]:
-    """Return (H, W) pixels of hair: a strand may be thinner than a pixel, whose one depth then tells of no side."""
+    """Return (H, W) the pixels that are known to show hair, by the effects pass; none without that pass.
+
+    Silhouettes take their depth and colours for unknown: a strand may be thinner than a pixel, whose one depth then
+    does not tell which side of an edge it is on.
+    """
     return shows(passes, Effect.HAIR)
 
 
 def _within_fur(warped: WarpedView) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels around which all that was warped is hair.
+    """Return (H, W) target pixels that show hair and around which everything that was warped is hair too.
 
-    There every pixel has an edge beside it, and most have hair of the same look on both sides: probes find the others.
+    There every pixel has an edge beside it, and most have hair of the same look on both sides. So they are not traced
+    as silhouettes, and probes find those that are wrong.
     """
     strands = _strands(warped.passes)
     return strands & ~dilate(warped.warp.covered & ~strands, TUNING.fur_pixels) if strands.any() else strands
 
 
 class _TargetEdges:
-    """Edges of the target, judged by the warped depth: a plain render would filter or blur its colours over them."""
+    """Edges of the target, found by the warped depth: a plain render would filter or blur its colours over them."""
 
     def __init__(self, classifier: HoleClassifier, warped: WarpedView) -> None:
         self._passes, self._covered = warped.passes, warped.warp.covered
@@ -177,9 +197,10 @@ class _TargetEdges:
         self._blur = circle_of_confusion(warped.passes[DEPTH_PASS][..., 0], target, self._lens)
 
     def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy) -> NDArray[np.bool_]:
-        """Return (H, W) pixels that mix the colours of an edge's two sides; empty (H, W) are `WarpedView.empty`.
+        """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
-        Beside a disoccluded pixel the colour of the other side is not known: there the band is always traced.
+        empty (H, W) are `WarpedView.empty`. Beside a disoccluded pixel the colour of the other side is not known, and
+        all pixels are set.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
@@ -189,7 +210,11 @@ class _TargetEdges:
         return edges | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
 
     def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
-        """Return (H, W) pixels of edges out of focus and of surfaces seen through others, by their reason."""
+        """Return (H, W) target pixels of edges out of focus (DEFOCUS) and of surfaces seen through others
+        (TRANSPARENT), by reason.
+
+        A reason is left out where the scene has no depth of field, or the view no transmissive surface.
+        """
         glass = shows(self._passes, Effect.TRANSMISSION)
         blurred, through = bool(self._lens.aperture), bool(glass.any())
         if not (blurred or through):

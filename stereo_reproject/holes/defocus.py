@@ -13,7 +13,10 @@ from .tuning import TUNING
 
 
 def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[np.float32]:
-    """Return (H, W) the radius, in pixels, of the blur of points at `depth` (H, W); 0 without an aperture."""
+    """Return (H, W) the radius, in pixels, to which the lens blurs a point at this depth (H, W).
+
+    It is 0 without an aperture and for cameras that are not perspective.
+    """
     if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
         return np.zeros(depth.shape, np.float32)
     plane = camera.plane
@@ -34,9 +37,10 @@ def blurred_edges(
 ) -> NDArray[np.bool_]:
     """Return (H, W) pixels that an edge's blur reaches and whose warped colour is off by more than the noise.
 
-    steps: those in disparity, an edge being one above threshold pixels. radius (H, W): that of the blur at the nearer
-    side, in pixels. gradient (H, W): the change of colour from a pixel to the next. A point seen there is off by up to
-    half of the step, and so the colour by that much of its gradient. tolerance: in standard deviations of the noise.
+    An edge is a step in disparity above `threshold` pixels. radius (H, W) is that of the blur at the nearer side, in
+    pixels. gradient (H, W) is the change of colour from a pixel to the next: a point seen near the edge is off by up to
+    half of the step, and so the colour by that much of its gradient. contrast has the noise; tolerance is in its
+    standard deviations.
     """
     edges = steps.mask(threshold) & (radius >= TUNING.least_blur_pixels)
     if not edges.any():
@@ -54,7 +58,8 @@ def blurred_edges(
 
 
 def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
-    """Return (H, W) the largest step to one of the four neighbours, or from one of them to a neighbour of its own."""
+    """Return (H, W) the largest step in disparity that a pixel, or one of the eight around it, has to any of its
+    neighbours."""
     height, width = steps.right.shape[0], steps.down.shape[1]
     result = np.zeros((height, width), np.float32)
     result[:, :-1] = steps.right
@@ -65,7 +70,8 @@ def _largest_step(steps: DepthDiscontinuities) -> NDArray[np.float32]:
 
 
 def _spread(image: NDArray, reach: int) -> NDArray:
-    """Return (H, W) the largest value of an image (H, W) within `reach` pixels, in a square."""
+    """Return (H, W) the largest value of an image (H, W) in the square that reaches `reach` pixels each way around each
+    pixel."""
     for axis in (0, 1):
         result, have = np.moveaxis(image, axis, 0), 0
         while have < reach:
@@ -76,7 +82,8 @@ def _spread(image: NDArray, reach: int) -> NDArray:
 
 
 def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
-    """Return the image with its rows moved down by `shift` (up, if negative); `fill` where there are none."""
+    """Return the image (H, ...) with its rows moved down by `shift` (up, if negative); the rows left over have
+    `fill`."""
     result = np.full_like(image, fill)
     if abs(shift) < len(image):
         result[max(shift, 0) : len(image) + min(shift, 0)] = image[max(-shift, 0) : len(image) + min(-shift, 0)]
@@ -84,7 +91,10 @@ def _moved(image: NDArray, shift: int, fill: float = -np.inf) -> NDArray:
 
 
 def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.float32]:
-    """Return (H, W) the blur of the nearest of each pixel and its four neighbours: the one of largest disparity."""
+    """Return (H, W) the blur (H, W) of the nearest of five pixels: the pixel itself and its four neighbours.
+
+    The nearest is the one of largest disparity (H, W); one whose disparity is not finite does not count.
+    """
     near = np.where(np.isfinite(disparity), disparity, -np.inf)
     nearest, result = near.copy(), blur.copy()
     for axis in (0, 1):
@@ -96,7 +106,7 @@ def nearer_side(blur: NDArray[np.float32], disparity: NDArray) -> NDArray[np.flo
 
 
 def in_focus(steps: DepthDiscontinuities, blur: NDArray[np.float32]) -> DepthDiscontinuities:
-    """Return the steps, made smaller where they lie out of focus.
+    """Return the steps, made smaller where they lie out of focus, so that a blurred slope is not taken for an edge.
 
     A depth is that of one ray through the lens. It belongs to a point up to as many pixels away as the circle of
     confusion's radius, blur (H, W), so the slope of a surface makes steps of it.

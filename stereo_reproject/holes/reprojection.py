@@ -30,10 +30,10 @@ from .seams import seams
 
 @dataclass(frozen=True)
 class InMirrors:
-    """The view of a source in the target's flat mirrors.
+    """The target's flat mirrors as one source shows them.
 
-    shown (H, W): target pixels that show a mirror. images: a warp of what mirrors show. strayed (H, W): pixels in
-    which that warp shows something else, or which are right beside such a pixel.
+    shown (H, W): target pixels that show a mirror. images: a second warp, by the places of the images that the mirrors
+    show. strayed (H, W): pixels for which that warp shows something else than the mirror, and those right beside them.
     """
 
     shown: NDArray[np.bool_]
@@ -41,7 +41,7 @@ class InMirrors:
     strayed: NDArray[np.bool_]
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) `Reason` flags of the pixels that show a mirror, 0 elsewhere."""
+        """Return (H, W) `Reason` flags, at this accuracy, of the pixels that show a mirror; 0 elsewhere."""
         reasons = self.images.reasons_at(accuracy)
         reasons[(reasons == 0) & self.strayed] |= Reason.VIEW_DEPENDENT.bit
         return np.where(self.shown, reasons, np.uint16(0))
@@ -49,7 +49,10 @@ class InMirrors:
 
 @dataclass(frozen=True)
 class JudgedView:
-    """The target as one source shows it, and the pixels for which that source does not answer."""
+    """The target as one source shows it, with the rules that tell for which pixels that source does not answer.
+
+    mirrors is None where no flat mirror is seen.
+    """
 
     warped: WarpedView
     classifier: HoleClassifier
@@ -58,18 +61,21 @@ class JudgedView:
 
     @cached_property
     def reasons(self) -> NDArray[np.uint16]:
-        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere."""
+        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere. They are computed when first asked for."""
         return self.reasons_at(self.accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the flags that another accuracy would set in the same view."""
+        """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view."""
         reasons = self.classifier.reasons(self.warped, accuracy)
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
 
 @dataclass(frozen=True)
 class Reprojection:
-    """The target as all sources together show it, and its pixels that must be traced. views: one for each source."""
+    """The target as all sources together show it, with its pixels that must be traced.
+
+    warped is the merged view; views has the judged view of each source.
+    """
 
     warped: WarpedView
     views: tuple[JudgedView, ...]
@@ -81,30 +87,33 @@ class Reprojection:
 
     @property
     def grid(self) -> Grid:
-        """The grid of the first source's surfaces."""
+        """The grid of the first source."""
         return self.warped.grid
 
     @property
     def warp(self) -> Warp:
-        """The map of the surfaces; what mirrors show was looked up elsewhere."""
+        """The map by which surfaces were looked up; the images in flat mirrors were looked up by another map."""
         return self.warped.warp
 
     @property
     def warped_by(self) -> str:
-        """ "numpy" or "gpu"."""
+        """The kind of warper that was used, numpy or gpu."""
         return self.warped.by
 
     @cached_property
     def reasons(self) -> NDArray[np.uint16]:
-        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere."""
+        """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere. They are computed when first asked for."""
         return self._merged([view.reasons for view in self.views], self.views[0].accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the flags that another accuracy would set, of the same warp."""
+        """Return (H, W) the `Reason` flags that another accuracy would set for the same warp."""
         return self._merged([view.reasons_at(accuracy) for view in self.views], accuracy)
 
     def _merged(self, flags: Sequence[NDArray[np.uint16]], accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the flags of each pixel's own source, and those of edges between two sources."""
+        """Return (H, W) the flags of each pixel's own source, with SILHOUETTE added along edges between two sources.
+
+        flags (H, W) are those of each source. Of one source they are returned as they are.
+        """
         if len(flags) == 1:
             return flags[0]
         reasons = merged_flags(flags, self.warp)
@@ -114,9 +123,11 @@ class Reprojection:
         return reasons
 
     def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
-        """Return (N, C) colours of the sources' own pixels, each with the noise of a single one.
+        """Return the colours (N, C) of single source pixels: for each of N target pixels, the one nearest to its place
+        in its source.
 
-        Of each target pixel, at rows and columns `place` (N,), it is the pixel nearest to what is seen there.
+        place is rows and columns (N,) of the target pixels. The colours have the noise of a single pixel, where
+        interpolated ones have less.
         """
         colours = [view.classifier.source.passes[COLOUR_PASS] for view in self.views]
         number = self.warp.source[place]
@@ -142,8 +153,8 @@ def reproject(
 ) -> Reprojection:
     """Warp the sources, one or more, into the target, and flag the pixels that are known to need tracing.
 
-    What flat mirrors show is warped by where its image stands. `warp.merge` says which source answers for a pixel
-    that several show.
+    optics tells of lens and volumes, warper whether NumPy or a GPU warps. Things that flat mirrors show are warped by
+    where their image stands. `warp.merge` says which source answers for a pixel that several show.
     """
     views = tuple(_judged(source, target, accuracy, optics, options, warper) for source in sources)
     flags = [] if len(views) == 1 else [view.reasons for view in views]
@@ -153,7 +164,7 @@ def reproject(
 def _judged(
     source: RenderedView, target: View, accuracy: Accuracy, optics: Optics, options: WarpOptions, warper: Warper
 ) -> JudgedView:
-    """Return the target as one source shows it, mirrors and all."""
+    """Return the target as one source shows it, with the things in flat mirrors warped by where their image stands."""
     source = replace(source, passes={**source.passes, DEPTH_PASS: known_depth(source.passes[DEPTH_PASS])})
 
     def judged(source: RenderedView) -> JudgedView:
@@ -173,7 +184,11 @@ def _judged(
 
 
 def _with_mirrors(seen: JudgedView, images: JudgedView, found: Images) -> JudgedView:
-    """Return the view warped by surfaces, with what the source's mirrors show warped by images."""
+    """Return the view `seen`, with the passes replaced in its mirrors' pixels by those of the warp `images`.
+
+    seen was warped by the depth of surfaces, images by that of the images that mirrors show; found are those of the
+    source.
+    """
     shown, same = seen_in_both(seen.classifier.source.passes, found, seen.warped.warp, images.warped.warp)
     # Depth that is filtered as colours are has no sharp edge: along a mirror's, what is beside it may look alike.
     strayed = dilate(~same, 1)

@@ -18,7 +18,8 @@ from .silhouettes import differing, edge_band
 
 
 def seams(warped: WarpedView, sources: Sequence[Camera], target: Camera, accuracy: Accuracy) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels at a depth discontinuity where its two sides come from different sources.
+    """Return (H, W) target pixels at a depth discontinuity whose two sides come from different sources and differ in
+    colour.
 
     A plain render filters colours over such an edge as over any other; the silhouette rule of each source sees only its
     own side. A step in depth counts by what it may move at most in any of the sources.
@@ -43,8 +44,8 @@ def seams(warped: WarpedView, sources: Sequence[Camera], target: Camera, accurac
 def _largest_disparity_per_nearness(target: Camera, source: Camera) -> float:
     """Return the largest number of pixels that a point may move for one unit of nearness, anywhere in the picture.
 
-    For perspective cameras it is that of a source beside the target, as far away as this one: a source that stands
-    ahead moves the middle of the picture by nothing, but the rest of it.
+    For perspective cameras it is computed as if the source stood beside the target, at the same distance. A source that
+    stands ahead moves nothing in the middle of the picture, but does elsewhere.
     """
     if not isinstance(target, PerspectiveCamera) or not isinstance(source, PerspectiveCamera):
         return disparity_per_nearness(target, source)

@@ -20,7 +20,8 @@ CHUNK_WINDOWS = 1 << 11
 
 
 def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels within `radius` pixels of a step in disparity above `threshold` pixels."""
+    """Return (H, W) the pixels within `radius` pixels of a step in disparity above `threshold` pixels; none for a
+    radius of 0."""
     if radius <= 0:
         return np.zeros((steps.right.shape[0], steps.down.shape[1]), bool)
     return dilate(steps.mask(threshold), radius - 1)
@@ -29,11 +30,14 @@ def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> 
 def differing(
     band: NDArray[np.bool_], disparity: NDArray, colour: NDArray, *, tolerance: float, unknown: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels of `band` (H, W) around which the near and the far side differ in colour.
+    """Return (H, W) those pixels of `band` (H, W) around which the near and the far side of an edge differ in colour.
 
-    disparity (H, W) tells the sides apart: pixels above the middle of the window's range are near. colour
-    (H, W, 4) is scene-linear. tolerance is in standard deviations of a side's own pixels, which hold the noise; the
-    error of the two means is taken out. Pixels whose window holds one of `unknown` (H, W) stay in.
+    The others look alike on both sides and need not be traced. Around each pixel a window of side_window_pixels (3)
+    each way is compared. Its near side are the pixels whose disparity (H, W) is above the middle of the window's range.
+    colour (H, W, C >= 3) is scene-linear. The sides differ if their mean colours, after tone mapping, are more than
+    `tolerance` standard deviations apart, beyond chance: those of the single pixels of the side that varies less. With
+    tolerance 0 all of band is returned. So are pixels that cannot be judged: a side is too small, or the window holds a
+    pixel of `unknown` (H, W), whose depth or colour is not known.
     """
     if tolerance <= 0.0:
         return band
@@ -53,9 +57,9 @@ def differing(
 
 
 def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
-    """Return (K, N) the places, in a flattened (H, W), of the K pixels of the window around each of N pixels.
+    """Return (K, N) the indices, in a flattened (H, W) picture, of the K pixels of the window around each of N pixels.
 
-    Beyond the picture's border they are those of the border.
+    pixels (N,) are such indices too. Beyond the picture's border the indices are those of the border.
     """
     height, width = shape
     down, right = _window()
@@ -64,7 +68,8 @@ def _window_around(pixels: NDArray, shape: tuple[int, int]) -> NDArray:
 
 
 def _window() -> tuple[NDArray, NDArray]:
-    """Return the window's offsets down and right (K,): every other pixel, as on a chessboard, which is enough."""
+    """Return the offsets, down (K,) and right (K,), of the window's pixels: every other one, as on a chessboard, is
+    enough."""
     span = np.arange(-TUNING.side_window_pixels, TUNING.side_window_pixels + 1)
     down, right = (offset.ravel() for offset in np.meshgrid(span, span, indexing="ij"))
     chosen = (down + right) % 2 == 0
@@ -72,7 +77,8 @@ def _window() -> tuple[NDArray, NDArray]:
 
 
 def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
-    """Return (N,) the windows whose near and far side differ in colour.
+    """Return (N,) the windows whose near and far side differ in colour, as `differing` says, or have too few pixels on
+    a side.
 
     colour (K, N, C) and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows fastest.
     """

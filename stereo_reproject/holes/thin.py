@@ -28,9 +28,11 @@ from .tuning import TUNING
 
 
 def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (H, W) those of the pixels (H, W) around which there are few others.
+    """Return (H, W) those of the set pixels (H, W) that have few other set ones around them, as the pixels of a wire
+    have.
 
-    Where there are many, depth is noise, as with motion blur, or a thicket: there probes find the errors.
+    Few is at most a third (isolated_share) of the square that reaches 3 pixels (isolated_reach_pixels) each way. Where
+    there are more, depth is noise, as with motion blur, or a thicket: there probes find the errors.
     """
     if not pixels.any():
         return pixels
@@ -41,9 +43,9 @@ def isolated(pixels: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def target_pixels(
     pixels: NDArray[np.bool_], depth: NDArray[np.float32], source: Camera, target: Camera, warp: Warp
 ) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels in which the centres of these source `pixels` (H, W) land, where nothing hides them.
+    """Return (H, W) target pixels in which the centres of the set source `pixels` (H, W) land and nothing hides them.
 
-    depth (H, W) is the source's; `warp` is the map of what was drawn, which may hide them.
+    depth (H, W) is the source's; `warp` is the map of what was drawn, which hides a centre where it is nearer.
     """
     result = np.zeros(warp.nearness.shape, bool)
     rows, columns = np.nonzero(pixels)
@@ -67,9 +69,9 @@ def thin_things(
 ) -> NDArray[np.bool_]:
     """Return (H, W) pixels of `camera` in which something thin is nearer than their depth (H, W) says.
 
-    With them come the pixels beside, over which it moves in the other view, away from the surface behind it.
-    length (H, W): the mean length of the rays from where they are clipped (passes.LENGTH_PASS). edges (H, W): pixels
-    that mix the two sides of a step in depth, and are flagged for that.
+    With them come the pixels over which it moves in the view of `other`, away from the surface behind it. length (H, W)
+    is LENGTH_PASS: the mean length of a pixel's rays, counted from the depth clip_start. edges (H, W) are pixels at a
+    step in depth: they are flagged for that, and left out here.
     """
     behind = depth.astype(np.float64)
     surface = np.isfinite(behind)

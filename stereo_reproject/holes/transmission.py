@@ -23,10 +23,11 @@ def transmission_parallax(
 ) -> NDArray[np.bool_]:
     """Return (H, W) pixels of transmissive surfaces whose noise ratio, if they were warped, is surely above `limit`.
 
-    glass (H, W): pixels of such surfaces. disparity (H, W): that of the surfaces, in pixels. gradient (H, W): the
-    change of colour from a pixel to the next. The colour is off by up to the gradient for each pixel that the things
-    behind move against the surface, and by no more than two points of the picture around differ. Noise, as a standard
-    deviation, counts as `unseen` at least.
+    glass (H, W): pixels of such surfaces. disparity (H, W), in pixels: that of the surfaces. gradient (H, W): the
+    change of colour from a pixel to the next. A thing behind the surface moves against it by up to the disparity
+    between the surface and the farthest thing in sight. The colour is off by up to the gradient for each such pixel,
+    and by no more than two points of the picture around differ, which contrast tells. Noise, as a standard deviation,
+    counts as `unseen` at least.
     """
     known = np.isfinite(disparity)
     if not (glass & known).any():

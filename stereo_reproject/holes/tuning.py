@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class HoleTuning:
-    """Numbers that were chosen by judgement or measurement; each says by which."""
+    """Tuned numbers of the rules that flag holes, chosen by judgement or measurement; each says by which."""
 
     max_flagged_weight: float = 0.02
     """Share of a looked-up colour that may come from a pixel that must not be looked up: less hardly shows."""

@@ -9,7 +9,11 @@ BAND_PIXELS = 1 << 16
 
 
 def bands(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Return slices of rows that cover an array of shape (H, W, ...) from top to bottom, `BAND_PIXELS` at a time."""
+    """Return slices of rows that cover an array of shape (H, W, ...) from top to bottom, so that it is worked on in
+    parts.
+
+    A slice has at most `BAND_PIXELS` pixels, or a single row where a row has more.
+    """
     height, width = shape[:2]
     rows = max(BAND_PIXELS // max(width, 1), 1)
     return (slice(top, min(top + rows, height)) for top in range(0, height, rows))

@@ -18,10 +18,10 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Contrast:
-    """Variances of the colour around each pixel, after `tone`.
+    """Variances of a picture's colour around each pixel, after `metrics.tone`.
 
-    signal (H, W) is that of the scene itself, which a render without noise would have; noise (H, W) is that of a single
-    pixel's noise.
+    signal (H, W) is the variance of the scene itself, which a render without noise would have too. noise (H, W) is the
+    variance that noise gives a single pixel.
     """
 
     signal: NDArray[np.float32]
@@ -31,8 +31,8 @@ class Contrast:
 def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     """Return the contrast of a scene-linear colour (H, W, >= 3); only the pixels set in known (H, W) count.
 
-    The noise is the variance of pixels around their 3 x 3 mean; the part of it that this mean still has is taken out of
-    the signal.
+    noise is measured as the variance of pixels around the mean of their 3 x 3 neighbours. signal is the variance of
+    these means in a wider window, less the noise that they still have; it is 0 where a pixel is not known.
     """
     toned = tone(colour)
     near, far = _noise_window(known), _Window(known, TUNING.contrast_reach_px)
@@ -46,9 +46,11 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
 
 
 def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the change (H, W) of colour from a pixel to the next in its row, after `tone`, with the noise averaged.
+    """Return the change (H, W) of a colour from a pixel to the next in its row, after `tone`, measured between 3 x 3
+    means.
 
-    colour (H, W, >= 3) is scene-linear; the change is 0 where the pixel or a neighbour is not set in known (H, W).
+    colour (H, W, >= 3) is scene-linear. The change is 0 or more, and 0 where the pixel or a neighbour in its row is not
+    set in known (H, W).
     """
     toned, near = tone(colour), _noise_window(known)
     squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
@@ -61,25 +63,29 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
 
 
 class _Window:
-    """A moving window: takes means over the pixels within `reach`, down and across, that are set in known (H, W)."""
+    """A moving window that takes means around each pixel of a picture, over the pixels that are set in known (H, W).
+
+    reach: pixels that it reaches each way, down and across.
+    """
 
     def __init__(self, known: NDArray[np.bool_], reach: tuple[int, int]) -> None:
         self._weight, self._reach = known.astype(np.float32), reach
         self._count = np.maximum(box_sum(self._weight, reach), 1e-6)
 
     def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mean (H, W) of an image (H, W) around each pixel; 0 where no pixel is known."""
+        """Return the mean (H, W) of an image (H, W) over the window around each pixel; 0 where no pixel in it is
+        known."""
         return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
 
 
 def _noise_window(known: NDArray[np.bool_]) -> _Window:
-    """Return the window over which noise is averaged."""
+    """Return the window of 3 x 3 pixels over which noise is averaged; pixels not set in known (H, W) do not count."""
     return _Window(known, (TUNING.noise_reach_px, TUNING.noise_reach_px))
 
 
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
-    """Return the sum (H, W) of an image (H, W) over the pixels within `reach` of each, down and across; pixels beyond
-    the border count as 0."""
+    """Return for each pixel the sum (H, W) of an image (H, W) over a rectangle around it, which reaches `reach` pixels
+    each way, down and across. Pixels beyond the border count as 0."""
     result = np.asarray(image, np.float64)
     for axis, running_sums in enumerate((_running_sums_down, _running_sums_across)):
         total, size = running_sums(result), result.shape[axis]
@@ -90,7 +96,7 @@ def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
 
 
 def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sums (H + 1, W) of the rows above each row.
+    """Return the running sums (H + 1, W) down the columns of an image (H, W): row i is the sum of the rows above row i.
 
     They are added row by row: NumPy's cumsum, which goes down the columns, takes eight times as long.
     """
@@ -101,7 +107,8 @@ def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _running_sums_across(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sums (H, W + 1) of the pixels before each in its row."""
+    """Return the running sums (H, W + 1) along the rows of an image (H, W): column j is the sum of the columns before
+    j."""
     total = np.zeros((image.shape[0], image.shape[1] + 1))
     np.cumsum(image, axis=1, out=total[:, 1:])
     return total

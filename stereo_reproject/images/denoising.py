@@ -26,7 +26,11 @@ scene-linear colour (H, W, 3) of each."""
 
 @dataclass(frozen=True)
 class Denoising:
-    """A denoiser, and the share of a pixel's variance that it leaves, from 0 to 1."""
+    """A denoiser, and how much noise it leaves.
+
+    noise_left is the share of a pixel's variance, from 0 to 1, that is left after denoising; it is 1 as long as it was
+    not measured, which the function `noise_left` does.
+    """
 
     denoise: Denoise
     noise_left: float = 1.0
@@ -44,18 +48,18 @@ def denoiser_inputs(passes: Passes) -> Passes:
 
 
 def denoise_source(source: Passes, denoising: Denoising) -> Passes:
-    """Return the source's passes with the colour denoised."""
+    """Return the source's passes with COLOUR_PASS replaced by its denoised NOISY_PASS."""
     return {**source, COLOUR_PASS: denoising.denoised_colour(source)}
 
 
 def denoise_target(
     target: Passes, warped: NDArray[np.bool_], denoising: Denoising, *, refined: NDArray[np.bool_] | None = None
 ) -> Passes:
-    """Return the target's passes with the colour denoised, except at warped pixels (H, W): they come from the denoised
-    source already.
+    """Return the target's passes with COLOUR_PASS denoised, except at warped pixels (H, W), which keep their colour: it
+    was warped from the denoised source already.
 
-    Beside refined pixels (H, W) the warped colours are blended with the target's own denoised ones: the warp was wrong
-    there and may still be a little wrong, and without blending that would end in the visible edge of a tile.
+    Near refined pixels (H, W), which were traced because the warp was wrong, warped colours are blended with the
+    target's own denoised ones. Otherwise the edge of a traced tile might show.
     """
     colour = target[COLOUR_PASS]
     if warped.all():
@@ -70,12 +74,12 @@ def denoise_target(
 
 
 def noise_left(source: Passes, denoise: Denoise) -> float:
-    """Return the share, from 0 to 1, of a traced pixel's variance that is left in the denoised source, after
-    `metrics.tone`.
+    """Return the share, from 0 to 1, of a traced pixel's variance (after `metrics.tone`) that is left in the denoised
+    source.
 
-    It is measured without a second render, by the wild bootstrap (Wu, 1986): in a few windows of the picture the noise
-    gets a random sign in each pixel, and the window is denoised once more. The difference from the first denoised
-    colours is the noise that denoising leaves.
+    source has NOISY_PASS and the denoised COLOUR_PASS. The share is measured without a second render, by the wild
+    bootstrap (Wu, 1986): in a few windows of the picture the noise gets a random sign in each pixel, and the window is
+    denoised once more. The difference from the first denoised colours is the noise that denoising leaves.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
     needed = {COLOUR_PASS: source[COLOUR_PASS], **denoiser_inputs(source)}
@@ -93,15 +97,20 @@ def noise_left(source: Passes, denoise: Denoise) -> float:
 
 
 def _with_random_signs(picture: Passes, coins: np.random.Generator) -> Passes:
-    """Return what the denoiser takes of a picture, with the sign of each pixel's noise drawn by chance."""
+    """Return the passes that the denoiser takes of a picture, the noise of each pixel multiplied by 1 or -1 by chance.
+
+    The noise is the difference between NOISY_PASS and the denoised COLOUR_PASS. coins draws the signs.
+    """
     clean = picture[COLOUR_PASS]
     sign = coins.choice(np.array([-1.0, 1.0], np.float32), (*clean.shape[:2], 1))
     return {**denoiser_inputs(picture), NOISY_PASS: np.maximum(clean + sign * (picture[NOISY_PASS] - clean), 0.0)}
 
 
 def _windows(shape: tuple[int, int]) -> list[tuple[slice, slice]]:
-    """Return the rows and columns of windows that are spread evenly over a picture of shape (H, W), or of one window
-    that is the whole picture where they do not fit."""
+    """Return rows and columns of the parts of a picture of shape (H, W) in which the noise is measured.
+
+    They are spread evenly over it. Where they do not fit, there is one, the whole picture.
+    """
     spans = []
     for size, length, count in zip(shape, TUNING.denoise_window_px, TUNING.denoise_windows, strict=True):
         if size < length * count:
@@ -113,7 +122,11 @@ def _windows(shape: tuple[int, int]) -> list[tuple[slice, slice]]:
 
 
 def _inner(shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Return the rows and columns of a window of shape (H, W) without its margin; a small window has none."""
+    """Return rows and columns of a window of shape (H, W) without its margin, where the denoiser saw too little around
+    it.
+
+    A window that is small in one direction keeps its margin there.
+    """
     margin = TUNING.window_margin_px
     down, across = (margin if size > 3 * margin else 0 for size in shape)
     return slice(down, shape[0] - down), slice(across, shape[1] - across)

@@ -9,7 +9,10 @@ from typing import Any
 
 
 class Effect(IntFlag):
-    """Effects as bit flags: those of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`."""
+    """Effects as bit flags: all that a scene may have beyond surfaces that look the same from everywhere.
+
+    They are those of a scene, of a material, or of a pixel in the pass `passes.EFFECTS_PASS`.
+    """
 
     GLOSSY = 1
     TRANSMISSION = 2
@@ -29,7 +32,7 @@ class Effect(IntFlag):
 
     @property
     def label(self) -> str:
-        """Name of the effect in reports."""
+        """Name of the effect in reports, as "depth-of-field"."""
         return str(self.name).lower().replace("_", "-")
 
 
@@ -95,9 +98,10 @@ EEVEE_HANDLING = "warped as the source eye sees it: EEVEE's light cannot be prob
 
 @dataclass(frozen=True)
 class Finding:
-    """Effect that was looked for in a scene.
+    """The answer to whether a scene calls for one effect.
 
-    by names, in words, the things that call for it, none where nothing does; handling says in words how it is handled.
+    by names, in words, the things in the scene that call for it, and is empty where nothing does. handling says in
+    words, for reports, how the effect is handled.
     """
 
     effect: Effect
@@ -121,7 +125,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class EffectsPlan:
-    """Findings of a scene, one for each effect in `Effect`'s order, and the effects of visible materials by name."""
+    """Findings of a scene: which effects it calls for, and which materials have them.
+
+    findings has one for each effect, in `Effect`'s order; materials has the effects of each visible material, by its
+    name.
+    """
 
     findings: tuple[Finding, ...]
     materials: Mapping[str, Effect]

@@ -29,11 +29,11 @@ MAX_FLOAT32_NUMBERS = 1 << 24
 def effects_pass(
     passes: Passes, attributes: Mapping[str, str], materials: Mapping[str, Effect], *, layer: str
 ) -> NDArray[np.float32] | None:
-    """Return `Effect` flags (H, W, 1) of all materials that a pixel shows, or None where the file does not say which
-    hash stands for which material.
+    """Return EFFECTS_PASS: the `Effect` flags (H, W, 1) of all materials that each pixel shows.
 
-    passes hold the cryptomatte of the view layer called `layer`, attributes are the file's texts; materials has the
-    effects of each material by its name. A material is shown where it covers at least `min_material_coverage`.
+    passes hold the cryptomatte of the view layer called `layer`; attributes are the texts of the file that they were
+    read from; materials has the effects of each material by its name. A material counts where it covers at least
+    `min_material_coverage` of a pixel. None where the file does not say which hash stands for which material.
     """
     manifest = _manifest(attributes, f"{layer}.{MATERIAL_CRYPTOMATTE}")
     ranks = _ranks(passes)
@@ -47,11 +47,11 @@ def effects_pass(
 
 
 def material_pass(passes: Passes) -> NDArray[np.float32] | None:
-    """Return numbers (H, W, 1) for the sets of materials that pixels show, or None without a cryptomatte.
+    """Return MATERIAL_PASS: numbers (H, W, 1) for the sets of materials that pixels show.
 
-    Two pixels of this picture have one number where they show one set: a thing that is seen through something
+    Two pixels of this picture have the same number where they show the same set. A thing seen through something
     transparent, or behind a blur, has another number there than beside it. passes hold the cryptomatte of one view
-    layer. None also where there are more sets than float32 can tell apart.
+    layer. None without a cryptomatte, or where there are more sets than float32 can tell apart.
     """
     ranks = _ranks(passes)
     if not ranks:
@@ -64,7 +64,11 @@ def material_pass(passes: Passes) -> NDArray[np.float32] | None:
 
 
 def _ranks(passes: Passes) -> list[tuple[NDArray[np.uint32], NDArray[np.bool_]]]:
-    """Return, for each rank of the cryptomatte, hashes (H, W) and the pixels (H, W) that show what they stand for."""
+    """Return the ranks of the materials' cryptomatte, each as hashes (H, W) and a mask (H, W).
+
+    A rank holds one material for each pixel: its hash, and in the mask whether it covers at least
+    `min_material_coverage` of the pixel. Empty where the passes have no such cryptomatte.
+    """
     levels = [image for name, image in passes.items() if cryptomatte_of(name) == MATERIAL_CRYPTOMATTE]
     return [
         (np.ascontiguousarray(image[..., rank]).view(np.uint32), image[..., rank + 1] >= TUNING.min_material_coverage)
@@ -74,7 +78,10 @@ def _ranks(passes: Passes) -> list[tuple[NDArray[np.uint32], NDArray[np.bool_]]]
 
 
 def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
-    """Return the text that lists names and hashes of the cryptomatte called `name`, or None."""
+    """Return the text that says which hash stands for which name in the cryptomatte called `name`; None without it.
+
+    attributes are the texts of a file's header.
+    """
     for key, value in attributes.items():
         if value == name and (found := re.fullmatch(r"(cryptomatte/[^/]+/)name", key)):
             return attributes.get(f"{found[1]}manifest")
@@ -82,14 +89,16 @@ def _manifest(attributes: Mapping[str, str], name: str) -> str | None:
 
 
 def _hash(manifest: str, name: str) -> int | None:
-    """Return the hash that stands for a material's name, or None where the manifest does not have it."""
+    """Return the hash that stands for a material's name in a cryptomatte's manifest; None where the manifest lacks the
+    name."""
     # Blender escapes no quotation mark: as JSON, the manifest may be broken by a single name.
     found = re.search(re.escape(f'"{name}":"') + '([0-9a-f]{8})"', manifest)
     return int(found[1], 16) if found else None
 
 
 def _look_up(hashes: NDArray[np.uint32], known: Mapping[int | None, Effect]) -> NDArray[np.int32]:
-    """Return the `Effect` flags (H, W) of the materials whose hashes (H, W) are given; 0 for those that are unknown."""
+    """Return the `Effect` flags (H, W) of the materials whose hashes (H, W) are given; 0 for a hash that is not in
+    `known`."""
     values, place = _distinct(hashes)
     flags = np.array([known.get(int(value), Effect(0)) for value in values], np.int32)
     return flags[place]
@@ -105,25 +114,29 @@ def _distinct(image: NDArray) -> tuple[NDArray, NDArray[np.int32]]:
 
 
 def effects_of(passes: Passes) -> NDArray[np.int32]:
-    """Return the `Effect` flags (H, W) that the pixels of a picture show; UNKNOWN_EFFECTS without the pass."""
+    """Return the `Effect` flags (H, W) of a picture's EFFECTS_PASS; UNKNOWN_EFFECTS everywhere without that pass."""
     if EFFECTS_PASS not in passes:
         return np.full(passes[COLOUR_PASS].shape[:2], UNKNOWN_EFFECTS, np.int32)
     return passes[EFFECTS_PASS][..., 0].astype(np.int32)
 
 
 def materials_of(passes: Passes) -> NDArray[np.int32] | None:
-    """Return the numbers (H, W) of `material_pass` for the pixels of a picture, or None without the pass."""
+    """Return the numbers (H, W) of a picture's MATERIAL_PASS, as `material_pass` makes them; None without that pass."""
     return passes[MATERIAL_PASS][..., 0].astype(np.int32) if MATERIAL_PASS in passes else None
 
 
 def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) of a picture that are known to show the effect, or one of several; none without the
-    pass."""
+    """Return (H, W) the pixels of a picture that are known to show the effect, or any of several that are given as one
+    flag.
+
+    No pixel is set where the picture has no EFFECTS_PASS.
+    """
     if EFFECTS_PASS not in passes:
         return np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     return flagged(effects_of(passes), effect)
 
 
 def flagged(flags: NDArray[np.int32], effect: Effect) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) whose flags (H, W) are known and have the effect, or one of several."""
+    """Return (H, W) the pixels whose `Effect` flags (H, W) are known and include the effect, or any of several in one
+    flag."""
     return (flags != UNKNOWN_EFFECTS) & ((flags & effect.value) > 0)

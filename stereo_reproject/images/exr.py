@@ -32,17 +32,22 @@ NO_TEXTS: Mapping[str, str] = MappingProxyType({})
 
 
 def _openexr() -> Any:
-    """Return the module OpenEXR, imported only when a file is touched: `import stereo_reproject` needs NumPy alone."""
+    """Return the Python module OpenEXR.
+
+    It is imported only when a file is touched, so that `import stereo_reproject` needs NumPy alone.
+    """
     import OpenEXR
 
     return OpenEXR
 
 
 def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str, str]]:
-    """Return the passes of one view layer and view in a multilayer EXR that Blender wrote, and the file's texts.
+    """Return the passes of one view layer and one view in a multilayer EXR that Blender wrote, and all texts in its
+    header.
 
-    Blender 4.5 writes one part with channels Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C.
-    Raises BadInputError when the file is not whole, which is how a full disk shows.
+    The passes are in the code's form: the sky's depth is infinite. Blender 4.5 writes one part with channels
+    Layer.Pass.view.C, 5.2 a part per pass and view with Layer.Pass.C. Raises BadInputError when the file is not whole,
+    which is how a full disk shows.
     """
     try:
         parts = _read_parts(path)
@@ -65,10 +70,11 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
 
 
 def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
-    """Return the colours (H, W, 4) by view of a file with both views that Blender wrote; nothing where it has no views.
+    """Return the colours (H, W, 4), by view, of a file that Blender wrote with both views; an empty dictionary where it
+    has no views.
 
-    They are its composite, or else its only layer, or the layer called `main`. Raises BadInputError when the file is
-    not whole or has no such picture.
+    They are the file's composite, or else its only layer, or else the layer called `main`. Raises BadInputError when
+    the file is not whole or has no such picture.
     """
     try:
         parts = _read_parts(path)
@@ -98,7 +104,7 @@ def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
 
 
 def _read_parts(path: Path) -> list[Any]:
-    """Return the parts of a file with their pixels. Raises RuntimeError when the file was cut off.
+    """Return the parts of an OpenEXR file with their pixels. Raises RuntimeError when the file was cut off.
 
     OpenEXR itself raises nothing there: parts that it cannot read merely have no channels.
     """
@@ -109,8 +115,10 @@ def _read_parts(path: Path) -> list[Any]:
 
 
 def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
-    """Return the pass and the letter of a channel that Blender wrote; None for the pass where the channel belongs to
-    another layer or view."""
+    """Return pass and letter of a channel, by the name that Blender gave it in a multilayer file.
+
+    The pass is None where the channel belongs to another layer than `layer` or another view than `view`.
+    """
     if not name.startswith(layer + "."):
         return None, ""
     pass_name, _, letter = name[len(layer) + 1 :].rpartition(".")
@@ -121,25 +129,32 @@ def _split_channel(name: str, layer: str, view: str) -> tuple[str | None, str]:
 
 
 def _stack(channels: Mapping[str, NDArray]) -> NDArray[np.float32]:
-    """Return a pass (H, W, C) of its channels (H, W) by letter."""
+    """Return a pass (H, W, C) made of its channels (H, W), which are given by letter, in the order of
+    CHANNEL_LETTERS."""
     known = (order for order in CHANNEL_LETTERS if set(channels) <= set(order))
     letters = sorted(channels, key=next(known, "".join(sorted(channels))).index)
     return np.stack([np.asarray(channels[c], np.float32) for c in letters], axis=-1)
 
 
 def write_table(path: Path, values: NDArray[np.float32]) -> None:
-    """Write values (H, W, 4) as plain uncompressed RGBA in float32, for a shader to look numbers up in."""
+    """Write values (H, W, 4) as the R, G, B and A of an uncompressed float32 file, in which a shader looks numbers up.
+
+    Raises BadInputError where that fails.
+    """
     channels = {letter: np.ascontiguousarray(values[..., k]) for k, letter in enumerate("RGBA")}
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
 
 
 def write_channels(path: Path, channels: Mapping[str, NDArray], attributes: Mapping[str, str]) -> None:
-    """Write channels (H, W), by name, in one uncompressed part in float32, with these texts in its header."""
+    """Write channels (H, W), by name, into an uncompressed float32 file of one part, with these texts in its header.
+
+    Raises BadInputError where that fails.
+    """
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION, **attributes})
 
 
 def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
-    """Return every channel (H, W), by name, of a file of one part. Raises BadInputError when it is not whole."""
+    """Return all channels (H, W), by name, of a file of one part. Raises BadInputError when the file is not whole."""
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
@@ -155,11 +170,12 @@ def write_eye(
     metadata: Mapping[str, str] = NO_TEXTS,
     compressed: bool = True,
 ) -> None:
-    """Write one eye in one part: every pass of every view layer, in scene-linear float32. The first layer is the main
-    one.
+    """Write one eye into a file of one part: every pass of every view layer, in scene-linear float32.
 
-    The main layer's colour is R, G, B, A and its other passes are Pass.C; those of the other layers are Layer.Pass.C.
-    metadata are the texts of Blender's renders; those about cryptomattes that the layers have are kept.
+    layers have passes by the layer's name; the first layer is the main one. Its colour becomes the channels R, G, B, A
+    and its other passes Pass.C; those of the other layers become Layer.Pass.C, C being a letter. metadata are the texts
+    of Blender's renders; those about cryptomattes that the layers have are kept. Raises BadInputError where writing
+    fails.
     """
     main = next(iter(layers))
     channels: dict[str, NDArray] = {}
@@ -174,7 +190,7 @@ def write_eye(
 
 
 def read_eye(path: Path) -> dict[str, Passes]:
-    """Return the passes of a file that `write_eye` wrote, by view layer, the main one first.
+    """Return the passes of a file that `write_eye` wrote, by view layer and then by name; the main layer comes first.
 
     Raises BadInputError when the file is not whole.
     """
@@ -196,7 +212,10 @@ def read_eye(path: Path) -> dict[str, Passes]:
 
 
 def read_metadata(path: Path) -> dict[str, str]:
-    """Return the texts about cryptomattes in a file that `write_eye` wrote, with view layers' names as in Blender."""
+    """Return the texts about cryptomattes in a file that `write_eye` wrote, in the form that its `metadata` had.
+
+    `write_eye` leaves the main layer's name out of them; here it is put back.
+    """
     header = _openexr().File(str(path), header_only=True).header()
     main = header.get(MAIN_LAYER_ATTRIBUTE, "")
     texts = {
@@ -211,11 +230,12 @@ def read_metadata(path: Path) -> dict[str, str]:
 def write_stereo(
     path: Path, eyes: Mapping[str, Mapping[str, Passes]], *, metadata: Mapping[str, str] = NO_TEXTS
 ) -> None:
-    """Write all views, by name, with all their layers into one file: a part for each layer, pass and view.
+    """Write all views with all their layers into one file: a part for each layer, pass and view.
 
-    Parts and channels are named as in Blender 5.2, Layer.Pass-view and Layer.Pass.C, with one exception: the first
-    layer's colour is R, G, B, A, which a program shows that knows no layers. It is the first part, and Blender reads it
-    by the part's name. metadata is as for `write_eye`.
+    eyes has passes by view and then by layer. Parts and channels are named as in Blender 5.2, Layer.Pass-view and
+    Layer.Pass.C, with one exception. The first layer's colour is R, G, B, A and the first part, so that programs that
+    know no layers show it; Blender reads it by the part's name. metadata is as for `write_eye`. Raises BadInputError
+    where writing fails.
     """
     openexr = _openexr()
     first = next(iter(eyes.values()))
@@ -239,12 +259,13 @@ def write_stereo(
 
 
 def _joined(*names: str) -> str:
-    """Return the names that are not empty, with dots between them."""
+    """Return the names joined by dots; empty names are left out."""
     return ".".join(name for name in names if name)
 
 
 def _channels(name: str, image: NDArray, prefix: str) -> dict[str, NDArray]:
-    """Return the channels (H, W) of a pass (H, W, C) by the names that they have in a file."""
+    """Return the channels (H, W) of a pass (H, W, C), by the names that they have in a file: `prefix`, a dot and a
+    letter."""
     letters, image = pass_letters(name, image.shape[2]), to_blender(name, image)
     return {_joined(prefix, c): np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate(letters)}
 
@@ -252,7 +273,11 @@ def _channels(name: str, image: NDArray, prefix: str) -> dict[str, NDArray]:
 def _cryptomattes(
     metadata: Mapping[str, str], layers: Mapping[str, Passes], prefixes: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the texts about those cryptomattes that the layers have, which they name by the layers' `prefixes`."""
+    """Return those texts of `metadata` that are about cryptomattes which the layers have.
+
+    In them a cryptomatte is called Layer.Cryptomatte; in the result the layer's name is replaced by the one that
+    `prefixes` has for it, or left out where that is empty.
+    """
     known = {
         f"{layer}.{matte}": _joined(prefixes[layer], matte)
         for layer, passes in layers.items()
@@ -268,13 +293,17 @@ def _cryptomattes(
 
 
 def _write(path: Path, channels: Mapping[str, NDArray], header: Mapping[str, Any]) -> None:
-    """Write a file of one part. Raises BadInputError where that fails."""
+    """Write channels (H, W), by name, into a file of one part with this header. Raises BadInputError where that
+    fails."""
     openexr = _openexr()
     _write_file(path, lambda: openexr.File({"type": openexr.scanlineimage, **header}, dict(channels)))
 
 
 def _write_file(path: Path, make: Callable[[], Any]) -> None:
-    """Write the file that `make` returns and read it back. Raises BadInputError where either fails."""
+    """Write the OpenEXR file that `make` builds to `path`, and read it back to see that it is whole.
+
+    Raises BadInputError where either fails.
+    """
     try:
         with make() as file:
             file.write(str(path))

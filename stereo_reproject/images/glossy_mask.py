@@ -24,7 +24,7 @@ LIGHT_PASS_SUFFIXES = {"direct": ("Dir", "Direct"), "indirect": ("Ind", "Indirec
 
 
 def light_pass_names(kind: str, part: str) -> tuple[str, ...]:
-    """Return the names that a light pass has in the Blenders that are supported, the older one first.
+    """Return the names that a light pass has in the supported versions of Blender, the older version's first.
 
     kind is a key of LIGHT_PASS_PREFIXES, part one of LIGHT_PASS_SUFFIXES.
     """
@@ -32,9 +32,9 @@ def light_pass_names(kind: str, part: str) -> tuple[str, ...]:
 
 
 def glossy_mask(source: Passes) -> NDArray[np.float32]:
-    """Return a mask (H, W, 1): 1 where glossy and transmitted light are more than `min_glossy_light_share` of the
-    pixel's, or its alpha is neither 0 nor 1; 0 elsewhere.
+    """Return a mask (H, W, 1) of pixels that show glossy or transmitted light: 1 there, 0 elsewhere.
 
+    A pixel counts where such light is more than `min_glossy_light_share` of its own, or its alpha is neither 0 nor 1.
     Raises KeyError when the source lacks a light pass.
     """
     colour = source[COLOUR_PASS]
@@ -48,7 +48,11 @@ def glossy_mask(source: Passes) -> NDArray[np.float32]:
 
 
 def _light_pass(source: Passes, kind: str, part: str) -> NDArray[np.float32]:
-    """Return a light pass (H, W, C) of the source, by whichever of its names it has. Raises KeyError without it."""
+    """Return a light pass (H, W, C) of the source, by whichever of its names the source has. Raises KeyError without
+    it.
+
+    kind and part are as for `light_pass_names`.
+    """
     names = light_pass_names(kind, part)
     return source[next((name for name in names if name in source), names[0])]
 

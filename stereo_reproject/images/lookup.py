@@ -32,8 +32,12 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
 
 
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
-    """Return a mask (h, w) of the positions x, y (h, w), in pixels, at which a bilinear lookup takes more than `share`
-    of its weight from pixels of `mask` (H, W)."""
+    """Return (h, w) the positions at which a bilinear lookup would take more than `share` of its weight from set
+    pixels.
+
+    x, y (h, w) are the positions, in pixels of `mask` (H, W), whose set pixels are meant. A NaN position touches
+    nothing.
+    """
     result = np.zeros(x.shape, bool)
     if not mask.any():
         return result
@@ -50,30 +54,32 @@ def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) ->
 
 
 class _Texels:
-    """Pixels of an image (H, W, C), to be read by row and column; beyond the border, the border is repeated."""
+    """Pixels of an image (H, W, C), to be read by row and column; outside the image its border is repeated."""
 
     def __init__(self, image: NDArray) -> None:
         self.height, self.width, self.channels = image.shape
         self._pixels = np.ascontiguousarray(image).reshape(self.height * self.width, self.channels)
 
     def take(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray:
-        """Return the values (N, C) at rows and columns (N,)."""
+        """Return the values (N, C) of the pixels at these rows and columns (N,)."""
         start = np.clip(row, 0, self.height - 1).astype(np.int64) * self.width
         return self._pixels.take(start + np.clip(column, 0, self.width - 1), axis=0)
 
     def spread(self, weight: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return a weight (N,) repeated for each channel, (N, C): NumPy multiplies equal shapes much faster than it
-        broadcasts so few channels."""
+        """Return a weight (N,) repeated for each channel of the image, (N, C).
+
+        NumPy multiplies arrays of equal shape much faster than it broadcasts over so few channels.
+        """
         return weight.repeat(self.channels).reshape(-1, self.channels)
 
 
 def _nearest(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
-    """Return the values (N, C) of the pixels that hold the positions (N,)."""
+    """Return the values (N, C) of the pixels in which the positions x, y (N,) lie."""
     return texels.take(_whole(np.floor(y)), _whole(np.floor(x)))
 
 
 def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
-    """Return bilinear values (N, C) at the positions (N,)."""
+    """Return the values (N, C) at positions x, y (N,), in pixels, interpolated between the four pixels around each."""
     row, down = _split(y)
     column, across = _split(x)
     weight = texels.spread(across)
@@ -89,7 +95,10 @@ def _linear(texels: _Texels, x: NDArray, y: NDArray) -> NDArray:
 
 
 def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
-    """Return Catmull-Rom values (N, C) at the positions (N,), within the range of the pixels that they come from."""
+    """Return the values (N, C) at positions x, y (N,), in pixels, by the Catmull-Rom spline over 4 x 4 pixels.
+
+    They are held within the range of the pixels that they come from.
+    """
     row, down = _split(y)
     column, across = _split(x)
     total = np.zeros((x.size, texels.channels), np.float32)
@@ -119,14 +128,16 @@ def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:
 
 
 def _split(position: NDArray) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Return the index (N,) of the pixel whose centre is at or before the position (N,), and the distance from there in
-    pixels, 0 to 1."""
+    """Return positions (N,) along one axis, in pixels, as a pixel's index and the distance from that pixel's centre.
+
+    The pixel is the one whose centre is at or before the position; the distance is in pixels, 0 to 1.
+    """
     shifted = position - np.float32(0.5)
     floor = np.floor(shifted)
     return _whole(floor), (shifted - floor).astype(np.float32, copy=False)
 
 
 def _whole(number: NDArray) -> NDArray[np.int32]:
-    """Return whole numbers as int32; NaN becomes any integer, without a warning."""
+    """Return whole numbers, given as floats, as int32; NaN becomes any integer, without a warning."""
     with np.errstate(invalid="ignore"):
         return number.astype(np.int32)

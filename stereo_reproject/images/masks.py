@@ -18,8 +18,10 @@ def count_within(mask: NDArray[np.bool_], radius: int) -> NDArray[np.uint8]:
 
 
 def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
-    """Return the mask (H, W) widened by `radius` pixels each way along the axes: by a square, which is the shape that a
-    pixel filter reaches."""
+    """Return the mask (H, W) widened by `radius` pixels each way along the given axes (0 is down, 1 across).
+
+    Along both it grows by a square, which is the shape that a pixel filter reaches.
+    """
     result = mask
     for axis in axes:
         grown = result.copy()

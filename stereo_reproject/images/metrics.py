@@ -13,16 +13,21 @@ MIN_DISTANCE_FROM_WHITE = 1e-6
 
 
 def tone(colour: NDArray) -> NDArray[np.float32]:
-    """Return x / (1 + x), (..., 3), of a scene-linear colour (..., C >= 3): 0 to 1, so that a few bright pixels do not
-    outweigh all others. Alpha is left out, and negative light counts as 0."""
+    """Return a scene-linear colour (..., C >= 3) tone-mapped to the range 0 to 1: x / (1 + x), (..., 3).
+
+    Errors are measured after it, so that a few bright pixels do not outweigh all others. Alpha is left out, and
+    negative light counts as 0.
+    """
     positive = np.maximum(np.asarray(colour, np.float32)[..., :3], 0.0)
     # numpy's stubs take the sum of a float32 array and 1.0 for float64.
     return positive / (1.0 + positive)  # pyright: ignore[reportReturnType]
 
 
 def untone(toned: NDArray) -> NDArray:
-    """Return the scene-linear colour (..., 3) of a colour after `tone`; one that is all but 1 becomes a very bright
-    one."""
+    """Return the scene-linear colour (..., 3) of a colour after `tone`: the inverse of `tone`.
+
+    A value that is 1 or nearly so becomes a very bright one, not an infinite one.
+    """
     return toned / np.maximum(1.0 - toned, MIN_DISTANCE_FROM_WHITE)
 
 
@@ -38,8 +43,10 @@ def rmse(a: NDArray, b: NDArray) -> float:
 
 
 def tile_rmse(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return `rmse` of each tile of `TILE_PX` x `TILE_PX` pixels, as rows and columns of tiles; those at the right and
-    bottom may be smaller."""
+    """Return `rmse` of each tile of `TILE_PX` x `TILE_PX` pixels, (R, C) by rows and columns of tiles.
+
+    Tiles at the right and bottom may be smaller.
+    """
     error = squared_error(a, b)
     rows, columns = np.arange(0, error.shape[0], TILE_PX), np.arange(0, error.shape[1], TILE_PX)
     total = np.add.reduceat(np.add.reduceat(error, rows, axis=0), columns, axis=1)
@@ -48,10 +55,11 @@ def tile_rmse(a: NDArray, b: NDArray) -> NDArray[np.float64]:
 
 
 def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
-    """Return the mean difference, after `tone`, of neighbours across the borders of `holes` (H, W); 0 without a border.
+    """Return the mean difference, after `tone`, of neighbours across the borders of `holes` (H, W), to see whether
+    seams show.
 
     picture (H, W, >= 3) is scene-linear. Where a seam shows, the result is above that of a plain render at these
-    places, which has edges there too.
+    places, which has edges there too. It is 0 where the holes have no border.
     """
     toned = tone(picture)
     steps = [np.abs(np.diff(toned, axis=axis))[np.diff(holes, axis=axis)] for axis in (0, 1)]
@@ -60,10 +68,10 @@ def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
 
 
 def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
-    """Return rmse(ours, reference) / rmse(again, reference): 1 is as good as a render.
+    """Return the noise ratio of a picture: rmse(ours, reference) / rmse(again, reference). 1 is as good as a render.
 
-    reference and again are two plain renders that differ only in their seed. Infinite where they are equal and ours
-    differs from them.
+    All are scene-linear, (H, W, >= 3). reference and again are two plain renders that differ only in their seed.
+    Infinite where they are equal and ours differs from them.
     """
     ours_rmse, noise = rmse(ours, reference), rmse(again, reference)
     if noise == 0.0:
@@ -72,10 +80,10 @@ def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
 
 
 def worst_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
-    """Return the 99th percentile, over tiles, of tile_rmse(ours, reference) / noise, where noise is
-    tile_rmse(again, reference) but at least its median over all tiles.
+    """Return the noise ratio of the worst tiles of a picture: 1 is as good as a render.
 
-    reference and again are two plain renders that differ only in their seed: 1 is as good as a render.
+    It is the 99th percentile, over tiles, of tile_rmse(ours, reference) / noise; noise is tile_rmse(again, reference),
+    but at least its median over all tiles. reference and again are two plain renders that differ only in their seed.
     """
     noise = tile_rmse(again, reference)
     floor = np.maximum(noise, np.median(noise))

@@ -148,8 +148,10 @@ float32."""
 
 
 def known_depth(depth: NDArray) -> NDArray[np.float32]:
-    """Return the depth, in scene units, with NaN for values that are no depth: 0, negative, or below `_MIN_DEPTH`, as a
-    broken pass may have them."""
+    """Return the depth, in scene units, with NaN in place of values that are no depth, as a broken pass may have them.
+
+    Those are 0, negative values, and values below `_MIN_DEPTH`.
+    """
     known = depth >= _MIN_DEPTH
     if depth.dtype == np.float32 and known.all():
         return depth
@@ -168,35 +170,48 @@ def from_blender(name: str, image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def cryptomatte_of(name: str) -> str | None:
-    """Return the name of the cryptomatte that a pass is a level of, as "CryptoObject", or None where it is of none."""
+    """Return the name of the cryptomatte that the pass of this name belongs to, as "CryptoObject" for "CryptoObject00".
+
+    None where the pass is not part of a cryptomatte.
+    """
     found = _CRYPTOMATTE.fullmatch(name)
     return found[1] if found else None
 
 
 def filtered(name: str) -> bool:
-    """Return whether the pass is looked up between pixels: whether the mean of two of its values is a value too."""
+    """Return whether a pass may be interpolated between pixels, because the mean of two of its values is such a value
+    too.
+
+    It is False for passes whose nearest pixel is taken, and for those that are computed anew for the target.
+    """
     return name not in _NEAREST_PIXEL_PASSES and name not in _RECOMPUTED_PASSES and cryptomatte_of(name) is None
 
 
 def seen_in_mirrors(name: str) -> bool:
-    """Return whether the pass shows, in a mirror's pixels, the reflected things, and not the mirror itself."""
+    """Return whether the pass shows, in a mirror's pixels, the things that are reflected, and not the mirror's own
+    surface."""
     return name in _MIRRORED_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
 def is_light(name: str) -> bool:
-    """Return whether the pass is light that reaches the camera: all of it, or a part. The parts, some of them times a
-    colour pass of their own, add up to all of it."""
+    """Return whether the pass is light that reaches the camera: all of it (the colour), or a part of it.
+
+    The parts, some of them multiplied by a colour pass of their own, add up to all of it.
+    """
     return name in _LIGHT_PASSES or name.startswith(_LIGHT_GROUP_PREFIX)
 
 
 def is_essential(name: str) -> bool:
-    """Return whether a pixel is invalid as a whole where this pass has NaN or infinities: true for light, whose parts
-    must add up, and for internal passes, by which pixels are denoised and judged."""
+    """Return whether NaN or infinities in this pass make a pixel invalid as a whole, so that it is traced.
+
+    True for light, whose parts must add up, and for internal passes, by which pixels are denoised and judged.
+    """
     return is_light(name) or name in INTERNAL_PASSES
 
 
 def pass_letters(name: str, channels: int) -> str:
-    """Return a letter for each channel of a pass, as Blender names them: "RGBA" for a colour, "Z" for a distance."""
+    """Return the letters by which Blender names a pass's channels, one for each: "RGBA" for a colour, "Z" for a
+    distance."""
     if channels == 1:
         return "Z" if name in _DISTANCE_PASSES else "X"
     if name in _VECTOR_PASSES:
@@ -205,5 +220,5 @@ def pass_letters(name: str, channels: int) -> str:
 
 
 def without_internal_passes(passes: Passes) -> Passes:
-    """Return the passes that users get."""
+    """Return the passes without INTERNAL_PASSES, which only this extension uses: those that users get."""
     return {name: image for name, image in passes.items() if name not in INTERNAL_PASSES}

@@ -12,10 +12,11 @@ MAX_HALF_FLOAT = 65504.0
 
 
 def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
-    """Return a line for each pass of one eye that has NaN, negative light, or values beyond half floats.
+    """Return a line of warning for each pass of one eye that has NaN, negative light, or values that half floats cannot
+    hold.
 
     view names the eye in these lines. half is set where the passes go into a file of half floats; in a multilayer file
-    Blender stores only the colours so.
+    Blender stores only the colours so. Empty where there is nothing to warn of.
     """
     warnings = []
     negative = _count(passes[COLOUR_PASS] < 0.0)
@@ -35,5 +36,5 @@ def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
 
 
 def _count(where: NDArray[np.bool_]) -> int:
-    """Return the number of pixels that have a set value in any channel of `where` (H, W, C)."""
+    """Return the number of pixels for which `where` (H, W, C) is set in any channel."""
     return int(where.any(axis=-1).sum())

@@ -34,10 +34,10 @@ class Reason(IntFlag):
 
     @property
     def bit(self) -> np.uint16:
-        """The flag as the type of an image (H, W) of reasons."""
+        """The flag as a number of the type that an image (H, W) of reasons has."""
         return np.uint16(self.value)
 
     @property
     def label(self) -> str:
-        """Name of the reason in reports and legends."""
+        """Name of the reason in reports and legends, as "view-dependent"."""
         return str(self.name).lower().replace("_", "-")

@@ -20,10 +20,11 @@ CANDIDATES_PER_BATCH = 512
 
 
 def sample_count(coverage: NDArray, counts: NDArray | None, most: int) -> int | None:
-    """Return the samples of a picture's pixels, at most `most`, or None where they cannot be told.
+    """Return the number of samples per pixel that a picture was rendered with, at most `most`; None where it cannot be
+    told.
 
-    coverage (H, W, K) holds a cryptomatte's. counts (H, W, 1), where sampling is adaptive, are each pixel's samples
-    over those of the pixel that has the most.
+    coverage (H, W, K), 0 to 1, holds the coverages of a cryptomatte. counts (H, W, 1) is for adaptive sampling, None
+    without it: each pixel's samples as a share of those of the pixel that has the most.
     """
     shares = coverage.astype(np.float64)
     if counts is not None:
@@ -40,8 +41,10 @@ def sample_count(coverage: NDArray, counts: NDArray | None, most: int) -> int | 
 
 
 def _explained(shares: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Return, for each number of samples from 1 to `most`, the fraction (most,) of `shares` (N,) that are a whole
-    number of samples over it."""
+    """Return (most,) for each number n of samples, from 1 to `most`, the fraction of shares (N,) that it explains.
+
+    A share, 0 to 1, is explained where it is a whole number of samples over n.
+    """
     found = np.empty(most)
     for first in range(1, most + 1, CANDIDATES_PER_BATCH):
         samples = np.arange(first, min(first + CANDIDATES_PER_BATCH, most + 1), dtype=np.float64)[:, None]

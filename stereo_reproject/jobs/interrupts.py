@@ -29,7 +29,8 @@ _SIGNAL_WORDS: dict[int, str] = {signal.SIGINT: "interrupted", signal.SIGTERM: "
 
 
 class RunInterruptedError(StereoReprojectError):
-    """A signal ended the run."""
+    """A signal, such as that of Ctrl-C, ended the run. signum is the signal's number, and kept says in words what
+    became of the results."""
 
     def __init__(self, signum: int, kept: str = "no result was written") -> None:
         super().__init__(f"{_SIGNAL_WORDS.get(signum, 'stopped')}; {kept}")
@@ -38,12 +39,14 @@ class RunInterruptedError(StereoReprojectError):
 
 
 class Interrupts:
-    """Holds back the signals that end a run until `check` is called, at a moment when nothing is half done.
+    """A guard that holds back the signals that end a run, for the time of a `with` block: they take effect when `check`
+    is called, at a moment when nothing is half done. Afterwards the earlier signal handlers are restored, also after an
+    error.
 
-    One that has been held back for HELD_SECONDS is raised wherever the main thread is: in a call that hangs, for it
-    would have come to `check` otherwise. So whatever is half done is undone by those that it is raised through. When
-    that hangs as well, the process ends after CLEANING_SECONDS. (Windows lets no one tear a thread out of a call: a run
-    that hangs there in a drive ends when the drive answers.)
+    If `check` is not called within HELD_SECONDS of a signal, the main thread probably hangs in a call. Then
+    RunInterruptedError is raised inside that call, and the code that it passes through has to undo what is half done.
+    If the clean-up hangs as well, the process ends after CLEANING_SECONDS. (On Windows nothing can interrupt a call: a
+    run that hangs in a drive ends when the drive answers.) Outside the main thread the block changes nothing.
     """
 
     def __init__(self) -> None:
@@ -77,6 +80,8 @@ class Interrupts:
             signal.signal(signum, previous)
 
     def _receive(self, signum: int, _frame: FrameType | None) -> None:
+        """Take a signal; the handler of all signals that are held back. The first one is remembered. A later one, of
+        the user's or from `_tear`, raises RunInterruptedError if the main thread hangs."""
         if self._received is None:
             self._received = signum
             self._news.put("received")
@@ -85,7 +90,7 @@ class Interrupts:
             raise RunInterruptedError(self._received)
 
     def check(self) -> None:
-        """Raise RunInterruptedError if a signal has come."""
+        """Raise RunInterruptedError if a signal has come. To be called often, whenever nothing is half done."""
         if self._received is not None:
             self._is_raised = True
             self._news.put("raised")
@@ -93,8 +98,8 @@ class Interrupts:
 
     @contextmanager
     def until_cleaning(self) -> Iterator[None]:
-        """Interrupt calls in the body where a signal is held for too long; what follows the body removes a run's files,
-        and is not interrupted."""
+        """Let signals interrupt hanging calls for the time of a `with` block. Code after the block, which removes the
+        run's files, is not interrupted any more."""
         self._is_cleaning = False
         try:
             yield
@@ -102,6 +107,9 @@ class Interrupts:
             self._is_cleaning = True
 
     def _watch(self) -> None:
+        """Wait for a signal and see that it takes effect; runs in a thread of its own. If the main thread does not come
+        to `check` within HELD_SECONDS, its call is interrupted again and again, and after CLEANING_SECONDS more the
+        process is ended."""
         news = self._news.get()
         if news == "received":
             news = self._next_news(HELD_SECONDS)
@@ -115,12 +123,16 @@ class Interrupts:
             news = self._next_news(RETRY_SECONDS)
 
     def _next_news(self, seconds: float) -> str | None:
+        """Return the next message from the main thread: "received" (a signal came), "raised" (its exception was raised)
+        or "left" (the `with` block is over). None if no message comes within `seconds`."""
         try:
             return self._news.get(timeout=seconds)
         except queue.Empty:
             return None
 
     def _tear(self) -> None:
+        """Send the signal to the main thread once more, so that it leaves the call that it hangs in. Does nothing on
+        Windows, which has no such means."""
         main = threading.main_thread().ident
         if hasattr(signal, "pthread_kill") and main is not None and self._received is not None:
             # The handler comes up in the main thread, and out of the call that it hangs in.

@@ -13,10 +13,10 @@ SYSTEM = Path("/")
 
 
 def give_back_freed() -> None:
-    """Have the allocator keep nothing for later; where it cannot be asked, nothing happens.
+    """Have the C library return freed memory to the system. Does nothing where it has no function for that.
 
-    glibc keeps what is freed below something that is not, and the pictures of the next frame may not fit in there: a
-    long animation would hold more with each frame, though nothing is left of it.
+    To be called between the frames of an animation: glibc keeps freed memory that lies below memory in use, and the
+    next frame's pictures may not fit in there, so that the process would grow with each frame.
     """
     if sys.platform == "linux":
         # Not every C library of Linux has it.
@@ -26,8 +26,9 @@ def give_back_freed() -> None:
 
 
 def oom_kills() -> int | None:
-    """Processes that the kernel has ended so far because memory had run out: of this control group where it counts
-    them, else of the machine; None where nobody counts them."""
+    """Return how many processes the kernel has ended so far because memory had run out; None where nobody counts them.
+    The count is that of this process's control group if it has one, else of the machine. Two counts, before and after,
+    tell why a process was killed."""
     for place in (*_group_counters(), SYSTEM / "proc/vmstat"):
         with contextlib.suppress(OSError):
             found = re.search(r"^oom_kill (\d+)$", place.read_text(encoding="ascii", errors="replace"), re.MULTILINE)
@@ -37,7 +38,8 @@ def oom_kills() -> int | None:
 
 
 def _group_counters() -> list[Path]:
-    """Files that count for the control group of this process, of either version."""
+    """Return the files that may hold the count of `oom_kills` for the control group of this process, for cgroup
+    versions 1 and 2. They need not exist."""
     groups = SYSTEM / "sys/fs/cgroup"
     places = []
     with contextlib.suppress(OSError, ValueError):
@@ -51,7 +53,7 @@ def _group_counters() -> list[Path]:
 
 
 def is_limited() -> bool:
-    """Return whether the memory of this process and of those that it starts is limited, as by `ulimit -v`."""
+    """Return True if the memory of this process, and so of those that it starts, is limited, as by `ulimit -v`."""
     if sys.platform == "win32":
         return False
     import resource

@@ -41,7 +41,8 @@ STAND_INS = "/proc/"
 
 
 def misread(path: str | os.PathLike[str]) -> str | None:
-    """Return why Blender would read a path otherwise, in words; None where it takes it as it stands."""
+    """Return in words why Blender would misread a path, such as one with a backslash in it; None where it reads it as
+    it is written."""
     name = os.fspath(path)
     if os.sep != "\\" and "\\" in name:
         return "Blender takes the backslash in it for a separator"
@@ -52,6 +53,7 @@ def misread(path: str | os.PathLike[str]) -> str | None:
 
 
 def _is_utf8(name: str) -> bool:
+    """Return True if a name can be written in UTF-8."""
     try:
         name.encode("utf-8")
     except UnicodeEncodeError:
@@ -66,8 +68,12 @@ def _length(name: str) -> int:
 
 @contextmanager
 def plain_path(folder: Path) -> Iterator[Path]:
-    """A path of a folder that Blender reads as it stands, in this process and in others of this user: its own where
-    that will do, else one that is valid meanwhile. Raises BadInputError where there is none."""
+    """Yield a path by which Blender finds an existing folder, for the time of a `with` block: the folder's own path
+    where Blender reads that as it is written, else a stand-in below /proc.
+
+    The stand-in is valid until the block is over, also in other processes of the same user. Raises BadInputError where
+    there is no such path.
+    """
     why = misread(folder)
     if why is None:
         yield folder
@@ -91,8 +97,12 @@ def plain_path(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def plain_blend(blend: Path) -> Iterator[Path]:
-    """The path of a .blend by which Blender finds what lies beside it and above, as far as up to the folder that is to
-    blame. Raises BadInputError."""
+    """Yield a path by which Blender finds a .blend and the files beside it, for the time of a `with` block: its own
+    path, or one with a stand-in for the folder whose path Blender would misread (see `plain_path`).
+
+    The files beside it and above, up to that folder, are found by the same path. Raises BadInputError where there is no
+    such path.
+    """
     if not _is_utf8(blend.name):
         # Another path of it would not do: what lies beside it is found by its own.
         name = os.fsencode(blend).decode("ascii", "backslashreplace")
@@ -108,7 +118,8 @@ def plain_blend(blend: Path) -> Iterator[Path]:
 
 
 def check_names(folder: Path, names: Iterable[str]) -> None:
-    """Raise BadInputError unless a folder, which may be still to be made, takes files with these names."""
+    """Raise BadInputError unless files with these names can be made in a folder: their names and paths must not be too
+    long, nor forbidden on Windows. The folder need not exist yet."""
     most_of_name, most_of_path = _limits(folder)
     for name in names:
         if sys.platform == "win32" and NOT_ON_WINDOWS.search(name):
@@ -126,7 +137,7 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
 
 
 def _limits(folder: Path) -> tuple[int, int]:
-    """The longest name, and path, that the drive of a folder takes, in UNIT."""
+    """Return the greatest length of a name and of a whole path, in UNIT, that the drive of a folder takes."""
     there = next((parent for parent in (folder, *folder.parents) if parent.is_dir()), None)
     if there is None or not hasattr(os, "pathconf"):
         return MAX_NAME_LENGTH, MAX_WINDOWS_PATH_LENGTH

@@ -32,10 +32,12 @@ MAX_SHOWN_FRACTION = 0.97
 
 
 class Progress:
-    """Told of stages by `begin` and of how much of one is done by `advance`; times are in seconds, on any clock.
+    """An estimate of how much of a run is done and how long it still takes. Report stages to it by `begin` and the part
+    of a stage that is done by `advance`; then ask `fraction` and `remaining`.
 
-    stages are what each takes, in order: in_seconds, or else as shares of the whole. A run of several frames goes
-    through them as often. Stages that are not among them take no time.
+    `now` is the time in seconds on any clock, the same clock in all calls. stages has the expected time of each stage,
+    in order: seconds with in_seconds, else shares of the whole. A run of several `frames` goes through the stages that
+    many times. A stage that is not among them counts as taking no time.
     """
 
     def __init__(self, now: float, stages: Mapping[str, float], *, in_seconds: bool = False, frames: int = 1) -> None:
@@ -48,7 +50,8 @@ class Progress:
         self._frame = 0
 
     def begin(self, stage: str, now: float) -> None:
-        """The stage begins; one that came before in the order begins the next frame."""
+        """Report that a stage has begun. A stage that is earlier in the order than the current one begins the next
+        frame."""
         if stage == self._stage:
             return
         order = list(self._expected)
@@ -60,7 +63,7 @@ class Progress:
             self._pace = (now - self._started) / done
 
     def advance(self, fraction: float | None, now: float) -> None:
-        """So much of the stage is done, from 0 to 1; None where nobody knows."""
+        """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
         self._stage_fraction = fraction
         expected = self._expected.get(self._stage, 0.0)
         # The start of a stage says little.
@@ -73,19 +76,22 @@ class Progress:
         return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
 
     def remaining(self, now: float) -> float | None:
-        """Return the seconds that remain, or None as long as they cannot be estimated."""
+        """Return the seconds that the run still takes by estimate; None as long as they cannot be estimated."""
         if self._pace is None:
             return None
         whole = self._frames * sum(self._expected.values())
         return max(self._pace * (whole - self._done_before() - self._done_of_stage(now)), 0.0)
 
     def _done_before(self) -> float:
-        """Expected seconds of the frames and stages that are over."""
+        """Return the expected time of all frames and stages before the current one, in the unit of the expected
+        times."""
         stages = list(self._expected)
         before = stages[: stages.index(self._stage)] if self._stage in stages else stages
         return self._frame * sum(self._expected.values()) + sum(self._expected[name] for name in before)
 
     def _done_of_stage(self, now: float) -> float:
+        """Return how much of the current stage's expected time is done: by the reported fraction, else by the time
+        since it began, and then never all of it."""
         expected = self._expected.get(self._stage, 0.0)
         if self._stage_fraction is not None:
             return expected * min(self._stage_fraction, 1.0)
@@ -95,7 +101,7 @@ class Progress:
 
 
 def clock(seconds: float) -> str:
-    """Seconds as people read them: 0:42, 3:05, 1:02:30."""
+    """Return seconds as a text of minutes and seconds, with hours where there are any: 0:42, 3:05, 1:02:30."""
     whole = round(seconds)
     hours, minutes = whole // 3600, whole // 60 % 60
     return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes}:{whole % 60:02}"

@@ -59,12 +59,12 @@ HANDED_OVER = Stage.WRITE
 
 @dataclass(frozen=True)
 class Session:
-    """Facts about an open Blender that a .blend saved by it does not hold; by default those that a .blend holds itself.
+    """Facts about an open Blender that are not in the .blend it saved. The defaults mean: as the .blend itself has it.
 
-    scene is a `blender.scene.working.scene_key`, None for the scene that was active; devices are those of
-    `blender.scene.devices`, None for those of the worker's own preferences. original is the path of the file that the
-    .blend is a copy of, empty for one that was never saved: files are written beside it. scripts says whether the
-    scripts of the .blend run. layers are the names of the view layers that its window renders.
+    scene is a `blender.scene.working.scene_key`; None is the scene that was active. devices are those of
+    `blender.scene.devices`; None means those of the worker's own preferences. original is the path of the file that the
+    .blend is a copy of: files are written beside it; it is empty for a file that was never saved. scripts is True if
+    scripts in the .blend may run. layers are the names of the view layers that the window renders.
     """
 
     scene: tuple[str, str | None] | None = None
@@ -76,13 +76,16 @@ class Session:
 
 @dataclass(frozen=True)
 class Job:
-    """One run: the absolute paths of the .blend and of the output folder, how the pair is made, and what is done.
+    """One run of the worker: `command` is done with the .blend at the absolute path `blend`, by these settings, into
+    the folder `output` (an absolute path).
 
-    files are those that the command (one of `worker.COMMANDS`) is to make, the
-    one that vouches for the others last; without any, output may be None. only names the runs that a price list is to
-    have; without any it has all. animation is how the frames of one are rendered.
-    strict makes whatever the scene is known to lack before the first render an error. It changes no picture, and so it
-    is no setting of those by which a frame is rendered again.
+    command is a key of `worker.COMMANDS`. files are the names of the files that it is to make; the last of them (the
+    report) is moved into place last, so that where it stands the others are complete. Without files, output may be
+    None. only names the cases of a price list that are wanted; empty means all. animation has the settings of an
+    animation, and is None for any other command.
+
+    With strict, anything that the scene is known to lack before the first render is an error, not a warning. It changes
+    no picture, and so it is not one of the settings that decide whether a frame must be rendered again.
     """
 
     blend: Path
@@ -97,7 +100,7 @@ class Job:
 
 
 class WorkerCrashedError(StereoReprojectError):
-    """Blender ended without a word."""
+    """The worker process ended without reporting a result or an error, as in a crash of Blender."""
 
 
 def run_worker(
@@ -110,9 +113,10 @@ def run_worker(
 ) -> dict[str, Any]:
     """Have `job` done by a worker process, move its files into the output folder, and return its report.
 
-    on_event gets each "stage" and "warning" event; on_tick is called several times a second. `command` starts another
-    worker than our own. Raises BadInputError, RunInterruptedError or StereoReprojectError; then nothing of the run is
-    left behind.
+    on_event gets each event that the worker sends but the last ("stage", "warning", "note", "frame"); on_tick is called
+    several times a second. interrupts holds back signals meanwhile; by default none are. `command` starts another
+    program as the worker; by default it is our own. Raises BadInputError, RunInterruptedError or StereoReprojectError;
+    then nothing that the run has made is left, but for the finished frames of an animation.
     """
     interrupts = interrupts or Interrupts()
     with _work_folder(job) as work, plain_blend(job.blend) as blend, interrupts.until_cleaning():
@@ -133,6 +137,8 @@ def run_worker(
 
 @contextlib.contextmanager
 def _work_folder(job: Job) -> Iterator[Path]:
+    """Yield the run's private folder, for the time of a `with` block: inside the output folder, or among temporary
+    files for a job that writes none. It is removed afterwards, also after an error."""
     if job.output is not None:
         with work_folder(job.output, job.files) as work:
             yield work
@@ -144,8 +150,8 @@ def _work_folder(job: Job) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
-    """Turn an error of a run whose output folder was removed under way into one that says so. An animation does that
-    itself."""
+    """Replace errors raised in a `with` block by one that says that the run's folder was removed, if it was. Signals
+    and the errors of an animation, which says so itself, are left as they are."""
     try:
         yield
     except RunInterruptedError:
@@ -159,17 +165,20 @@ def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
 
 
 def _known_names(work: Path, blend: Path) -> dict[bytes, bytes]:
-    """Paths that stand in for others, and those in their place, as JSON has them."""
+    """Return the stand-in paths (see `plain_path`) that may occur in the worker's messages, each with the real path
+    that the user knows. Both are bytes as they are written inside a JSON string."""
     plain = {str(folder): str(folder.resolve()) for folder in (work, blend.parent)}
     return {_json_text(name): _json_text(known) for name, known in plain.items() if name.startswith(STAND_INS)}
 
 
 def _json_text(text: str) -> bytes:
+    """Return `text` as bytes as it is written inside a JSON string, without the quotes."""
     return json.dumps(text)[1:-1].encode()
 
 
 def _message(job: Job, work: Path, blend: Path) -> bytes:
-    """Return the line with the job for the worker; blend is the path by which Blender finds the job's file."""
+    """Return the line of JSON by which the worker is told its job. `work` is the run's private folder; `blend` is the
+    path by which Blender finds the job's file, see `plain_blend`."""
     fields = {
         "command": job.command,
         "blend": str(blend),
@@ -186,7 +195,7 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
 
 
 def _kept_by(job: Job) -> str:
-    """Return what a failed run leaves behind, in words."""
+    """Return in words what is left in the output folder after a failed run; "" for a job that writes no files."""
     if job.command == "animate":
         return "frames that are finished are kept"
     return "" if job.output is None else "nothing was written, and existing files are kept"
@@ -201,9 +210,11 @@ def _listen(
     job: Job,
     names: Mapping[bytes, bytes],
 ) -> Event:
-    """Pass the worker's events on until it is done and has ended; return its "done" event.
+    """Pass the worker's events on to on_event until it is done and has ended, and return its "done" event.
 
-    names are as `_known_names` has them.
+    Also reports the running stage again, with its fraction, as the samples in Blender's log go on. names are those of
+    `_known_names`. Raises WorkerCrashedError where the worker ends without an answer, the worker's own error where it
+    sends one, and RunInterruptedError.
     """
     stage: Event = {"event": "stage", "stage": Stage.START, "fraction": None}
     while True:
@@ -236,6 +247,8 @@ def _listen(
 
 
 def _parse(line: bytes, names: Mapping[bytes, bytes]) -> Event:
+    """Return the event in one line of the worker's output, with real paths in place of stand-ins (`names`, see
+    `_known_names`); {} for a line that is no event."""
     for name, known in names.items():
         line = line.replace(name, known)
     try:
@@ -246,6 +259,7 @@ def _parse(line: bytes, names: Mapping[bytes, bytes]) -> Event:
 
 
 def _await_exit(worker: Worker, on_tick: Callable[[], None], interrupts: Interrupts) -> None:
+    """Wait until the worker that is done has ended, for EXIT_SECONDS at most. Raises RunInterruptedError."""
     deadline = time.monotonic() + EXIT_SECONDS
     while worker.wait(POLL_SECONDS) is None and time.monotonic() < deadline:
         interrupts.check()

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 
 
 class WarnOnce:
-    """Pass each text on to `warn` the first time that it comes.
+    """A function that passes each text on to `warn` the first time that it is called with it, and ignores repetitions.
 
-    `given` lists the texts so far, in order; it begins with those that are known to have been given before.
+    The attribute `given` lists the texts so far, in order. The argument `given` has texts that count as given before.
     """
 
     def __init__(self, warn: Callable[[str], None], given: Iterable[str] = ()) -> None:

@@ -48,12 +48,14 @@ DIFFERENCE = "difference.png"
 
 
 def pair_files(*, compare: bool) -> tuple[str, ...]:
-    """The files of a rendered pair."""
+    """Return the names of the files of a rendered pair, the report last; `compare` adds the picture of the difference
+    from multiview."""
     return (*FILES[:-1], DIFFERENCE, FILES[-1]) if compare else FILES
 
 
 def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
-    """Return names of files that an earlier pair may have left and that do not belong to a pair with these files."""
+    """Return the names of files that an earlier pair may have left in the folder and that a pair with these `files`
+    does not have. They are removed, because they would not belong to it."""
     return tuple(name for name in pair_files(compare=True) if name not in files)
 
 
@@ -71,10 +73,12 @@ _own: set[str] = set()
 
 @contextlib.contextmanager
 def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
-    """A private folder inside `output`, which is made if need be and is to take these files.
+    """Yield a run's private folder inside `output`, for the time of a `with` block; `output` is made if it is missing.
+    The private folder is removed afterwards, also after an error, and so is `output` if it was made here and is empty.
 
-    Its path is one that Blender reads as it stands. Afterwards the folder is gone, and `output` too if it was made here
-    and is empty. Raises BadInputError if `output` cannot be used.
+    It holds the folders out, tmp and old. files are the names of the files that `output` is to get. The yielded path is
+    one that Blender reads as it is written. Folders left by killed runs are removed too. Raises BadInputError if
+    `output` cannot be used.
     """
     created: list[Path] = []
     work: Path | None = None
@@ -105,6 +109,8 @@ def work_folder(output: Path, files: Sequence[str] = FILES) -> Iterator[Path]:
 
 
 def _make_private(output: Path) -> Path:
+    """Create and return a new folder inside `output`, whose name tells this process and machine. Except on Windows,
+    only this user can open it."""
     prefix = f"{WORK_PREFIX}{os.getpid()}-{_machine_digest()}-"
     if sys.platform != "win32":
         return Path(tempfile.mkdtemp(prefix=prefix, dir=output))
@@ -115,7 +121,8 @@ def _make_private(output: Path) -> Path:
 
 
 def _make_folders(folder: Path, created: list[Path]) -> None:
-    """Make `folder` and its missing parents; what was made is added to `created`, also when it fails half-way."""
+    """Make `folder` and its missing parents. Those that were made are appended to `created`, outermost first, also when
+    it fails half-way. Raises BadInputError where something else has the name, and OSError."""
     # In this order: another run may make it between two looks.
     if os.path.lexists(folder):
         if folder.is_dir():
@@ -136,6 +143,7 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
 
 
 def _check_names_free(output: Path, files: Sequence[str]) -> None:
+    """Raise BadInputError if a folder in `output` has the name of one of the files to be written."""
     for name in files:
         if (output / name).is_dir():
             raise BadInputError(
@@ -144,6 +152,8 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
 
 
 def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
+    """Return the error for the user for a failed write below `output`: it says that the disk is full, or the system's
+    own reason."""
     if is_full_disk_error(error):
         return BadInputError(f"{output}: the disk is full; free some space or choose another folder")
     reason = error.strerror or str(error)
@@ -151,11 +161,13 @@ def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
 
 
 def is_full_disk_error(error: OSError) -> bool:
-    """Return whether something could not be written for lack of room."""
+    """Return True if the error says that the disk, or the user's share of it, is full."""
     return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 
 def _remove_tree(folder: Path, *, seconds: float = REMOVAL_SECONDS) -> None:
+    """Remove a folder with all that is in it. Attempts are repeated for up to `seconds`, because a process that was
+    just killed may hold a file; nothing is raised if it stays."""
     deadline = time.monotonic() + seconds
     # A process that was just killed may hold a file for a moment longer, on Windows and on network drives.
     while True:
@@ -166,10 +178,10 @@ def _remove_tree(folder: Path, *, seconds: float = REMOVAL_SECONDS) -> None:
 
 
 def remove_abandoned(output: Path, *, owner: int | None = None) -> None:
-    """Remove the work folders of runs that were killed before they could do it themselves.
+    """Remove the work folders in `output` of runs that were killed before they could do so themselves.
 
-    Those of other users stay, and cost nothing: a folder for temporary files is full of them. owner is whose folders
-    are one's own, where the drive makes them another user's.
+    owner is the user id whose folders are removed: by default this process's user, but some drives show one's own files
+    as another user's. Folders of other users stay.
     """
     if owner is None and sys.platform != "win32":
         owner = os.geteuid()
@@ -180,6 +192,8 @@ def remove_abandoned(output: Path, *, owner: int | None = None) -> None:
 
 
 def _work_folders(output: Path) -> list[Path]:
+    """Return the work folders of all runs in `output`, alive or not; an empty list where it cannot be listed. Links are
+    left out."""
     with contextlib.suppress(OSError):
         named_so = [path for path in output.iterdir() if path.name.startswith(WORK_PREFIX)]
         return [path for path in named_so if not leads_elsewhere(path) and path.is_dir()]
@@ -187,7 +201,7 @@ def _work_folders(output: Path) -> list[Path]:
 
 
 def _owner(folder: Path) -> int | None:
-    """Return the owner of a file; None where the system does not say, or the file is gone."""
+    """Return the user id of a file's owner; None where the system does not say, or the file is gone."""
     if sys.platform != "win32":
         with contextlib.suppress(OSError):
             return folder.lstat().st_uid
@@ -195,6 +209,9 @@ def _owner(folder: Path) -> int | None:
 
 
 def _is_abandoned(folder: Path) -> bool:
+    """Return True if the run of a work folder is certainly over, because its process on this machine is gone. False for
+    a folder whose pid file names another machine. A folder without a readable pid file is judged by the process in its
+    name, or else by its age (MAX_NAMELESS_SECONDS)."""
     try:
         pid, _, host = read_small(folder / "pid", PID_BYTES).decode("utf-8").partition("\n")
         # A shared drive: whether a process of another machine lives cannot be known here.
@@ -212,12 +229,13 @@ def _is_abandoned(folder: Path) -> bool:
 
 
 def _machine_digest() -> str:
+    """Return eight characters that stand for `machine` in the names of work folders."""
     return hashlib.sha256(machine().encode()).hexdigest()[:8]
 
 
 def machine() -> str:
-    """Return an identifier of this machine, within which process numbers are unique. Two containers may have the same
-    host name, and each counts its processes anew."""
+    """Return an identifier of this machine within which process numbers are unique. Containers count as machines of
+    their own, because two may have one host name, and each counts its processes anew."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{platform.node()} {boot} {Path('/proc/self/ns/pid').readlink()}"
@@ -227,8 +245,8 @@ def machine() -> str:
 
 
 def is_running(pid: int) -> bool:
-    """Return whether a process of this machine lives; False for this process itself, whose number may have been a dead
-    one's before."""
+    """Return True if the process with this number lives on this machine. False for the number of this process itself: a
+    dead run in a container may have had it before."""
     # In a container the number of a dead run is soon one's own.
     if not 0 < pid <= MAX_PID or pid == os.getpid():
         return False
@@ -253,7 +271,8 @@ def is_running(pid: int) -> bool:
 
 
 def check_complete(made: Path, names: Any, files: Sequence[str] = FILES) -> None:
-    """Raise StereoReprojectError unless all of `files` are in the folder `made` and in `names`, the worker's list."""
+    """Raise StereoReprojectError unless each of `files` exists in the folder `made` and is in `names`, the list that
+    the worker reported (which may be anything)."""
     for name in files:
         if not isinstance(names, list) or name not in names or not (made / name).is_file():
             raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
@@ -267,12 +286,12 @@ def publish(
     superseded: Sequence[str] = (),
     between_steps: Callable[[], None],
 ) -> None:
-    """Move the finished files from `work` into `output`, all of them or none; the last of them vouches for the others.
-    When this is back they are on the disk.
+    """Move the finished files from `work`/out into `output`, all of them or none. The last one, the report, is moved
+    last, so that where it stands the others are complete. On return the files are on the disk.
 
-    superseded are further files of an earlier run, which would not belong to these. between_steps is called after each
-    move; if it raises, the moves are undone and the exception goes on. Raises BadInputError if `output` cannot be
-    written.
+    superseded are names of an earlier run's files that would not belong to the new ones; they are moved away.
+    between_steps is called after each move; if it raises, the moves are undone and its exception goes on. Raises
+    BadInputError if `output` cannot be written; then it is as it was.
     """
     made, old = work / "out", work / "old"
     moved: list[tuple[Path, Path]] = []

@@ -40,17 +40,21 @@ _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | _NO_WINDO
 
 
 def own_worker() -> list[str]:
+    """Return the command that starts this package's own worker."""
     return module_command("programs.worker")
 
 
 def module_command(name: str) -> list[str]:
-    """Return the command that runs one of this package's modules in a Python of its own, in a `worker_environment`."""
+    """Return the command that runs this package's module `name` in a new Python process, which must have a
+    `worker_environment`."""
     # In an extension this package lies below Blender's own packages; the module is found by its folder.
     # Not from the folder in which it is started, where another package may have this name.
     return [sys.executable, "-P", "-m", f"{PACKAGE}.{name}"]
 
 
 def start_worker(command: Sequence[str] | None, work: Path) -> Worker:
+    """Start the worker by `command` (by default our own) with the private folder `work`, and return it. Use it in a
+    `with` block, at whose end the worker is killed. Raises StereoReprojectError where no process can be started."""
     try:
         return Worker(command, work)
     except OSError as error:
@@ -59,7 +63,11 @@ def start_worker(command: Sequence[str] | None, work: Path) -> Worker:
 
 
 class Worker:
-    """The worker process, with its whole process group."""
+    """The worker process, and all processes that it starts. At the end of a `with` block they are killed.
+
+    `log` is the file that gets what Blender prints, and `oom_kills_before` the count of `memory.oom_kills` when the
+    worker started.
+    """
 
     def __init__(self, command: Sequence[str] | None, work: Path) -> None:
         own_python = command is None
@@ -89,13 +97,16 @@ class Worker:
         self.kill()
 
     def send(self, line: bytes) -> None:
-        """Hand a line over. A worker that is dead already is found out by whoever listens."""
+        """Write a line to the worker's standard input. Does nothing if the worker is dead: whoever reads its output
+        notices that."""
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):
             self.process.stdin.write(line)
             self.process.stdin.flush()
 
     def _read(self) -> None:
+        """Put the lines of the worker's standard output into a queue, and b"" at its end; runs in a thread of its
+        own."""
         # This thread alone closes the pipe: closing it elsewhere would wait for a read that is under way.
         assert self.process.stdout is not None
         with self.process.stdout as stdout:
@@ -104,7 +115,8 @@ class Worker:
         self._lines.put(b"")
 
     def next_line(self) -> bytes | None:
-        """The next line of output; None if none comes within POLL_SECONDS, b"" if none can come any more."""
+        """Return the next line of the worker's output; None if none comes within POLL_SECONDS, b"" if no more can
+        come."""
         ended = self.process.poll() is not None
         try:
             return self._lines.get(timeout=POLL_SECONDS)
@@ -113,14 +125,15 @@ class Worker:
             return b"" if ended else None
 
     def wait(self, seconds: float) -> int | None:
-        """The exit status, or None if the worker still runs after `seconds`."""
+        """Wait for the worker to end and return its exit status; None if it still runs after `seconds`."""
         try:
             return self.process.wait(seconds)
         except subprocess.TimeoutExpired:
             return None
 
     def kill(self) -> None:
-        """End the worker and all that it started."""
+        """Kill the worker and all processes that it started, and wait until the worker is gone, for EXIT_SECONDS at
+        most."""
         _kill_group(self.process)
         self.wait(EXIT_SECONDS)
         assert self.process.stdin is not None
@@ -128,12 +141,12 @@ class Worker:
             self.process.stdin.close()
 
     def begin_stage(self) -> None:
-        """Forget the samples in the log so far: they are those of earlier stages."""
+        """Begin to count samples anew for `samples_done`: those in the log so far belong to earlier stages."""
         with contextlib.suppress(OSError):
             self._stage_begins = self.log.stat().st_size
 
     def trim_log(self) -> None:
-        """Empty a log that has grown large: of thousands of frames it would fill the drive."""
+        """Empty the log if it has more than MAX_LOG_BYTES. That of an animation would fill the drive."""
         with contextlib.suppress(OSError):
             if self.log.stat().st_size > MAX_LOG_BYTES:
                 # The worker appends.
@@ -141,8 +154,8 @@ class Worker:
                 self._stage_begins = 0
 
     def samples_done(self) -> float | None:
-        """Return the fraction of this stage's samples that are rendered, from 0 to 1; None where the log does not say
-        (5.2)."""
+        """Return the fraction of this stage's samples that are rendered, from 0 to 1, as Blender's log has it; None
+        where the log does not say it, as in Blender 5.2."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
             samples = SAMPLES_LINE.findall(log.read())
@@ -152,7 +165,8 @@ class Worker:
         return None
 
     def last_words(self) -> str:
-        """The last line in the log that is neither empty nor a mere remark."""
+        """Return the last line in the log that tells something: not empty, and no mere progress report. "" where there
+        is none; for the message after a crash."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(0, os.fstat(log.fileno()).st_size - LOG_TAIL_BYTES))
             lines = [line.strip() for line in log.read().decode("utf-8", "replace").splitlines()]
@@ -161,7 +175,9 @@ class Worker:
 
 
 def worker_environment(*, own_python: bool = True) -> dict[str, str]:
-    """The environment in which another process finds this package and its libraries."""
+    """Return the environment variables by which a new process finds this package and the libraries it needs. own_python
+    is True if the process runs this same Python; for another, such as Blender's, settings of this Python are left
+    out."""
     environment = dict(os.environ)
     if not own_python:
         # What is set for the caller's Python, or installed for a user's, is not for Blender's.
@@ -180,14 +196,16 @@ def worker_environment(*, own_python: bool = True) -> dict[str, str]:
 
 
 def private_environment(folder: Path, *, own_python: bool) -> dict[str, str]:
-    """Return a `worker_environment` whose temporary files go into tmp in a run's private folder, to be removed with it:
-    Blender leaves a folder there when its process ends at once."""
+    """Return a `worker_environment` whose temporary files go into tmp in a run's private `folder`, so that they are
+    removed with it. Blender leaves some behind when its process is ended."""
     environment = worker_environment(own_python=own_python)
     environment.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder / "tmp")))
     return environment
 
 
 def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
+    """Yield the folders from which these Python modules are imported; those that are not found are left out. The
+    current folder is not searched."""
     # Not in the folder where the caller stands, in which Python looks first: anything may lie there under these names.
     here = _resolved(os.curdir)
     path = [entry for entry in sys.path if _resolved(entry or os.curdir) not in (None, here)]
@@ -200,7 +218,7 @@ def _folders_of(modules: Sequence[str]) -> Iterator[Path]:
 
 
 def _resolved(folder: str) -> str | None:
-    """The folder's own path, None where the caller stands in a folder that is gone."""
+    """Return a folder's path with all links followed; None for the current folder if that is gone."""
     try:
         return os.path.realpath(folder)
     except OSError:
@@ -208,6 +226,8 @@ def _resolved(folder: str) -> str | None:
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and all that it started. On Linux and macOS this works when the process itself is dead already,
+    too."""
     if sys.platform == "win32":
         if process.poll() is None:
             taskkill = ["taskkill", "/T", "/F", "/PID", str(process.pid)]
@@ -221,7 +241,9 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
 
 
 def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
-    """Return how a Blender ended that said nothing of its end, in words; kept are those of what became of its files."""
+    """Return a message in words about a Blender that ended without reporting an error: how it ended, during which
+    stage, the likely cause, and the last line of its log. `kept` says what became of the results and is put into the
+    message. Waits up to EXIT_SECONDS for the process to end."""
     status = worker.wait(EXIT_SECONDS)
     killed = os.name == "posix" and status == -signal.SIGKILL
     message = [f"Blender {_how_it_ended(status)} during {stage}"]
@@ -239,6 +261,8 @@ def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
 
 
 def _why_killed(oom_kills_before: int | None) -> str:
+    """Return the likely reason, in words, for a kill by SIGKILL: memory ran out if the kernel has ended processes since
+    `oom_kills_before` was counted; else something unknown."""
     now = oom_kills()
     if now is not None and oom_kills_before is not None and now > oom_kills_before:
         return "memory has run out: render smaller, or free some"
@@ -246,6 +270,8 @@ def _why_killed(oom_kills_before: int | None) -> str:
 
 
 def _how_it_ended(status: int | None) -> str:
+    """Return in words how a process ended, from its exit status: negative is the number of the signal that killed it,
+    None means that it still runs."""
     if status is None:
         return "stopped unexpectedly (its output ended)"
     if status >= 0:

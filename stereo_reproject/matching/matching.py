@@ -51,10 +51,12 @@ class TracedPixels:
     refracts: NDArray[np.bool_]
 
     def features(self) -> NDArray[np.float32]:
-        """Return K features of each pixel and channel, (N, 3, K), of which a picture's light is a linear function.
+        """Return K features of each pixel and channel, (N, 3, K), of which a picture's light is fitted as a linear
+        function.
 
-        The light itself is one of them. The albedo times the normal is another: light from all around that a matte
-        surface reflects is nearly linear in the normal.
+        They are the traced light that is not emitted, the albedo, the albedo times each axis of the normal, specular,
+        and 1 where there is a surface. With the albedo times the normal, light from all around that a matte surface
+        reflects is nearly linear.
         """
         by_normal = (self.albedo * self.normal[:, axis, None] for axis in range(3))
         surface = np.broadcast_to(np.linalg.norm(self.normal, axis=1, keepdims=True), self.albedo.shape)
@@ -63,15 +65,19 @@ class TracedPixels:
 
 @dataclass(frozen=True)
 class Correction:
-    """Change of traced pixels by matching: mean and 95th percentile of the difference after `metrics.tone`, both as a
-    share of the picture's mean after it."""
+    """Size of the change that matching made to traced pixels.
+
+    mean and p95 are the mean and the 95th percentile of the difference after `metrics.tone`, both as a share of the
+    picture's mean after it.
+    """
 
     mean: float
     p95: float
 
 
 def ring_of(holes: NDArray[np.bool_], covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the ring (H, W): pixels beside the holes (H, W) that the warp has covered (H, W)."""
+    """Return the ring (H, W) of pixels around the holes (H, W) that both engines know: beside a hole, and covered (H,
+    W) by the warp."""
     return dilate(holes, TUNING.ring_px) & covered & ~holes
 
 
@@ -86,9 +92,10 @@ def match(
 ) -> NDArray[np.float32]:
     """Return the colours (N, 3) of the N pixels of `domain` (H, W), as the engine of the picture would render them.
 
-    traced holds these pixels in the mask's order. picture (H, W, 3, scene-linear) and nearness (H, W, 1 / depth) count
-    where `known` (H, W) is set. Where `doubted` (H, W) is set, at silhouettes, the picture shows the right surface but
-    mixes it with the wrong background: it counts there as far as the tracer cannot tell.
+    traced holds these pixels as the other engine traced them, in the mask's order. picture (H, W, 3, scene-linear) and
+    nearness (H, W, 1 / depth) count where `known` (H, W) is set. Where `doubted` (H, W) is set, at silhouettes, the
+    picture shows the right surface but mixes it with the wrong background: it counts there as far as the tracer cannot
+    tell.
     """
     same = _same_surface(nearness[domain], traced.nearness)
     compared = known[domain] & same
@@ -119,10 +126,10 @@ def match(
 
 
 def _picture_share(unexplained: NDArray, same: NDArray[np.bool_]) -> NDArray:
-    """Return the weight (N,), 0 to 1, of the picture in silhouettes, against the matched light.
+    """Return the weight (N,), 0 to 1, that the picture has in silhouettes; the rest is that of the matched light.
 
-    unexplained (N, 3) is the part of the matched light, after tone mapping, that the law does not explain; same (N,) is
-    set where picture and tracer show the same surface.
+    unexplained (N, 3) is the part of the matched light, after tone mapping, that the learned law does not explain; same
+    (N,) is set where picture and tracer show the same surface.
     """
     squared = np.mean(np.abs(unexplained), axis=-1) ** 2
     least = TUNING.min_silhouette_share
@@ -131,7 +138,11 @@ def _picture_share(unexplained: NDArray, same: NDArray[np.bool_]) -> NDArray:
 
 
 def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correction:
-    """Return the change from traced to matched colours (N, 3), measured by the brightness of a picture (H, W, >= 3)."""
+    """Return the size of the change from traced to matched colours (N, 3), as a share of a picture's (H, W, >= 3)
+    brightness.
+
+    All are scene-linear. It is 0 where nothing was matched, or the picture is black.
+    """
     brightness = float(np.mean(tone(picture)))
     if matched.size == 0 or brightness == 0.0:
         return Correction(0.0, 0.0)
@@ -140,10 +151,11 @@ def correction_of(matched: NDArray, traced: NDArray, picture: NDArray) -> Correc
 
 
 def _learned(traced: TracedPixels, wanted: NDArray, kept: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return colours (N, 3) of all pixels by the linear function of their features that best gives the wanted colours.
+    """Return colours (N, 3) of all pixels, by the linear function of their features that best gives the wanted colours.
 
-    wanted (N, 3) counts where `kept` (N,) is set. The fit is least squares of the difference after tone mapping, with a
-    ridge towards the traced light itself.
+    The function is learned on the pixels that are set in `kept` (N,); wanted (N, 3) is the picture's light there,
+    without the emitted part, and so is the result. The fit is least squares of the difference after tone mapping, with
+    a ridge towards the traced light itself.
     """
     features = traced.features()
     result = np.empty_like(traced.colour)
@@ -165,7 +177,11 @@ def _learned(traced: TracedPixels, wanted: NDArray, kept: NDArray[np.bool_]) -> 
 
 
 def _bonds(traced: TracedPixels, domain: NDArray[np.bool_]) -> Bonds:
-    """Return bonds between neighbours in the domain (H, W): near 1 within a surface, near `min_bond` across an edge."""
+    """Return the membrane's bonds between neighbours in the domain (H, W): 1 where they are alike, min_bond across an
+    edge.
+
+    They get weaker the more two traced pixels differ in nearness, albedo or normal.
+    """
     known = np.zeros((*domain.shape, 7), np.float32)
     albedo = np.minimum(traced.albedo + traced.specular, 1.0) / TUNING.albedo_step
     nearness = np.log(np.maximum(traced.nearness, MIN_NEARNESS))[:, None] / TUNING.nearness_step
@@ -178,10 +194,10 @@ def _bonds(traced: TracedPixels, domain: NDArray[np.bool_]) -> Bonds:
 
 
 def _beside_edges(traced: TracedPixels, domain: NDArray[np.bool_], nearness: NDArray) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) that are at most one pixel away from either side of an edge of depth.
+    """Return the pixels (H, W) that are at most one pixel away from a pixel at an edge of depth.
 
     A silhouette elsewhere is one that the source saw beside a thing that the target does not see there: it would show
-    as a ghost. nearness (H, W) is the picture's, which the traced pixels replace in the domain.
+    as a ghost. nearness (H, W) is the picture's; in the domain (H, W) that of the traced pixels replaces it.
     """
     whole = nearness.astype(np.float32)
     whole[domain] = traced.nearness
@@ -202,10 +218,11 @@ def _within_both_sides(
     nearness: NDArray,
     seen: NDArray[np.bool_],
 ) -> NDArray:
-    """Return colours (K, 3), after tone mapping, held within the range of the picture (H, W, 3) around their pixels.
+    """Return colours (K, 3), after tone mapping, held within the range of the picture's colours around their pixels.
 
-    The pixels are at places (K, 2). Only pixels of the picture count that are set in `seen` (H, W) and show the near or
-    the far side of the pixel's edge; sides holds the nearness (K,) of either. Where not both sides are found around a
+    toned (K, 3) are the colours before, places (K, 2) the pixels' rows and columns. picture (H, W, 3) is tone-mapped.
+    Only those of its pixels count that are set in `seen` (H, W) and whose nearness (H, W) is that of the near or the
+    far side of the pixel's edge; sides holds the nearness (K,) of either. Where not both sides are found around a
     pixel, its colour is left as it is.
     """
     rows, columns = places.T
@@ -226,13 +243,16 @@ def _within_both_sides(
 
 
 def _same_surface(a: NDArray, b: NDArray) -> NDArray[np.bool_]:
-    """Return true where two nearnesses (N,) belong to the same surface."""
+    """Return (N,) whether two nearnesses (N,) differ so little that they belong to the same surface."""
     return np.abs(a - b) <= TUNING.max_same_surface_step * np.maximum(a, b)
 
 
 def _sides(traced: TracedPixels, domain: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
-    """Return the least and the greatest depth (N,) among the 3 x 3 pixels around each, and all nine (N, 9), NaN where
-    they are not traced."""
+    """Return the least and the greatest depth (N,) among the 3 x 3 pixels around each traced pixel, and all nine (N,
+    9).
+
+    The nine are NaN where they are not traced, that is, outside the domain (H, W).
+    """
     depth = np.full(domain.shape, np.nan, np.float32)
     with np.errstate(divide="ignore"):
         depth[domain] = 1.0 / traced.nearness
@@ -246,9 +266,11 @@ def _mixed(
     domain: NDArray[np.bool_],
     sides: tuple[NDArray, NDArray, NDArray],
 ) -> NDArray[np.float32]:
-    """Return the correction (N, 3) of each pixel: at an edge of depth, that of either side by its share of the pixel.
+    """Return the correction (N, 3) for each traced pixel: the membrane's own, but at an edge of depth a mix of both
+    sides'.
 
-    correction (H, W, 3) is the membrane, and sides are those of `_sides`.
+    There each side's mean correction counts by its share of the pixel. correction (H, W, 3) is the membrane; sides is
+    the result of `_sides`.
     """
     near, far, around = sides
     places = np.nonzero(domain)
@@ -270,10 +292,11 @@ def _mixed(
 def _near_share(
     traced: TracedPixels, domain: NDArray[np.bool_], edge: NDArray, near: NDArray, far: NDArray, sky: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    """Return the share (K,), 0 to 1, that the nearer side has of the pixels whose indices (K,) are in `edge`.
+    """Return the share (K,), 0 to 1, of K pixels at edges that the nearer side covers.
 
-    It follows from the pixel's mean depth, and before the sky from how much of the sky's light is left. near and far
-    (K,) are the depths of both sides; sky (K, 9) is set where one of the 3 x 3 pixels shows sky.
+    edge (K,) are their indices among the traced pixels. It follows from a pixel's mean depth, and before the sky from
+    how much of the sky's light is left. near and far (K,) are the depths of both sides; sky (K, 9) is set where one of
+    the 3 x 3 pixels shows sky.
     """
     mean = traced.mean_depth[edge]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -288,13 +311,16 @@ def _near_share(
 
 
 def _mean_of(values: NDArray[np.float32], chosen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the mean (K, 3) of those of nine values (K, 9, 3) that are chosen (K, 9); 0 where none is."""
+    """Return the mean (K, 3) of those of nine colours (K, 9, 3) that are chosen (K, 9); 0 where none is."""
     count = np.maximum(chosen.sum(axis=1), 1)
     return ((values * chosen[..., None]).sum(axis=1) / count[:, None]).astype(np.float32)
 
 
 def _windows(image: NDArray[np.float32], places: Sequence[NDArray[np.intp]]) -> NDArray[np.float32]:
-    """Return the 3 x 3 pixels (K, 9) of an image (H, W) around each of these rows and columns (K,), NaN outside it."""
+    """Return (K, 9) the 3 x 3 pixels of an image (H, W) around K places, row by row; NaN outside the image.
+
+    places is their rows (K,) and columns (K,).
+    """
     padded = np.pad(image, 1, constant_values=np.nan)
     rows, columns = places
     return np.stack([padded[rows + i, columns + j] for i in range(3) for j in range(3)], axis=-1)

@@ -21,8 +21,11 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Bonds:
-    """Weights, 0 or more, by which neighbouring pixels are tied: right (H, W - 1) those of each pixel and the next in
-    its row, down (H - 1, W) those of each pixel and the one below it."""
+    """Weights, 0 or more, by which neighbouring pixels of a membrane are tied.
+
+    right (H, W - 1) are those between a pixel and the next in its row, down (H - 1, W) those between it and the one
+    below.
+    """
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
@@ -42,10 +45,11 @@ def spread(
     *,
     tolerance: float | None = None,
 ) -> NDArray[np.float32]:
-    """Return the membrane (H, W, C) over `domain` (H, W); 0 elsewhere, and where no bonds lead to a known pixel.
+    """Return the membrane (H, W, C): known values spread smoothly over `domain` (H, W), along the bonds.
 
-    known (H, W, C) counts where weight (H, W) is above 0, and by it. Bonds count within the domain. tolerance is the
-    residual, as a share of the first one, at which the solution is good enough.
+    known (H, W, C) counts where weight (H, W) is above 0, and the more the greater that is. Bonds count within the
+    domain. The result is 0 outside the domain, and where no bonds lead to a known pixel. tolerance is the residual, as
+    a share of the first one, at which the solution is good enough.
     """
     result = np.zeros(known.shape, np.float32)
     if not domain.any():
@@ -57,7 +61,10 @@ def spread(
 
 
 class _System:
-    """Linear system over the N pixels of the domain, in the mask's order; pull (N,) is the weight of what is known."""
+    """The membrane's linear system over the N pixels of the domain (H, W), in the mask's order.
+
+    pull (N,) is the weight of the known value of each, 0 where none is known.
+    """
 
     def __init__(self, domain: NDArray[np.bool_], bonds: Bonds, weight: NDArray) -> None:
         self.pull = weight[domain].astype(np.float64)
@@ -76,8 +83,12 @@ class _System:
         self._diagonal = self._strength.sum(axis=0) + self.pull
 
     def solve(self, known: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
-        """Return the solution (N, C) for known (N, C), all channels at once, by conjugate gradients that are
-        preconditioned by the diagonal."""
+        """Return the solution (N, C) for known values (N, C), all channels at once, by preconditioned conjugate
+        gradients.
+
+        It ends when the residual is below `tolerance` of the first one in all channels, or after a fixed number of
+        rounds.
+        """
         x, reached = self._islands(known)
         inverse = np.where(reached, 1.0 / np.where(reached, self._diagonal, 1.0), 0.0)[:, None]
         residual = self.pull[:, None] * known - self._apply(x)
@@ -98,7 +109,7 @@ class _System:
         return x
 
     def _apply(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the system's matrix times x (N, C)."""
+        """Return the product of the system's matrix with x (N, C)."""
         padded = np.concatenate([x, np.zeros((1, x.shape[1]))])
         result = self._diagonal[:, None] * x
         for neighbours, strength in zip(self._neighbours, self._strength, strict=True):
@@ -106,8 +117,10 @@ class _System:
         return result
 
     def _islands(self, known: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return a first guess (N, C), which is the mean of what is known of each connected island of pixels, and the
-        pixels (N,) of islands of which anything is known."""
+        """Return a first guess (N, C) of the solution, and the pixels (N,) that bonds connect to any known value.
+
+        The guess is, in each connected island of pixels, the mean of its known values; 0 where it has none.
+        """
         island = np.arange(self.pull.size + 1)
         while True:
             lowest = np.minimum(island[self._neighbours].min(axis=0), island[:-1])
@@ -123,10 +136,11 @@ class _System:
 
 
 def _pairs(places: NDArray[np.intp], axis: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the places of all pixels but the last along the axis, and those of the pixels after them."""
+    """Return all pairs of neighbours along an axis, as two arrays: places (H, W) without the last along it, and without
+    the first."""
     return (places[:, :-1], places[:, 1:]) if axis == 1 else (places[:-1], places[1:])
 
 
 def _over(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a / b, and 0 where b is not above 0."""
+    """Return a / b, and 0 where b is 0 or negative."""
     return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MatchingTuning:
-    """Numbers by which traced pixels are matched to a picture. Nearness is 1 / depth."""
+    """Tuned numbers by which traced pixels are matched to a picture. Nearness is 1 / depth."""
 
     # The ring, and the law that is learned on it
     ring_px: int = 1

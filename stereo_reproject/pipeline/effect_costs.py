@@ -29,10 +29,10 @@ ASKED_FOR = Reason.VOLUME | Reason.DEFOCUS | Reason.TRANSPARENT | Reason.REFINED
 class EffectCost:
     """Cost of an effect, and the error that is left where it is seen.
 
-    fraction: share of the target's pixels that was traced because of it. seconds: time that this took; a pixel that
-    shows several effects is divided between them, and a probe that shows none between all. excess: that of
-    `noise_ratio.Estimate` over the warped pixels that show it, with its 95 % confidence interval; None where no probe
-    tells.
+    fraction: share of the target's pixels that were traced because of it. seconds: time that this took; a pixel that
+    shows several effects is divided between them, and a probe that shows none between all. excess: squared error beyond
+    noise over that of noise, as in `noise_ratio.Estimate`, of the warped pixels that show it, followed by the low and
+    high end of its 95 % interval; None where no probe tells.
     """
 
     fraction: float
@@ -48,11 +48,12 @@ def effect_costs(
     seconds: Mapping[str, float],
     evidence: TileEvidence | None,
 ) -> dict[Effect, EffectCost]:
-    """Return the cost of each effect that is called for and may be seen differently by each eye.
+    """Return the cost of each effect that is called for and may make the two eyes differ, by effect.
 
-    shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN_EFFECTS where that is not known; reasons
-    (H, W) say why pixels were traced, and traced (H, W) which: those without a reason were traced because a full render
-    was the cheaper way. seconds are by stage; evidence is that of the probes, None where none tell.
+    shown (H, W) holds the `Effect` flags of the target's pixels, UNKNOWN_EFFECTS where they are not known. reasons (H,
+    W) are the `Reason` flags for which pixels were traced, and traced (H, W) the pixels that were: one without a reason
+    was traced because a full render was the cheaper way. seconds are by stage; evidence is that of the probes, None
+    where none tell.
     """
     wanted = called_for & SEEN_DIFFERENTLY
     strands = _edges_of_strands(wanted, shown, reasons)
@@ -72,12 +73,17 @@ def effect_costs(
 
 
 def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) that are traced as silhouettes because they show hair."""
+    """Return the pixels (H, W) that are traced as silhouettes because they show hair; none where hair is not
+    `wanted`."""
     return flagged(shown, wanted & Effect.HAIR) & ((reasons & Reason.SILHOUETTE.bit) > 0)
 
 
 def _effects_to_charge(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """Return flags (H, W) of the effects that a pixel counts for."""
+    """Return flags (H, W) of those `wanted` effects that each pixel's cost is charged to.
+
+    They are the effects of its reasons, where it has a reason that belongs to one; else all that it shows, and those of
+    the whole frame; all of `wanted` where it is not known what it shows.
+    """
     result = np.where(shown == UNKNOWN_EFFECTS, int(wanted), shown | int(wanted & WHOLE_FRAME_EFFECTS))
     own = np.zeros_like(result)
     for reason, effect in FROM_REASON.items():
@@ -88,7 +94,12 @@ def _effects_to_charge(wanted: Effect, shown: NDArray[np.int32], reasons: NDArra
 def _seconds_per_pixel(
     reasons: NDArray[np.uint16], traced: NDArray[np.bool_], seconds: Mapping[str, float]
 ) -> NDArray[np.float64]:
-    """Return the seconds (H, W) that each traced pixel has cost; a probe is traced twice."""
+    """Return the seconds (H, W) that tracing each pixel has cost, 0 for others; a probe is traced twice and costs
+    double.
+
+    seconds are by stage: those of fill and pilot are divided among their pixels, those of refine among the refined
+    ones.
+    """
     refined, probes = (reasons & Reason.REFINED.bit) > 0, (reasons & Reason.PROBE.bit) > 0
     filled = np.where(probes, 2.0, (traced & ~refined).astype(np.float64))
     cost = filled * (seconds.get("fill", 0.0) + seconds.get("pilot", 0.0)) / max(filled.sum(), 1.0)
@@ -96,7 +107,11 @@ def _seconds_per_pixel(
 
 
 def _excess(evidence: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:
-    """Return the excess of the pixels (H, W) that show an effect, and the ends of its interval."""
+    """Return the excess of the pixels (H, W) that show an effect, and the low and high end of its 95 % interval.
+
+    It is the part that they have in the frame's, as a share of the frame's noise. None without evidence, or without
+    noise.
+    """
     if evidence is None or not evidence.frame_noise:
         return None
     probes = evidence.probes

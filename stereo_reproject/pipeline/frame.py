@@ -42,7 +42,10 @@ from .stages import Stage
 
 
 class Renderer(Protocol):
-    """Renders a scene for the pipeline; `stereo_reproject.blender.engines.renderer` is the one that ships."""
+    """Protocol of an object that renders one scene for the pipeline.
+
+    `stereo_reproject.blender.engines.renderer` has the one that ships; tests have others, without Blender.
+    """
 
     cameras: Mapping[str, Camera]
     """Cameras by view name."""
@@ -64,11 +67,15 @@ class Renderer(Protocol):
     """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Return the source eye, whole and not denoised, and its cost."""
+        """Render the source eye, which is the view of this name; return its passes, whole and not denoised, and its
+        cost."""
         ...
 
     def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
-        """Return why each fill method cannot be used for this scene, or None; deepest is the greatest depth seen."""
+        """Return by fill method the reason, in words, why it cannot be used for this scene, or None where it can.
+
+        deepest is the greatest depth that the source sees, in scene units; 0 as long as that is not known.
+        """
         ...
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
@@ -78,13 +85,15 @@ class Renderer(Protocol):
 
 @dataclass(frozen=True)
 class StereoFrame:
-    """A finished pair, and how it came about.
+    """A finished pair of one view layer, and how it came about.
 
-    eyes are by view name; reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that were
-    traced, which are more than those with a reason where a full render was the cheapest. seconds are by stage, and in
-    total. effect_costs are what each effect has cost; next_accuracy is what the next better one would have. metadata is
-    the renderer's. correction is how far traced pixels were moved to match a source of another engine. warped_by is
-    'numpy' or 'gpu'; gpu is its name then.
+    eyes has the passes by view name. reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that
+    were traced, which are more than those with a reason where a full render was the cheapest. grid is the source's.
+    fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in `TargetTracing`.
+    seconds are by stage, and in total; source_cost is that of the source render. effect_costs are by effect;
+    next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
+    number. metadata is the renderer's. correction is how far traced pixels were moved to match a source of another
+    engine, None where it is the same. warped_by is 'numpy' or 'gpu'; gpu is its name, None for NumPy.
     """
 
     eyes: dict[str, Passes]
@@ -106,7 +115,11 @@ class StereoFrame:
 
 
 class Stopwatch:
-    """Seconds by stage; each `lap` ends the stage that runs, and reports the one that begins."""
+    """Measures the seconds of stages, one after the other.
+
+    `lap` ends the stage that runs and begins the next; `seconds` has those of the ended stages, by name. on_stage is
+    called with the name of each stage as it begins.
+    """
 
     def __init__(self, on_stage: Callable[[str], None]) -> None:
         self.seconds: dict[str, float] = {}
@@ -116,10 +129,14 @@ class Stopwatch:
 
     @property
     def seconds_so_far(self) -> float:
-        """Seconds of the stage that runs."""
+        """Seconds since the running stage began."""
         return time.perf_counter() - self._start
 
     def lap(self, stage: str = "") -> None:
+        """End the stage that runs, if one does, and begin this one; an empty name begins none.
+
+        The ended stage's time is added to `seconds`; on_stage is called with the new one's name.
+        """
         now = time.perf_counter()
         if self._stage:
             self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._start
@@ -132,9 +149,10 @@ class Stopwatch:
 class _Source:
     """The rendered source eye, ready to be warped.
 
-    rendered has its passes, with the denoised colour where the scene denoises. lost (H, W) are the pixels that were no
-    number, by pass: rendered has 0 there. accuracy is that of the frame; needs_probes: whether something may look
-    different from each eye.
+    rendered has its passes, with the denoised colour where the scene denoises. lost has masks (H, W), by pass, of the
+    pixels that were no number, where rendered has 0. denoising is None where the scene does not denoise. accuracy is
+    that of the frame, adapted to its size and to denoising. needs_probes: whether something may look different from
+    each eye.
     """
 
     rendered: RenderedView
@@ -152,7 +170,10 @@ class _Source:
 
 @dataclass(frozen=True)
 class _Completed:
-    """The target once it was warped (by gpu, a name, or numpy) and traced, and how."""
+    """The target after it was warped and traced, with all that did it and their results.
+
+    gpu is the name of the GPU that was chosen to warp, None for NumPy.
+    """
 
     reprojection: Reprojection
     gpu: str | None
@@ -171,15 +192,14 @@ def render_stereo_frame(
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
 ) -> StereoFrame:
-    """Render the pair of the renderer's scene and frame.
+    """Render the stereo pair of the renderer's scene and frame, and return it.
 
     on_stage is called with the name of each stage as it begins: source, denoise_source, warp, pilot, fill, refine,
     composite, denoise_target, and account, which comes after the pair is finished and is not in the total. A watch
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
-    for a picture up to `SettingsTuning.small_picture_px`; findings are what other frames of the same animation have
-    found. Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render
-    fails.
+    for a picture up to `SettingsTuning.small_picture_px`; findings are those of other frames of the same animation.
+    Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
     findings = findings or SharedFindings()
@@ -236,7 +256,11 @@ def render_stereo_frame(
 def _render_source(
     renderer: Renderer, settings: StereoSettings, accuracy: Accuracy, findings: SharedFindings, watch: Stopwatch
 ) -> _Source:
-    """Render the source eye, and denoise it where the scene does."""
+    """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
+
+    Stages begin on the watch. The noise that denoising leaves is measured, or taken from findings, where probes need
+    it.
+    """
     views = Rig.of_cameras(renderer.cameras, renderer.motion)
     view, target = views[settings.source], views[settings.target].camera
     accuracy = for_size(accuracy, target.width * target.height)
@@ -264,7 +288,7 @@ def _render_source(
 def _warp_source(
     renderer: Renderer, settings: StereoSettings, source: _Source, findings: SharedFindings
 ) -> tuple[Reprojection, str | None]:
-    """Warp the source into the target; also returns the name of the GPU that was chosen to, if one was."""
+    """Return the source warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
     target = Rig.of_cameras(renderer.cameras, renderer.motion)[settings.target]
     interpolations = interpolations_of(settings.interpolation, denoised=source.denoising is not None)
     warp = partial(
@@ -295,7 +319,11 @@ def _finished_frame(
     lost_in_target: int,
     watch: Stopwatch,
 ) -> StereoFrame:
-    """Return the frame with the target's finished passes, and account for what it cost; that is not in the total."""
+    """Return the finished frame from the target's finished passes, with an account of what each effect cost.
+
+    That account is a stage of its own, which is not in the total seconds. lost_in_target is the number of the target's
+    pixels that were no number.
+    """
     watch.lap(Stage.ACCOUNT)
     seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
     reprojection, refinement, target = done.reprojection, done.refinement, done.tracing.target
@@ -332,7 +360,10 @@ def _finished_frame(
 
 
 def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
-    """Return the interpolation of most passes, and that of the colour, which is all that is denoised."""
+    """Return two interpolations for a warp: that of most passes, and that of the colour.
+
+    asked is one of the settings' names; for "auto" they are linear, but cubic for the colour of a denoised picture.
+    """
     if asked != "auto":
         return asked, asked
     return "linear", "cubic" if denoised else "linear"
@@ -341,8 +372,11 @@ def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
 def _without_lost(
     target: Target, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, settings: StereoSettings
 ) -> tuple[Passes, int]:
-    """Return the target's passes with 0 for values that are no number, or were looked up where the source's were none,
-    and the number of such pixels."""
+    """Return the target's passes with 0 for values that are no number, and the number of pixels that had any.
+
+    Values also count that were looked up where the source's own were no number: `lost` has masks (H, W) of these by
+    pass.
+    """
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(settings.interpolation, denoised=False)
@@ -355,7 +389,7 @@ def _without_lost(
 
 
 def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
-    """Return the warp's reasons (H, W) with those of probes and of refined tiles."""
+    """Return the warp's reasons (H, W), with PROBE and REFINED added for the target's probes and refined tiles."""
     result = reasons.copy()
     probes = target.any_of(Provenance.PROBE)
     result[probes] |= Reason.PROBE.bit
@@ -364,8 +398,11 @@ def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:
-    """Return the share of the target's pixels that was traced: by reason, of which a pixel may have several, and in
-    all."""
+    """Return the share, 0 to 1, of the target's pixels that was traced, by the label of the reason.
+
+    A pixel may have several reasons. "rerendered" is the share in all. Reasons that no pixel has are left out, but for
+    the three that every report names.
+    """
     fractions = {reason.label: float(np.mean((frame.reasons & reason.bit) > 0)) for reason in Reason}
     named = ("disoccluded", "outside", "silhouette")
     result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
@@ -374,12 +411,12 @@ def traced_fractions(frame: StereoFrame) -> dict[str, float]:
 
 
 def _deepest(source: Passes) -> float:
-    """Return the greatest finite depth, in scene units; 0 where there is none."""
+    """Return the greatest finite depth of the source, in scene units; 0 where there is none."""
     depth = source[DEPTH_PASS]
     finite = depth[np.isfinite(depth)]
     return float(finite.max()) if finite.size else 0.0
 
 
 def colour(passes: Passes) -> NDArray[np.float32]:
-    """Return the colour pass (H, W, 4) among an eye's passes."""
+    """Return the colour pass (H, W, 4) of an eye's passes."""
     return passes[COLOUR_PASS]

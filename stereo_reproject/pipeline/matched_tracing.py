@@ -26,33 +26,35 @@ NO_PROBES = "Cycles' light is not EEVEE's, and probes cannot tell that from a wr
 
 
 class LightMatcher(Protocol):
-    """A tracer that is another engine than the one that rendered the source."""
+    """A tracer of another engine than the one that rendered the source, with all that matching its light needs."""
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        """Trace pixels, as `trace.requests.Tracer` says."""
+        """Trace pixels by one fill method and return their passes, as `trace.requests.Tracer` says."""
         ...
 
     def traced_features(self, passes: Passes) -> TracedPixels:
-        """Return what the tracer tells of the pixels of passes (N, C), which are those of a trace."""
+        """Return light and surfaces of traced pixels, for `matching.match`, from the passes (N, C) that `trace`
+        returned for them."""
         ...
 
     def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return a picture (H, W, 3) without its noise."""
+        """Return a scene-linear picture (H, W, 3) without its noise."""
         ...
 
     def trace_cost(self) -> SourceCost:
-        """Return the cost of the last trace."""
+        """Return the cost of the last call of `trace`, in seconds."""
         ...
 
     def unmatchable(self) -> str | None:
-        """Return why traced pixels cannot be matched, in words, or None."""
+        """Return the reason, in words, why traced pixels of this scene cannot be matched to the source's light; None if
+        they can."""
         ...
 
 
 def foreseen_fill(asked: str, blockers: Mapping[str, str | None], unmatchable: str | None) -> tuple[str, str]:
-    """Return the fill method and why, as far as the scene tells before anything is rendered.
+    """Return the fill method and the reason for it in words, as far as the scene tells before anything is rendered.
 
-    blockers are as for `choose_fill`; unmatchable is as `LightMatcher` has it.
+    asked is a method or 'auto'; blockers are as for `choose_fill`; unmatchable is as `LightMatcher` has it.
     """
     if asked != "auto":
         return asked, "asked for"
@@ -66,16 +68,17 @@ def foreseen_fill(asked: str, blockers: Mapping[str, str | None], unmatchable: s
 
 @dataclass(frozen=True)
 class _Piece:
-    """Traced pixels: a mask (H, W), and their passes (N, C) in its order."""
+    """Traced pixels: a mask (H, W) of them, and their passes (N, C), row by row."""
 
     pixels: NDArray[np.bool_]
     passes: Passes
 
 
 class MatchedTracing:
-    """Completes a warped target with another engine, as `estimate.tracing.TargetTracing` says.
+    """Completes a warped target with another engine than the source's; the `TargetTracing` without probes.
 
-    Nothing is probed: the engines differ everywhere, and no estimate could tell that from a wrong warp.
+    Traced pixels are matched to the source's light. Nothing is probed: the engines differ everywhere, and no estimate
+    could tell that from a wrong warp.
     """
 
     pilot_share: float | None = None
@@ -91,13 +94,19 @@ class MatchedTracing:
 
     @property
     def _holes(self) -> NDArray[np.bool_]:
+        """Holes (H, W) of the target, traced by now or not."""
         return self.target.any_of(Provenance.HOLE)
 
     def send_pilot(self) -> None:
-        """Do nothing: what matched pixels cost is found out while the holes are traced."""
+        """Do nothing: the cost of matched pixels is found out while the holes are traced, and no pilot is ever
+        wanted."""
 
     def fill(self) -> FillChoice:
-        """Trace the holes with their ring, or the whole target where that is the cheaper way or the only one."""
+        """Trace the holes and the ring around them, and match them; or render the whole target where that is cheaper or
+        the only way.
+
+        Returns the fill method that was chosen, and why.
+        """
         holes = self._holes
         if not holes.any():
             return FillChoice("packed" if not self._planner.blockers.get("packed") else "full", "no hole to fill", 0.0)
@@ -111,18 +120,25 @@ class MatchedTracing:
         return choice
 
     def refine(self) -> Refinement:
-        """Return what is known without probes: a target that was rendered whole is as good as rendered."""
+        """Trace nothing, and return the outcome as far as it is known without probes.
+
+        A target that was rendered whole is as good as rendered; of any other there is no estimate.
+        """
         whole = self._accuracy.promise is not None and bool(self.target.traced.all())
         nothing = np.zeros_like(self._holes)
         told = AS_RENDERED if whole else None
         return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES, can_promise=False)
 
     def _traced(self, method: str, pixels: NDArray[np.bool_]) -> Passes:
+        """Return the passes (N, C) of pixels (H, W) of the target, traced by this fill method and not matched."""
         [passes] = self._matcher.trace(method, [TraceRequest(self.target.view, pixels)])
         return passes
 
     def _before_tracing(self) -> FillChoice:
-        """Return the choice as far as it can be made before anything is traced."""
+        """Return the choice of a fill method as far as it can be made before anything is traced.
+
+        It also notes in `_unmatchable` why traced pixels cannot be matched, if so.
+        """
         planner, again = self._planner, self._planner.cost.seconds
         self._unmatchable = self._matcher.unmatchable() or _unmatched_pass(self.target.passes)
         method, reason = foreseen_fill(planner.asked, planner.blockers, self._unmatchable)
@@ -132,9 +148,11 @@ class MatchedTracing:
         return FillChoice(method, reason, again if method == "full" else 0.0)
 
     def _trace_matched(self, choice: FillChoice, ring: NDArray[np.bool_]) -> FillChoice:
-        """Trace the holes and the ring (H, W), a pilot of them first where there is a choice.
+        """Trace the holes and the ring (H, W), and put them into the target, matched; return the choice with its
+        reason.
 
-        Returns the choice of a full render where the pilot says that that is cheaper.
+        Where there is a choice, a pilot of a few pixels goes ahead. If it says that a full render is cheaper, nothing
+        more is done, and the choice of that is returned.
         """
         wanted = self._holes | ring
         ahead = np.zeros_like(wanted)
@@ -158,14 +176,19 @@ class MatchedTracing:
         return replace(choice, reason=words, predicted_seconds=predicted)
 
     def _rest_of(self, ahead: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> float:
-        """Return the seconds that the pixels after the pilot are predicted to take."""
+        """Return the seconds that the wanted pixels (H, W) after the pilot's, `ahead` (H, W), are predicted to take."""
         cost = self._matcher.trace_cost()
         count = int(ahead.sum())
         rest = int(wanted.sum()) - count
         return cost.fixed + cost.per_frame * rest / count if rest else 0.0
 
     def _put(self, traced: Passes, wanted: NDArray[np.bool_], ring: NDArray[np.bool_]) -> None:
-        """Put the traced passes (N, C) of the wanted pixels into the target, their colours matched."""
+        """Put the traced pixels into the target's holes, their colours matched to the picture and without noise; set
+        `correction`.
+
+        traced has the passes (N, C) of the wanted pixels (H, W): holes and ring (H, W). The ring's pixels keep their
+        warped colour and are flagged as reference.
+        """
         holes, warped = self._holes, self.target.colour
         features = self._matcher.traced_features(traced)
         doubted = (self._reprojection.reasons == Reason.SILHOUETTE.bit) & self._reprojection.warp.covered
@@ -182,13 +205,18 @@ class MatchedTracing:
 
 
 def _unmatched_pass(passes: Passes) -> str | None:
-    """Return which of the source's passes traced pixels cannot have, in words: its light is the engine's own."""
+    """Return the reason, in words, why the source's passes cannot be matched: one is a light pass that only its engine
+    has.
+
+    None where there is no such pass.
+    """
     own = [name for name in passes if filtered(name) and name not in (COLOUR_PASS, "Mist")]
     return f"pass {own[0]!r} is EEVEE's own, and could not be matched" if own else None
 
 
 def _gathered(pieces: Sequence[_Piece], wanted: NDArray[np.bool_]) -> Passes:
-    """Return the passes (N, C) of the wanted pixels (H, W), in the mask's order, of pieces that were traced apart."""
+    """Return the passes (N, C) of the wanted pixels (H, W), row by row, put together from pieces that were traced
+    apart."""
     result: Passes = {}
     for name, image in pieces[0].passes.items():
         whole = np.zeros((*wanted.shape, image.shape[1]), np.float32)
@@ -199,7 +227,7 @@ def _gathered(pieces: Sequence[_Piece], wanted: NDArray[np.bool_]) -> Passes:
 
 
 def _pilot_pixels(wanted: NDArray[np.bool_], seed: int) -> NDArray[np.bool_]:
-    """Return a few of the wanted pixels (H, W), from all over the picture."""
+    """Return a few of the wanted pixels (H, W), drawn by chance from all over the picture."""
     rows, columns = np.nonzero(wanted)
     numbers = TUNING
     count = min(max(int(numbers.matched_pilot_share * rows.size), numbers.min_matched_pilot_pixels), rows.size)
@@ -210,6 +238,6 @@ def _pilot_pixels(wanted: NDArray[np.bool_], seed: int) -> NDArray[np.bool_]:
 
 
 def _nearness(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return 1 / depth, 0 for the sky and where nothing is known."""
+    """Return 1 / depth (H, W), and 0 for the sky and where no depth is known."""
     known = np.isfinite(depth) & (depth > 0.0)
     return np.divide(1.0, depth, out=np.zeros_like(depth), where=known)

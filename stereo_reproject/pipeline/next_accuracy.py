@@ -20,11 +20,11 @@ WHOLE = "full"
 
 @dataclass(frozen=True)
 class NextAccuracy:
-    """Predicted cost of the next better accuracy.
+    """Predicted cost of the next better accuracy for a frame that is finished.
 
-    seconds are those of the whole frame at it, more_seconds those beyond this frame's; traced is the share of the
-    target that would be traced. complete: whether the tiles that probes would ask for are in it. more_seconds is None
-    where nothing better can be had: the target was rendered whole.
+    accuracy is its name. seconds are those of the whole frame at it, more_seconds those beyond this frame's; traced is
+    the share of the target that would be traced. complete: whether the tiles that probes would ask for are counted.
+    more_seconds is None where nothing better can be had, because the target was rendered whole.
     """
 
     accuracy: str
@@ -36,11 +36,11 @@ class NextAccuracy:
 
 @dataclass(frozen=True)
 class FinishedTarget:
-    """A target that was completed, as far as a prediction needs it.
+    """A completed target, as far as the prediction of another accuracy's cost needs it.
 
-    reprojection can flag its holes at any accuracy; fill is how the holes were traced, planner how others would be.
-    needs_probes: whether an accuracy that promises something traces probes here; is_whole: whether all of it was
-    traced.
+    reprojection can flag its holes at any accuracy; fill is how the holes were traced, planner tells how others would
+    be. refinement is the tracing that probes asked for. needs_probes: whether an accuracy that promises something would
+    trace probes here. is_whole: whether all of the target was traced.
     """
 
     reprojection: Reprojection
@@ -52,17 +52,18 @@ class FinishedTarget:
 
 
 def next_better(accuracy: Accuracy) -> str:
-    """Return the name of the setting that promises next more."""
+    """Return the name of the setting that promises the next smaller noise ratio; `WHOLE`, a full render, after the best
+    one."""
     promise = accuracy.promise or np.inf
     better = [name for name, other in SETTINGS.items() if other.promise is not None and other.promise < promise]
     return better[0] if better else WHOLE
 
 
 def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> NextAccuracy:
-    """Return the cost of this frame at the accuracy called `name`; seconds are those of its stages, and in total.
+    """Return the predicted cost of this frame at the accuracy called `name`, or rendered whole where that is `WHOLE`.
 
-    Pixels that would be traced are predicted to take as much longer or shorter than fills are said to as this frame's
-    own did, and to cost no less than it.
+    seconds are those of this frame's stages, and in total. Predicted seconds of tracing are scaled by how this frame's
+    own tracing compared with its prediction. The cost is no less than this frame's.
     """
     total, planner = seconds["total"], target.planner
     if target.is_whole:
@@ -83,7 +84,8 @@ def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> 
 
 
 def _tracing(accuracy: Accuracy, target: FinishedTarget) -> tuple[float, float]:
-    """Return the predicted seconds of fill and refinement at another accuracy, and the share of the target traced."""
+    """Return the predicted seconds of fill and refinement at this accuracy, and the share of the target that would be
+    traced."""
     holes = target.reprojection.reasons_at(accuracy) > 0
     spacing, planner = accuracy.probe_spacing, target.planner
     fill = planner.plan(float(np.mean(holes)), spacing=spacing if target.needs_probes else None)

@@ -22,9 +22,10 @@ from ..trace.planner import FillPlanner
 
 @dataclass(frozen=True)
 class Sketch:
-    """Measurements of two small renders of the source, of `pixels` each, with a few samples and with a few more.
+    """Measurements of two small renders of the source, the first with a few samples, the second with a few more.
 
-    samples (per pixel), seconds and sync_seconds are those of the first and of the second render.
+    pixels is the number of pixels of either; samples (per pixel), seconds and sync_seconds (a part of seconds) are
+    those of the first and of the second.
     """
 
     pixels: int
@@ -35,7 +36,7 @@ class Sketch:
 
 @dataclass(frozen=True)
 class HoleShares:
-    """Predicted shares of the target's pixels, 0 to 1, that are holes: for three reasons, and in total."""
+    """Predicted shares of the target's pixels, 0 to 1, that are holes: by reason, and in total."""
 
     disoccluded: float
     outside: float
@@ -47,11 +48,12 @@ class HoleShares:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predicted seconds and shares of a frame.
+    """Predicted seconds and shares of a frame that is not rendered yet.
 
-    source is the cost of the source render; warp and fill_seconds are seconds, refine is the least and most seconds of
-    refining. probes is the number of probe traces and called_for that of pixels that may look different from each eye,
-    both as a share of the target's pixels and apart from holes.
+    source is the cost of the source render; warp and fill_seconds are seconds; refine is the least and the most seconds
+    of refining. probes is the number of probe traces, and called_for that of pixels that may look different from each
+    eye; both are shares of the target's pixels and leave holes out. fill is the method by which holes are expected to
+    be traced.
     """
 
     source: SourceCost
@@ -75,35 +77,39 @@ class Prediction:
 
     @property
     def total(self) -> tuple[float, float]:
-        """Least and most seconds of the pair."""
+        """Least and most seconds of the pair: without any refining, and with all that may be called for."""
         least = self.source.seconds + self.denoise + self.warp + self.fill_seconds
         return least + self.refine[0], least + self.refine[1]
 
     @property
     def gain(self) -> tuple[float, float]:
-        """Least and greatest speed-up over multiview."""
+        """Least and greatest speed-up over Blender's multiview; above 1 is faster."""
         least, most = self.total
         return self.multiview / most, self.multiview / least
 
 
 def sketch_accuracy(accuracy: Accuracy, scale: float) -> Accuracy:
-    """Return the accuracy with which a sketch is warped to count the holes of a picture 1 / scale times as wide.
+    """Return the accuracy with which a sketch is warped to count the holes of the picture; scale is its width over the
+    picture's.
 
-    Steps in disparity are smaller in the sketch's pixels by that factor. The sketch's noise is not the picture's, by
-    which silhouettes that look alike on both sides are left out: so all of them are counted.
+    The step in disparity that counts is made smaller by scale, as steps are in the sketch's pixels. All silhouettes
+    count, also those that look alike on both sides: to tell them, the noise must be the picture's, and the sketch's is
+    not.
     """
     return replace(accuracy, silhouette_step=accuracy.silhouette_step * scale, colour_tolerance=0.0)
 
 
 def predict_samples(sketch: Sketch, pixels: int, samples: int, limit: float) -> int:
-    """Return the samples per pixel, at most `samples`, for which a source of `pixels` has time in `limit` seconds; 0 is
-    no limit."""
+    """Return the samples per pixel that a source of `pixels` pixels gets within `limit` seconds: from 1 to `samples`.
+
+    A limit of 0 or less is none.
+    """
     per_sample = _sample_seconds(sketch) * pixels
     return samples if limit <= 0.0 or per_sample * samples <= limit else max(int(limit / per_sample), 1)
 
 
 def _sample_seconds(sketch: Sketch) -> float:
-    """Return the seconds of one sample of one pixel."""
+    """Return the seconds that one sample of one pixel takes, from the two renders of the sketch."""
     first, second = (s - sync for s, sync in zip(sketch.seconds, sketch.sync_seconds, strict=True))
     few, more = sketch.samples
     per_sample = (second - first) / (sketch.pixels * (more - few))
@@ -112,10 +118,9 @@ def _sample_seconds(sketch: Sketch) -> float:
 
 
 def predict_source(sketch: Sketch, pixels: int, samples: int) -> SourceCost:
-    """Return the cost of the source at its own size, of `pixels` with `samples` each.
+    """Return the predicted cost of the source at its full size of `pixels` pixels, with `samples` samples each.
 
-    The seconds of a render call that do not depend on samples stay as they are in the sketch; those of samples grow
-    with their number.
+    Seconds that do not depend on samples stay as they are in the sketch; those of samples grow with their number.
     """
     per_sample = _sample_seconds(sketch)
     first = sketch.seconds[0] - sketch.sync_seconds[0]
@@ -148,7 +153,10 @@ def effect_shares(called_for: Effect, flags: NDArray | None) -> dict[Effect, flo
 
 
 def _share(effects: Effect, flags: NDArray | None) -> float:
-    """Return the share of the picture in which any of the effects may be seen; 1 where that is not known."""
+    """Return the share of the picture, 0 to 1, in which any of the effects may be seen; 1 where that is not known.
+
+    flags are as for `effect_shares`. Effects of the whole frame have 1 too.
+    """
     if flags is None or effects & WHOLE_FRAME_EFFECTS:
         return 1.0
     return float(np.mean((flags.astype(np.int32) & effects.value) > 0))
@@ -171,8 +179,9 @@ def predict(
 ) -> Prediction:
     """Return the prediction of a frame at a given accuracy.
 
-    asked is the fill method, or "auto"; blockers say in words why a method cannot be used, None where it can. shown is
-    the share of the picture that may look different from each eye.
+    cost is that of the source render, warp_seconds are those of the warp, holes the shares to be traced. asked is the
+    fill method, or "auto"; blockers say in words why a method cannot be used, None where it can. shown is the share of
+    the picture that may look different from each eye.
     """
     fill = choose_fill(asked, holes.total, cost, blockers)
     rest = 1.0 - holes.total
@@ -186,7 +195,7 @@ def predict(
 
 
 def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
-    """Return a prediction as an object of report.json; rests_on says in words what it was drawn from."""
+    """Return a prediction as an object of report.json; rests_on says in words which measurements it comes from."""
     holes = prediction.holes
     least, most = prediction.total
     low, high = prediction.gain

@@ -8,24 +8,24 @@ from ..trace.fill import SourceCost
 
 
 class SharedFindings:
-    """Findings of a frame on its own, which shares none: each method returns what this frame has found.
+    """Findings by which a frame is rendered; those of an animation's first frame hold for all its frames.
 
-    An animation has a subclass that returns the findings of its first frame instead.
+    This class is for a frame on its own: each method returns what this frame has found. An animation has a subclass
+    that returns the findings of its first frame instead.
     """
 
     def cost(self, found: SourceCost) -> SourceCost:
-        """Return the cost of the source render by which the fill method is chosen; `found` is this frame's."""
+        """Return the cost of the source render by which the fill method is to be chosen; `found` is that of this
+        frame."""
         return found
 
     def noise_left(self, find: Callable[[], float]) -> float:
-        """Return the share of a pixel's variance that denoising leaves; `find` measures it on this frame
-        (`denoising.noise_left`)."""
+        """Return the share, 0 to 1, of a pixel's variance that denoising leaves; `find` measures it on this frame."""
         return find()
 
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:  # noqa: ARG002 - for animations
-        """Return whether the GPU warps faster than NumPy; `find` measures it on this frame.
+        """Return whether the GPU warps faster than NumPy: False for a frame on its own, which is not measured.
 
-        A frame on its own is not measured, and is warped by NumPy: to warp it with both would cost more than the faster
-        one saves.
+        To warp it with both would cost more than the faster one saves. For animations `find` measures it on this frame.
         """
         return False

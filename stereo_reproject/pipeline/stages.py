@@ -7,9 +7,10 @@ from enum import StrEnum
 
 
 class Stage(StrEnum):
-    """A stage of a run, in the order in which a run goes through them.
+    """A stage of a run; the stages are in the order in which a run goes through them.
 
-    The value is its name in report.json, in tradeoff.json and in the command line's progress.
+    The value is its name in report.json, in tradeoff.json and in the command line's progress; `words` is for Blender's
+    window.
     """
 
     words: str
@@ -60,18 +61,18 @@ RENDERING = (
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Return each of these names once: those of stages in the order of a run, then the others as they come."""
+    """Return each of these names once: names of stages in the order of a run, then all others in the order given."""
     names = list(dict.fromkeys(names))
     return [stage.value for stage in Stage if stage in names] + [name for name in names if name not in _NAMES]
 
 
 def words_of(name: str) -> str:
-    """Return the words for the stage of that name, or the name itself where it is no stage."""
+    """Return the words by which users read of the stage of that name; the name itself where it is no stage."""
     return Stage(name).words if name in _NAMES else name
 
 
 def label_of(name: str) -> str:
-    """Return a stage's name as tables show it: with blanks in place of underscores."""
+    """Return a stage's name as tables show it: with spaces in place of underscores."""
     return name.replace("_", " ")
 
 

@@ -12,7 +12,7 @@ from .frame import StereoFrame
 
 @dataclass(frozen=True)
 class StereoPair:
-    """Finished stereo pair of a scene: its view layers by name, in the scene's order.
+    """Finished stereo pair of a scene: a stereo frame for each of its view layers, by name, in the scene's order.
 
     The first is the main one, which Blender shows and saves as a picture where no compositor puts layers together.
     """
@@ -31,13 +31,14 @@ class StereoPair:
 
     @property
     def eyes(self) -> dict[str, dict[str, Passes]]:
-        """Passes by view and then by view layer."""
+        """Passes of each eye, by view, then by view layer, then by pass name."""
         views = self.main_frame.eyes
         return {view: {layer: frame.eyes[view] for layer, frame in self.frames.items()} for view in views}
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Texts of Blender's renders that say which name each hash of the eyes' cryptomattes stands for."""
+        """Texts of Blender's renders, of all layers, that say which name each hash of the eyes' cryptomattes stands
+        for."""
         return {key: text for frame in self.frames.values() for key, text in _cryptomattes(frame).items()}
 
     @property
@@ -51,7 +52,8 @@ class StereoPair:
 
     @property
     def predicted_speedup(self) -> float:
-        """Predicted seconds of Blender's multiview over the seconds that were taken.
+        """Speed-up over Blender's multiview: its predicted seconds over the seconds that this pair took; above 1 is
+        faster.
 
         Multiview renders the source of each layer as we do, and then the other eye without another sync.
         """
@@ -61,13 +63,16 @@ class StereoPair:
 
     @property
     def invalid_pixels(self) -> dict[str, int]:
-        """Number of invalid pixels by view, over all layers."""
+        """Number of invalid pixels, which had NaN or infinities, by view, over all layers."""
         frames = self.frames.values()
         return {view: sum(frame.invalid_pixels[view] for frame in frames) for view in self.main_frame.invalid_pixels}
 
 
 def _cryptomattes(frame: StereoFrame) -> dict[str, str]:
-    """Return the texts about those cryptomattes that users get, without one that only this extension has asked for."""
+    """Return those texts of a frame's metadata that are about cryptomattes in its passes, which users get.
+
+    Texts about one that only this extension has asked for are left out.
+    """
     passes = next(iter(frame.eyes.values()))
     found: dict[str, str] = {}
     for key, name in frame.metadata.items():

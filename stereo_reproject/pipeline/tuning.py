@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PipelineTuning:
-    """Numbers by which the pixels of a source of another engine are traced."""
+    """Tuned numbers of this room: how pixels are traced where the source is of another engine."""
 
     matched_pilot_share: float = 0.1
     """Share of the pixels to be traced that go ahead, to tell what the others will cost. By hand."""

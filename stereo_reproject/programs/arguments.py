@@ -27,7 +27,7 @@ from .converters import number, read_by, size, value_of, whole_number
 
 
 def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
-    """Return the values of the scene that the options replace."""
+    """Return the scene values that the parsed command-line options replace; an option that was not given is None."""
     return SceneOverrides(
         frame=arguments.frame,
         size=arguments.size,
@@ -42,7 +42,7 @@ def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
 
 
 def settings_of(arguments: argparse.Namespace) -> StereoSettings:
-    """Return the settings of the pair from the options. Raises BadInputError."""
+    """Return the settings of a pair from the parsed command-line options. Raises BadInputError."""
     return StereoSettings(
         source=arguments.source,
         accuracy=arguments.accuracy,
@@ -57,6 +57,7 @@ def settings_of(arguments: argparse.Namespace) -> StereoSettings:
 
 
 def add_render_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the `render` command to a parser."""
     _add_scene(parser)
     _add_output(parser)
     _add_pair(parser)
@@ -67,7 +68,8 @@ def add_render_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettings:
-    """Return the settings of the animation from the options: its frames, and where they go. Raises BadInputError."""
+    """Return the settings of an animation from the parsed command-line options. `output` is the absolute path of the
+    folder for the frames. Raises BadInputError."""
     if arguments.frame is not None and arguments.frames is not None:
         raise BadInputError("--frame and --frames each say which frames are rendered: leave one of them out")
     frames = arguments.frames if arguments.frame is None else (arguments.frame,)
@@ -84,6 +86,7 @@ def animation_of(arguments: argparse.Namespace, output: Path) -> AnimationSettin
 
 
 def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the `animate` command to a parser."""
     _add_scene(parser, frame="the one frame to render, as --frames N")
     _add_output(parser)
     _add_frames(parser)
@@ -101,6 +104,7 @@ def add_animate_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_frames(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which frames are rendered, and how frames that exist already are treated."""
     parser.add_argument(
         "--frames",
         metavar="A-B[:STEP]",
@@ -118,6 +122,8 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_delivery(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how an animation is stored: movie, stereo layout, file format, and pictures of the
+    holes."""
     parser.add_argument(
         "--movie",
         metavar="FILE",
@@ -141,6 +147,7 @@ def _add_delivery(parser: argparse.ArgumentParser) -> None:
 
 
 def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the `inspect` command to a parser."""
     _add_scene(parser)
     parser.add_argument("--json", action="store_true", help="print JSON and nothing else on standard output")
     parser.add_argument(
@@ -151,6 +158,7 @@ def add_inspect_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the `tradeoff` command to a parser."""
     _add_scene(parser)
     _add_output(parser)
     names = [run.name for run in tradeoff_cases()]
@@ -166,7 +174,7 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _promises() -> str:
-    """Return a line with the greatest noise ratio that each setting promises."""
+    """Return a text for the help of --accuracy: the noise ratio that each setting promises at most."""
     words = []
     for name, accuracy in SETTINGS.items():
         promise = "nothing" if accuracy.promise is None else f"a noise ratio of at most {accuracy.promise:g}"
@@ -176,15 +184,18 @@ def _promises() -> str:
 
 
 def _add_output(parser: argparse.ArgumentParser) -> None:
+    """Add the option for the output folder to a parser."""
     parser.add_argument("--output", metavar="DIR", required=True, help="folder for the result; made if it is missing")
 
 
 def _add_quiet(parser: argparse.ArgumentParser) -> None:
+    """Add the option that turns off progress and summary to a parser."""
     parser.add_argument("--quiet", action="store_true", help="no progress and no summary, only warnings and errors")
 
 
 def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render") -> None:
-    """The scene, and what replaces its own values; frame is what the option of that name says of itself."""
+    """Add the argument for the .blend, and the options that replace values of the scene, to a parser. `frame` is the
+    help text of the option --frame."""
 
     def override(option: str, metavar: str, field: str, read: Callable[[str], Any], text: str) -> None:
         parser.add_argument(option, metavar=metavar, type=value_of(SceneOverrides, field, read), help=text)
@@ -215,6 +226,7 @@ def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render
 
 
 def _add_denoise(parser: argparse.ArgumentParser) -> None:
+    """Add the two options that turn denoising on or off to a parser; with neither, the scene decides."""
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
         "--denoise",
@@ -228,7 +240,8 @@ def _add_denoise(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_pair(parser: argparse.ArgumentParser) -> None:
-    """Add the options of how the pair is made."""
+    """Add the options that say how the pair is made to a parser: accuracy, fill method, grid, interpolation and
+    warp."""
     accuracy = parser.add_mutually_exclusive_group()
     accuracy.add_argument(
         "--accuracy",
@@ -267,6 +280,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_grid_threshold(parser: argparse.ArgumentParser) -> None:
+    """Add the option --grid-threshold to a parser."""
     parser.add_argument(
         "--grid-threshold",
         metavar="ARCMIN",

@@ -46,20 +46,23 @@ BLEND_MAGICS = (b"BLENDER", b"\x1f\x8b", b"\x28\xb5\x2f\xfd")
 
 @dataclass(frozen=True)
 class Host:
-    """The surroundings of the command line: the program's name, the command that starts another worker than `python
-    -m`, and Cycles' devices (as in `supervisor.Session`)."""
+    """The facts about the program that runs this command line. program is its name in help texts. worker_command starts
+    the worker process; None starts our own. devices are Cycles' devices, as in `supervisor.Session`; None leaves them
+    to the worker's preferences."""
 
     program: str = f"python -m {PROGRAM}"
     worker_command: Sequence[str] | None = None
     devices: Mapping[str, Any] | None = None
 
     def job(self, job: Job) -> Job:
-        """The job on these devices."""
+        """Return the job with this host's devices put into its session."""
         return replace(job, session=replace(job.session, devices=self.devices))
 
 
 def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
-    """Run the command line with `argv` and return its exit status."""
+    """Run the command line and return its exit status; errors are printed, not raised. argv are the arguments without
+    the program's name, by default those of this process. host is the program that it runs in, by default `python -m
+    stereo_reproject`."""
     host = host or Host()
     console = Console()
     try:
@@ -80,12 +83,14 @@ def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
 
 
 def _render(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Run the `render` command: render a pair, print its report, and return the exit status."""
     settings = settings_of(arguments)
     job = _scene_job(arguments, settings, files=pair_files(compare=settings.compare))
     return _run(job, arguments, console, host, format_report_table)
 
 
 def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Run the `animate` command: render the frames, print the summary and the files, and return the exit status."""
     settings = settings_of(arguments)
     job = _scene_job(arguments, settings, command="animate", files=())
     assert job.blend is not None
@@ -104,6 +109,7 @@ def _animate(arguments: argparse.Namespace, console: Console, host: Host) -> int
 
 
 def _tradeoff(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Run the `tradeoff` command: measure the price list, print its table, and return the exit status."""
     settings = StereoSettings(source=arguments.source, scene=overrides_of(arguments))
     job = _scene_job(arguments, settings, command="tradeoff", files=TRADEOFF_FILES, only=tuple(arguments.only))
     return _run(job, arguments, console, host, format_price_table)
@@ -116,7 +122,8 @@ def _run(
     host: Host,
     table: Callable[[Any], str],
 ) -> int:
-    """Have the job done, and show the table of what it reports and the files that it made."""
+    """Have the job done by a worker, print the table that `table` makes of its report, and the files that it made.
+    Return the exit status."""
     console.quiet = arguments.quiet
     report = _have_done(job, console, host, console.on_event)
     console.show(table(report))
@@ -132,7 +139,8 @@ def _have_done(
     *,
     run: Callable[..., dict[str, Any]] = run_worker,
 ) -> dict[str, Any]:
-    """The report of the job, once the host's worker has done it."""
+    """Have the job done by the host's worker and return its report, with signals held back meanwhile. on_event gets the
+    worker's events. `run` is the function that starts the worker: `run_worker` or one with the same arguments."""
     with Interrupts() as interrupts:
         report = run(
             host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
@@ -142,6 +150,8 @@ def _have_done(
 
 
 def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int:
+    """Run the `inspect` command: print what the scene calls for and what its pair will cost, as a table or as JSON, and
+    return the exit status."""
     command = "plan" if arguments.no_sketch else "inspect"
     job = Job(_blend_file(arguments.scene), None, settings_of(arguments), command, files=(), strict=arguments.strict)
 
@@ -156,7 +166,8 @@ def _inspect(arguments: argparse.Namespace, console: Console, host: Host) -> int
 
 
 def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: Any) -> Job:
-    """Return the job for the scene and the output folder that were given; `what` are further fields of the `Job`."""
+    """Return the job for the .blend and the output folder in the parsed options; `what` are further fields of the
+    `Job`. Raises BadInputError."""
     if not arguments.output:
         raise BadInputError("--output is empty; name a folder for the result")
     blend = _blend_file(arguments.scene)
@@ -164,11 +175,14 @@ def _scene_job(arguments: argparse.Namespace, settings: StereoSettings, **what: 
 
 
 def _beside(name: str, blend: Path) -> Path:
-    """The absolute path of what is called `name`: as everywhere in Blender, // is the .blend's own folder."""
+    """Return the absolute path of a file or folder that the user named. A name that begins with // is relative to the
+    .blend's folder, as in Blender; any other is relative to the current folder."""
     return _absolute(f"{blend.parent}/{name[2:]}" if name.startswith("//") else name)
 
 
 def _absolute(name: str) -> Path:
+    """Return the absolute path of a name; links are not followed. Raises BadInputError where the current folder is
+    gone."""
     try:
         # Links stay as they are: paths in a .blend are relative to where it was opened.
         return Path(os.path.abspath(name))  # noqa: PTH100
@@ -177,7 +191,8 @@ def _absolute(name: str) -> Path:
 
 
 def _blend_file(name: str) -> Path:
-    """The absolute path of the .blend called `name`. Raises BadInputError if it is none or cannot be read."""
+    """Return the absolute path of the .blend that the user named, once its first bytes were checked. Raises
+    BadInputError if it cannot be read or is no .blend."""
     path = _absolute(name)
     try:
         if stat.S_ISDIR(path.stat().st_mode):
@@ -196,7 +211,8 @@ def _blend_file(name: str) -> Path:
 
 
 def version() -> str:
-    """The version of this package, from the manifest where that lies beside it, else from the installed metadata."""
+    """Return the version of this package: from the extension's manifest if that lies beside the package, else from the
+    installed metadata, else a text that says that it is unknown."""
     manifest = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
     with contextlib.suppress(OSError, ValueError):
         fields = tomllib.loads(manifest.read_text(encoding="utf-8"))
@@ -208,6 +224,8 @@ def version() -> str:
 
 
 class _ShowVersion(argparse.Action):
+    """The action of the option --version: print the version and exit."""
+
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         Console().show(f"{PROGRAM} {version()}")
         parser.exit()
@@ -215,7 +233,8 @@ class _ShowVersion(argparse.Action):
 
 @dataclass(frozen=True)
 class Command:
-    """One sub-command: what it is called, what it takes, and what it does."""
+    """One sub-command of the command line, such as `render`: its name, its summary and examples for the help, the
+    function that adds its options to a parser, and the function that runs it and returns the exit status."""
 
     name: str
     summary: str
@@ -261,6 +280,8 @@ COMMANDS = (
 
 
 def _parser(program: str) -> argparse.ArgumentParser:
+    """Return the parser of the whole command line, with a sub-parser for each of COMMANDS. `program` is the program's
+    name in help texts."""
     parser = OneLineParser(
         prog=program,
         description="A stereo pair from a Blender scene, for little more than the price of one eye.",

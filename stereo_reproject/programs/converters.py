@@ -11,9 +11,11 @@ from ..errors import BadInputError
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A parser that raises BadInputError, in one line, where argparse would print its usage and exit."""
+    """A parser of arguments that raises BadInputError, with a message of one line, where argparse itself would print
+    its usage and exit."""
 
     def error(self, message: str) -> NoReturn:
+        """Raise BadInputError with argparse's message; called by argparse when the arguments are wrong."""
         option = re.fullmatch(r"argument (--[\w-]+): expected one argument", message)
         if option is not None:
             # argparse takes a value that begins with a dash and is no number for an option.
@@ -22,12 +24,14 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def whole_number(text: str) -> int:
+    """Return the whole number that a text holds. Raises ValueError, whose message completes "must be ..."."""
     if not re.fullmatch(r"[+-]?[0-9]{1,18}", text):
         raise ValueError("a whole number")
     return int(text)
 
 
 def number(text: str) -> float:
+    """Return the number that a text holds. Raises ValueError, whose message completes "must be ..."."""
     try:
         return float(text)
     except ValueError:
@@ -35,6 +39,8 @@ def number(text: str) -> float:
 
 
 def size(text: str) -> tuple[int, int]:
+    """Return (width, height) from a text such as 1920x1080. Raises ValueError, whose message completes "must be
+    ..."."""
     if not re.fullmatch(r"[0-9]{1,18}[xX][0-9]{1,18}", text):
         raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
     width, height = re.split("[xX]", text)
@@ -42,7 +48,8 @@ def size(text: str) -> tuple[int, int]:
 
 
 def read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A converter for argparse whose own complaint is the one that is shown."""
+    """Return a converter for argparse that calls `read` on an option's text. A BadInputError of `read` is shown to the
+    user with the option's name."""
 
     def convert(text: str) -> Any:
         try:
@@ -54,7 +61,8 @@ def read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 def value_of(settings: type, field: str, read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """A converter for argparse that has the settings check the value, so that a complaint names the option."""
+    """Return a converter for argparse that calls `read` on an option's text and has the class `settings` check the
+    result as its field `field`. So an unusable value is reported with the option's name."""
 
     def convert(text: str) -> Any:
         try:

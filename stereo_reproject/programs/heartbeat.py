@@ -14,6 +14,8 @@ from ..sequence.runs import BEAT_DIGITS, BEAT_SECONDS, RUN_BYTES, LiveRuns
 
 
 def main() -> None:
+    """Count up the number in the run's file, whose path is the argument, every BEAT_SECONDS until standard input ends:
+    then the run is over or dead. At last remove that file and what dead runs have left."""
     path = Path(sys.argv[1])
     ended = threading.Event()
     threading.Thread(target=_wait_for_end, args=(ended,), daemon=True).start()
@@ -30,13 +32,16 @@ def main() -> None:
 
 
 def _facts(path: Path) -> bytes:
-    """Return the content of the run's file before its number, which changes when the run settles; b"" without one."""
+    """Return the content of the run's file without the number at its end. It is read each time, because it changes when
+    the run settles. b"" where the file is missing."""
     with contextlib.suppress(FileNotFoundError):
         return read_small(path, RUN_BYTES)[:-BEAT_DIGITS]
     return b""
 
 
 def _write_number(path: Path, facts: bytes, number: bytes) -> None:
+    """Write the number over the one at the end of the run's file. A missing file is made anew from `facts` (other runs
+    may have removed it, when this machine slept); anything that is no regular file is left alone."""
     if os.path.lexists(path) and not is_regular(path):
         # Somebody else's by now, and perhaps one that never answers.
         return
@@ -54,6 +59,7 @@ def _write_number(path: Path, facts: bytes, number: bytes) -> None:
 
 
 def _wait_for_end(ended: threading.Event) -> None:
+    """Wait until standard input ends, and set `ended` then; runs in a thread of its own."""
     while sys.stdin.buffer.read(1):
         pass
     ended.set()

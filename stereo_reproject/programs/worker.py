@@ -27,6 +27,7 @@ Emit = Callable[..., None]
 
 
 def main() -> None:
+    """Read a job from standard input, do it, and end the process. Errors are reported as an event of one line."""
     emit = _open_events()
     # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
     job = json.loads(sys.stdin.buffer.readline())
@@ -43,7 +44,8 @@ def main() -> None:
 
 
 def _open_events() -> Emit:
-    """Events go where standard output went; what Blender prints goes to standard error, which is its log."""
+    """Return the function that writes an event to the original standard output. From then on, all else that is printed
+    goes to standard error, which is Blender's log."""
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
 
@@ -56,19 +58,21 @@ def _open_events() -> Emit:
 
 
 def _end_with_parent() -> None:
-    """The parent keeps our standard input open while it lives."""
+    """End this process when standard input ends: the parent process keeps it open as long as it lives. Runs in a thread
+    of its own."""
     while sys.stdin.buffer.read(1):
         pass
     os._exit(1)
 
 
 def run_job(job: dict[str, Any], emit: Emit) -> None:
-    """Do what the job's command says, and say what came of it."""
+    """Do the job, a dict as described in `supervisor`, and report its progress and its result by `emit`. Raises the
+    errors of the command."""
     COMMANDS[job["command"]](job, emit)
 
 
 def _render(job: dict[str, Any], emit: Emit) -> None:
-    """Render the pair of one frame into work/out."""
+    """Render the pair of one frame into work/out, and report it."""
     from ..blender.commands.frame import render_files
 
     work, warn = Path(job["work"]), _warning_of(emit)
@@ -85,7 +89,8 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
 
 
 def _animate(job: dict[str, Any], emit: Emit) -> None:
-    """Render the pairs of many frames into files of the scene's own format. Which frame it is, is a stage's detail."""
+    """Render the pairs of many frames into files of the scene's own format, and report them. In the events of stages,
+    the detail names the frame."""
     from ..blender.commands.animation import SavedScene, render_animation_files
     from ..jobs.supervisor import Session
     from ..sequence.progress import Listener
@@ -112,7 +117,8 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
 
 
 def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
-    """Make the runs of a price list for one frame. Each is a stage here, and its own stages the stage's details."""
+    """Measure the cases of a price list on one frame, and report them. In the events of stages, the stage is the case
+    and the detail the stage of its render."""
     from ..report.chart_canvas import check_charts
 
     check_charts()
@@ -126,7 +132,8 @@ def _tradeoff(job: dict[str, Any], emit: Emit) -> None:
 
 
 def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
-    """Say what the scene calls for, and what its pair will cost."""
+    """Report which effects the scene calls for and what its pair will cost. Without `sketch` nothing is rendered, and
+    no cost is predicted."""
     from ..blender.commands.inspection import inspect_scene
 
     work, warn = Path(job["work"]), _warning_of(emit)
@@ -136,7 +143,7 @@ def _inspect(job: dict[str, Any], emit: Emit, *, sketch: bool = True) -> None:
 
 
 def _plan(job: dict[str, Any], emit: Emit) -> None:
-    """Say what the scene calls for, without rendering and so without a prediction."""
+    """Report which effects the scene calls for, without rendering and so without a predicted cost."""
     _inspect(job, emit, sketch=False)
 
 
@@ -150,7 +157,8 @@ COMMANDS: dict[str, Callable[[dict[str, Any], Emit], None]] = {
 
 
 def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple[Any, float]:
-    """The job's scene, and the seconds that loading it took. Says what it lacks, before anything is rendered."""
+    """Open the job's .blend and return its scene and the seconds that loading took. Before that is returned, `warn`
+    gets what the scene lacks; with the job's "strict" that is raised as an error."""
     from ..blender.output.opening import open_session
     from ..blender.scene.warnings import warnings_ahead
     from ..jobs.supervisor import Session
@@ -168,17 +176,22 @@ def _open(job: dict[str, Any], emit: Emit, warn: Callable[[str], None]) -> tuple
 
 
 def _warning_of(emit: Emit) -> WarnOnce:
-    """Return what gives each warning once: those before the first render are in the report at the end, too."""
+    """Return a function that emits each warning text once, because those found before the first render come again in
+    the final report."""
     return WarnOnce(lambda text: emit("warning", message=text))
 
 
 def _finish(report: dict[str, Any], files: list[str], emit: Emit, warn: Callable[[str], None]) -> None:
+    """Emit the report's warnings and then the event that the job is done; `files` are the names of the files in
+    work/out."""
     for warning in report.get("warnings", ()):
         warn(warning)
     emit("done", report=report, files=files)
 
 
 def _settings(fields: dict[str, Any]) -> StereoSettings:
+    """Return the settings of a pair from the dict that the job has of them. JSON has lists where the settings need
+    tuples."""
     scene = dict(fields["scene"])
     if scene.get("size") is not None:
         scene["size"] = tuple(scene["size"])
@@ -186,6 +199,8 @@ def _settings(fields: dict[str, Any]) -> StereoSettings:
 
 
 def _animation(fields: dict[str, Any]) -> AnimationSettings:
+    """Return the settings of an animation from the dict that the job has of them, with the types that JSON cannot
+    keep."""
     frames, skip = fields["frames"], fields["skip"]
     as_they_were = {
         "frames": None if frames is None else tuple(frames),
@@ -196,10 +211,10 @@ def _animation(fields: dict[str, Any]) -> AnimationSettings:
 
 
 def _on_stage(emit: Emit) -> Callable[..., None]:
-    """Return what reports each stage as it begins, with a detail where there is one.
+    """Return a function that emits the event of a stage as it begins; it takes the stage's name and an optional detail.
 
-    The other side reads from the log how many of its samples are rendered. Nothing in this process may do so while
-    Blender renders: a Python handler for render statistics stops 5.2 for good, and in 4.5, whose operators look whether
+    The other process reads from Blender's log how many samples are rendered. Nothing in this process may do so while
+    Blender renders: a Python handler for render statistics stops 5.2 for good. And in 4.5, whose operators test if
     Python's lock is taken but not by whom, another thread that runs just then ends the process (signal 11).
     """
 

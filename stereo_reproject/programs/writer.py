@@ -27,6 +27,8 @@ from ..files import write_json
 
 
 def main() -> None:
+    """Read a `WriterJob` and then frames from standard input, write each frame's files, and answer with a JSON file for
+    each. End the process when standard input ends."""
     # What Blender prints belongs into its log.
     os.dup2(2, 1)
     # As bytes, for the same reason as in `worker`.

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class Absent(Enum):
-    """Type of `ABSENT`."""
+    """The type of `ABSENT`, which marks a field of a report whose key is left out of the JSON."""
 
     ABSENT = "absent"
 
@@ -19,15 +19,18 @@ ABSENT = Absent.ABSENT
 
 
 def as_json(part: Any) -> dict[str, Any]:
-    """Return a report, or a part of one, as JSON has it: a key for each field that is not `ABSENT`, in their order.
+    """Return a dataclass of the report as the dict that is written as JSON: a key for each field whose value is not
+    `ABSENT`, in the order of the fields.
 
-    Tuples become lists. A field whose name would be a word of Python's ends with an underscore, and its key does not.
+    Dataclasses inside it become dicts too, and tuples become lists. A field whose name would be a Python keyword ends
+    with an underscore, which the key leaves out.
     """
     values = {field.name.rstrip("_"): getattr(part, field.name) for field in fields(part)}
     return {key: _plain(value) for key, value in values.items() if value is not ABSENT}
 
 
 def _plain(value: Any) -> Any:
+    """Return a value of a field as JSON has it: dataclasses as dicts, tuples as lists, all else as it is."""
     if is_dataclass(value):
         return as_json(value)
     if isinstance(value, Mapping):

@@ -34,7 +34,7 @@ GREY, PALE = "#5c6670", "#aab2ba"
 
 
 def new_figure(height: float) -> Figure:
-    """Return a white figure of `height` inches, made without pyplot."""
+    """Return an empty white figure, WIDTH_INCHES wide and `height` inches high, made without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -45,7 +45,8 @@ def new_figure(height: float) -> Figure:
 
 
 def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -> Axes:
-    """Add axes from `left` to `right` in shares of the width, with room for the titles above and the notes below."""
+    """Add axes to a figure and return them. `left` and `right` are their sides in shares of the figure's width; above
+    them there is room for the titles, and below for the lines of `notes`."""
     height = figure.get_figheight()
     above, below = 1.0, 0.65 + NOTE_LINE_INCHES * len(notes.splitlines())
     axes = figure.add_axes((left, below / height, right - left, 1.0 - (above + below) / height))
@@ -55,7 +56,8 @@ def add_axes_between(figure: Figure, notes: str, *, left: float, right: float) -
 
 
 def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
-    """Write the title and the details above the axes and the notes below, each at its distance from the edge."""
+    """Write a chart's texts: title and details at the top, and the notes (already in lines, see `wrapped`) at the
+    bottom."""
     height = figure.get_figheight()
     # A file's name may hold dollar signs, which are no formula.
     plain: dict[str, Any] = {"parse_math": False}
@@ -65,23 +67,26 @@ def write_texts(figure: Figure, title: str, details: str, notes: str) -> None:
 
 
 def wrapped(notes: Sequence[str]) -> str:
-    """Return the notes one below the other, in lines that fit."""
+    """Return the notes as one text, each beginning on a new line, broken into lines of at most NOTE_LINE_CHARACTERS, so
+    that they fit into the width of the figure."""
     return "\n".join(line for note in notes for line in textwrap.wrap(note, NOTE_LINE_CHARACTERS))
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, with two digits that matter."""
+    """Return a share, such as 0.05, as a text in percent: with one decimal below 10 %, else with none."""
     return f"{100.0 * share:.1f} %" if share < 0.0995 else f"{100.0 * share:.0f} %"
 
 
 def reported_name(reported: Mapping[str, Any]) -> str:
-    """Return the name of the marks of others' figures: their "name", with the least and the greatest "speedup"."""
+    """Return the name, for a chart, of figures that others have published: `reported`'s "name", and the least and the
+    greatest of its "speedup" (a pair of numbers)."""
     least, most = reported["speedup"]
     return f"{reported['name']}, {least:g} to {most:g} ×"
 
 
 def reported_note(reported: Mapping[str, Any]) -> str:
-    """Return the note on those marks: "told" says of which pictures they are, "traced" is a mean share."""
+    """Return the note on figures that others have published: `reported` has their "name", "told" (in words, of which
+    pictures they are) and "traced" (the mean share of traced pixels)."""
     traced = percent(reported["traced"])
     return (
         f"Yellow: {reported['name']}'s own figures ({reported['told']}): the seconds that its speed-ups would come to "
@@ -90,7 +95,8 @@ def reported_note(reported: Mapping[str, Any]) -> str:
 
 
 def check_charts() -> None:
-    """Raise BadInputError where matplotlib is missing, before an hour of rendering is lost."""
+    """Raise BadInputError if matplotlib cannot be imported. To be called before a long render whose result is a
+    chart."""
     try:
         import matplotlib.figure  # noqa: F401 - whether it can be imported is all that is asked
     except ImportError as error:
@@ -99,7 +105,8 @@ def check_charts() -> None:
 
 @contextlib.contextmanager
 def chart_style() -> Iterator[None]:
-    """Apply matplotlib's own defaults, whatever the user's are; texts stay texts in an SVG."""
+    """Apply matplotlib's defaults with our own changes, for the time of a `with` block, whatever the user has
+    configured; the user's style is restored afterwards, also after an error. Texts in an SVG remain texts."""
     import matplotlib.style
 
     ours = {
@@ -119,10 +126,8 @@ def chart_style() -> Iterator[None]:
 def draw_whole(
     draw: Callable[[Mapping[str, Any]], Figure], data: Mapping[str, Any], path: Path, until_whole: Path | None = None
 ) -> None:
-    """Write path.svg and path.png of the figure that `draw` makes of `data`; until_whole is as `whole_file` has it.
-
-    Raises OSError.
-    """
+    """Draw a figure by `draw(data)` and write it to path.svg and path.png, each of which appears whole or not at all.
+    until_whole is the folder for unfinished files, see `whole_file`. Raises OSError."""
     with chart_style():
         figure = draw(data)
         # Several runs on the same frames may end at once.

@@ -17,11 +17,13 @@ from .frame_report import EffectReport, EstimateReport, NoEstimateReport
 
 
 def effect_reports(plan: EffectsPlan, accounts: Mapping[Effect, EffectCost]) -> tuple[EffectReport, ...]:
-    """Return for each effect of the plan how it is handled, and what of the frame it has cost."""
+    """Return the part of the report about each effect of the plan: how it is handled, and its cost in the frame from
+    `accounts`. An effect without an entry there has cost nothing."""
     return tuple(_effect_report(finding, accounts.get(finding.effect)) for finding in plan.findings)
 
 
 def _effect_report(finding: Finding, cost: EffectCost | None) -> EffectReport:
+    """Return the report of one effect, from its finding in the plan and its cost (None for no cost)."""
     excess, low, high = _excess(cost)
     return EffectReport(
         effect=finding.effect.label,
@@ -37,11 +39,14 @@ def _effect_report(finding: Finding, cost: EffectCost | None) -> EffectReport:
 
 
 def _excess(cost: EffectCost | None) -> tuple[float | None, float | None, float | None]:
+    """Return the excess of an effect and the low and high end of its 95 % interval; three times None where it is not
+    known."""
     return (None, None, None) if cost is None or cost.excess is None else cost.excess
 
 
 def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateReport | NoEstimateReport:
-    """Return what the probes say of the finished target beside what was promised, or why they say nothing."""
+    """Return the part of the report about the target's quality: the estimate beside the accuracy's promise. Where there
+    is no estimate, return a `NoEstimateReport` with the reason."""
     estimate, evidence = refinement.estimate, refinement.evidence
     if estimate is None:
         return NoEstimateReport(promise=accuracy.promise, from_=refinement.no_estimate)
@@ -65,12 +70,18 @@ def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateRepor
 
 
 def _finite(end: float) -> float | None:
-    """Return an end of the 95 % interval; None for an eye that was rendered whole, if nothing is known of its noise."""
+    """Return `end`, one end of a 95 % interval, or None if it is not finite. It is infinite for an eye that was
+    rendered whole, if nothing is known of its noise."""
     return end if math.isfinite(end) else None
 
 
 def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | None:
-    """Return whether the promise is kept; None where the probes are not sure and their interval holds the promise."""
+    """Return True or False for a promise (a greatest noise ratio) that is kept or broken; True where nothing is
+    promised.
+
+    With `sure`, the estimate itself decides. Without, its 95 % interval does, and the result is None where the promise
+    lies within it.
+    """
     if promise is None:
         return True
     if sure:
@@ -79,10 +90,8 @@ def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | No
 
 
 def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return (H, W, 3): the noise ratio of each pixel's tile, and the low and high end of its 95 % interval.
-
-    1 where the pixel was traced (H, W), not a number where no probe tells.
-    """
+    """Return (H, W, 3) for each pixel: the estimated noise ratio of its tile, and the low and high end of its 95 %
+    interval. All three are 1 where the pixel was traced (`traced`, (H, W)), and NaN where no probe tells."""
     result = np.full((*traced.shape, 3), np.nan, np.float32)
     evidence = refinement.evidence
     if evidence is not None:

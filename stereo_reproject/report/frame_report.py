@@ -18,7 +18,8 @@ from .header import ReportHeader
 
 @dataclass(frozen=True, kw_only=True)
 class RefineReport:
-    """A render of tiles for which the probes asked: by which fill method, and why by that."""
+    """One render of tiles that refinement asked for: the fill method, and the reason why that method was chosen, in
+    words."""
 
     method: str
     reason: str
@@ -26,7 +27,7 @@ class RefineReport:
 
 @dataclass(frozen=True, kw_only=True)
 class GridReport:
-    """Counts of the source grid: its cells, those that are subdivided, and the triangles in all."""
+    """Counts of the source's grid: all cells, the subdivided ones among them, and the triangles."""
 
     cells: int
     subdivided: int
@@ -35,7 +36,8 @@ class GridReport:
 
 @dataclass(frozen=True, kw_only=True)
 class WarpReport:
-    """The warp that was asked for ("auto", "numpy" or "gpu"), the one that was used, and the GPU's name, if any."""
+    """The means of the warp: asked is the setting ("auto", "numpy" or "gpu"), used is the one that did it, and gpu is
+    the GPU's name, None without one."""
 
     asked: str
     used: str
@@ -44,10 +46,12 @@ class WarpReport:
 
 @dataclass(frozen=True, kw_only=True)
 class EffectReport:
-    """The cost of an effect, and the error that is left where it is seen.
+    """One effect in a frame: what calls for it, its cost, and the error that is left where it is seen.
 
-    by names what calls for the effect. fraction is the share of the target's pixels that was traced because of it.
-    excess, with its 95 % interval, is the noise ratio squared less 1; None where no probe tells.
+    called_for is False for an effect that the scene does not have. by are the names of the objects or materials that
+    call for it. handling says in words what is done. fraction is the share of the target's pixels traced because of it,
+    and seconds its share of the time. excess is the noise ratio squared less 1, from excess_low to excess_high with 95
+    % confidence; None where no probe tells.
     """
 
     effect: str
@@ -63,9 +67,12 @@ class EffectReport:
 
 @dataclass(frozen=True, kw_only=True)
 class EstimateReport:
-    """The noise ratio of the target by its probes, with its 95 % interval, beside what the accuracy promises.
+    """The estimate of the target's quality beside what the accuracy promises.
 
-    probes counts those of the tiles that stayed warped; tile_size is in pixels; from_ says where the figures are from.
+    noise_ratio has a 95 % interval from low to high; excess is that ratio squared less 1. promise is the greatest ratio
+    that is promised, and worst_tiles_promise that of the worst tiles; None promises nothing. kept is None where the
+    probes cannot tell. probes is the number of probes in tiles that stayed warped, tile_size the side of a tile in
+    pixels. from_ says in words where the figures come from.
     """
 
     noise_ratio: float
@@ -83,7 +90,8 @@ class EstimateReport:
 
 @dataclass(frozen=True, kw_only=True)
 class NoEstimateReport:
-    """The keys of an `EstimateReport` where there is no estimate; from_ says why. The order of the keys is its own."""
+    """The part of the report in place of an `EstimateReport` where there is no estimate. It has the same keys, in
+    another order; from_ says why there is none."""
 
     noise_ratio: None = None
     low: None = None
@@ -100,7 +108,7 @@ class NoEstimateReport:
 
 @dataclass(frozen=True, kw_only=True)
 class ParallaxReport:
-    """The parallax of the nearest and the farthest point that the source eye sees."""
+    """The parallax on the screen of the nearest and of the farthest point that the source eye sees."""
 
     nearest: ScreenParallax
     farthest: ScreenParallax
@@ -108,7 +116,8 @@ class ParallaxReport:
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryReport:
-    """Memory of the process in MiB: the most that it held, and what it holds now; None where the system is silent."""
+    """Memory of the process in MiB: the most that it has held so far, and the amount now; None where the system does
+    not say."""
 
     peak_mb: float | None
     resident_mb: float | None
@@ -116,7 +125,9 @@ class MemoryReport:
 
 @dataclass(frozen=True, kw_only=True)
 class LayerReport:
-    """One of several view layers: the share of its target that was rendered again, its fill method and its seconds."""
+    """One view layer of several: rerendered is the share of its target's pixels that was traced, and fill its fill
+    method. noise_ratio is None without an estimate. correction is the change of traced light to match EEVEE's, None
+    where there was none. seconds are those of this layer in total."""
 
     name: str
     rerendered: float
@@ -128,10 +139,11 @@ class LayerReport:
 
 @dataclass(frozen=True, kw_only=True)
 class CompareReport:
-    """The pair against Blender's multiview in the same run.
+    """The pair compared with Blender's multiview, rendered in the same run.
 
-    The errors are root mean squares after tone mapping; noise_rmse and noise_flip are those of multiview's target eye
-    rendered with another seed. no_noise says why there is no ratio to noise; FLIP is None where it is not installed.
+    rmse and flip are the target's errors against multiview's eye, as a root mean square after tone mapping and by FLIP;
+    noise_rmse and noise_flip are those of that eye rendered with another seed. noise_ratio is None where there is no
+    ratio, and no_noise then says why. FLIP is None where it is not installed.
     """
 
     multiview_seconds: float
@@ -147,11 +159,13 @@ class CompareReport:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameReport(ReportHeader):
-    """The report of a pair. Seconds are of all view layers, by stage; all else is of the main one.
+    """The report of a pair. `seconds` are those of all view layers together, by stage; all else is of the main view
+    layer.
 
-    fractions are shares of the target's pixels, by the reason why they were traced, and "rerendered" is all of them.
-    time_limit, in seconds, and samples_rendered are there where the scene has a time limit; samples_rendered is None
-    where nobody knows. layers are there where several view layers are rendered, compare where it was asked for.
+    fractions are shares of the target's pixels by the reason why they were traced; its "rerendered" is the share of all
+    traced ones. price is the predicted cost of the next better accuracy. Absent keys: time_limit (seconds) and
+    samples_rendered without a time limit in the scene, layers with a single view layer, compare unless it was asked
+    for. samples_rendered is None where it is not known.
     """
 
     fill: FillChoice

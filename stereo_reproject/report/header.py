@@ -9,7 +9,8 @@ REPORT_SCHEMA = 1
 
 @dataclass(frozen=True, kw_only=True)
 class StereoReport:
-    """The stereo settings of the scene's camera, in scene units, and the name of the source view."""
+    """The stereo settings of the scene's camera, with distances in scene units; source is the name of the source
+    view."""
 
     source: str
     interocular_distance: float
@@ -20,7 +21,11 @@ class StereoReport:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportHeader:
-    """The picture that is rendered, and the settings. size is (width, height) in pixels, accuracy a setting's name."""
+    """The part of a report that is known before rendering: the scene, the picture and the settings.
+
+    scene is the .blend, scene_datablock the scene's name in it. size is (width, height) in pixels. accuracy is the name
+    of a setting.
+    """
 
     schema: int = REPORT_SCHEMA
     scene: str

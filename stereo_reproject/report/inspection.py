@@ -17,12 +17,13 @@ REFINE_NOTE = "how much, only probes tell"
 
 
 def effects_rows(plan: EffectsPlan) -> list[dict[str, Any]]:
-    """Return the plan's findings as JSON has them."""
+    """Return the plan's findings, one for each effect, as a list of dicts for JSON."""
     return [finding.fields() for finding in plan.findings]
 
 
 def format_inspection(inspection: Mapping[str, Any]) -> str:
-    """Return the table, in lines of plain ASCII save for the names that the scene gives."""
+    """Return the output of `inspect` as a table for people, from its JSON. It is plain ASCII but for names from the
+    scene."""
     size = "x".join(map(str, inspection["size"]))
     how = f"{inspection['samples']} samples, {inspection['accuracy']}, {inspection['engine']} on {inspection['device']}"
     lines = [
@@ -35,6 +36,7 @@ def format_inspection(inspection: Mapping[str, Any]) -> str:
 
 
 def _effects_lines(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the lines of the table about effects, from rows as `effects_rows` returns them."""
     called = [row for row in rows if row["called_for"]]
     others = [row["effect"] for row in rows if not row["called_for"]]
     lines = ["called for    by" if called else "called for    nothing: colour and depth are all that is needed"]
@@ -46,6 +48,8 @@ def _effects_lines(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _cost_lines(row: Mapping[str, Any]) -> list[str]:
+    """Return the line about the greatest cost that an effect may have; an empty list where it was not predicted. row is
+    one of `effects_rows`, with its "share" of the picture."""
     if row.get("share") is None:
         return []
     share, seconds = 100 * row["share"], row["seconds_at_most"]
@@ -53,11 +57,13 @@ def _cost_lines(row: Mapping[str, Any]) -> list[str]:
 
 
 def _abridged(by: list[str]) -> str:
+    """Return the names in `by` in one text: the first MAX_SHOWN_CAUSES, and the number of the others."""
     more = f" and {len(by) - MAX_SHOWN_CAUSES} more" if len(by) > MAX_SHOWN_CAUSES else ""
     return ", ".join(by[:MAX_SHOWN_CAUSES]) + more
 
 
 def _prediction_lines(predicted: Mapping[str, Any] | None) -> list[str]:
+    """Return the lines of the table about the predicted cost; `predicted` is None where no sketch was asked for."""
     if predicted is None:
         return ["predicted     nothing: no sketch was asked for"]
     fill, gain = predicted["fill"], predicted["gain"]
@@ -80,5 +86,7 @@ def _prediction_lines(predicted: Mapping[str, Any] | None) -> list[str]:
 
 
 def _range(values: Mapping[str, float], pattern: str) -> str:
+    """Return "low to high" of a dict with these two numbers, formatted by `pattern`; one number where both look
+    alike."""
     low, high = format(values["low"], pattern), format(values["high"], pattern).strip()
     return low if low.strip() == high else f"{low} to {high}"

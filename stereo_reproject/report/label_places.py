@@ -30,11 +30,13 @@ Frame = tuple[float, float, float, float]
 def place_labels(
     points: NDArray, sizes: NDArray, *, obstacles: NDArray, lines: NDArray, frame: Frame
 ) -> NDArray[np.float64]:
-    """Return the lower left corners (N, 2) of labels of `sizes` (N, 2) for `points` (N, 2).
+    """Return the lower left corners (N, 2) of the labels of N points, so that they cover each other, the points and the
+    lines as little as possible.
 
-    obstacles (K, 4) are boxes (left, bottom, right, top) that no label may cover, lines (L, 4) small boxes that it
-    should not; the labels stay inside `frame`. Each label takes its best place given all others, until none moves; of
-    several such ends the cheapest is taken.
+    points (N, 2) are the places of the points and sizes (N, 2) the widths and heights of their labels, all in pixels.
+    obstacles (K, 4) are boxes (left, bottom, right, top) that no label should cover; lines (L, 4) are small boxes along
+    lines, which count less. The labels stay inside the box `frame`. Each label moves to its best place given all
+    others, until none moves. This is done from several random orders, and the best result is taken.
     """
     rng = np.random.default_rng(0)
     ends = []
@@ -46,7 +48,8 @@ def place_labels(
 def _settle(
     points: NDArray, sizes: NDArray, obstacles: NDArray, lines: NDArray, frame: Frame, rng: np.random.Generator
 ) -> tuple[float, NDArray]:
-    """Return the summed penalty and the corners (N, 2) of labels that came in a random order."""
+    """Return the summed penalty and the corners (N, 2) of the labels after they were placed, in one random order from
+    `rng`, and moved until none moved any more. The other arguments are as in `place_labels`."""
     corners, prices = np.full((len(points), 2), np.nan), np.zeros(len(points))
     order = rng.permutation(len(points))
     for _ in range(MAX_SWEEPS):
@@ -66,16 +69,19 @@ def _settle(
 
 
 def nearest(points: NDArray, corners: NDArray, sizes: NDArray) -> NDArray:
-    """Return the points (N, 2) where the leaders of the points (N, 2) reach their labels."""
+    """Return the points (N, 2) of the labels that are nearest to their points (N, 2): there the line from the point
+    ends. corners and sizes are (N, 2)."""
     return np.clip(points, corners, corners + sizes)
 
 
 def _boxes(corners: NDArray, size: NDArray) -> NDArray:
+    """Return the boxes (N, 4) of labels with a margin around them, from their lower left corners and their sizes."""
     return np.concatenate([corners - LABEL_MARGIN_PIXELS, corners + size + LABEL_MARGIN_PIXELS], axis=1)
 
 
 def _candidates(point: NDArray, size: NDArray, frame: Frame) -> tuple[NDArray, NDArray]:
-    """Corners (M, 2) of the places around a point, and what each costs for itself."""
+    """Return the corners (M, 2) of all places that are tried for a label around its point, and their penalties (M,) for
+    distance and for leaving the frame."""
     angle = np.arange(LABEL_DIRECTIONS) * (2.0 * np.pi / LABEL_DIRECTIONS)
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     direction /= np.abs(direction).max(axis=1, keepdims=True)
@@ -88,7 +94,9 @@ def _candidates(point: NDArray, size: NDArray, frame: Frame) -> tuple[NDArray, N
 
 
 def _price(point: NDArray, size: NDArray, corners: NDArray, solid: NDArray, lines: NDArray) -> NDArray:
-    """(M,): what the label would cover, and what its leader would run through, but for what the point lies in."""
+    """Return the penalty (M,) of each of M places of a label: for covering `solid` boxes or `lines`, and for a leader
+    (the line from point to label) that runs through solid boxes. Boxes in which the point itself lies do not count for
+    the leader."""
     boxes = _boxes(corners, size)
     apart = ~((point > solid[:, :2]) & (point < solid[:, 2:])).all(axis=1)
     starts = np.broadcast_to(point, corners.shape)
@@ -98,7 +106,8 @@ def _price(point: NDArray, size: NDArray, corners: NDArray, solid: NDArray, line
 
 
 def _entangled(point: NDArray, size: NDArray, corners: NDArray, others: NDArray, ends: NDArray) -> NDArray:
-    """(M,): how the label and its leader get in the way of the leaders from the other points to their ends."""
+    """Return the penalty (M,) of each of M places of a label for crossing leaders: those from the points `others` to
+    their `ends` may neither cross this label's leader nor run under the label."""
     starts = np.broadcast_to(point, corners.shape)
     crossed = _cross(starts, nearest(starts, corners, size), others, ends)
     covered = _meets(others, ends, _boxes(corners, size)).T
@@ -106,14 +115,15 @@ def _entangled(point: NDArray, size: NDArray, corners: NDArray, others: NDArray,
 
 
 def _common(boxes: NDArray, others: NDArray) -> NDArray:
-    """(M, K): the area that each two boxes have in common."""
+    """Return the area (M, K) that each of M boxes has in common with each of K others."""
     low = np.maximum(boxes[:, None, :2], others[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
     return np.maximum(high - low, 0.0).prod(axis=2)
 
 
 def _meets(starts: NDArray, ends: NDArray, boxes: NDArray) -> NDArray[np.bool_]:
-    """(M, K): whether each line from a start (M, 2) to its end runs through each box, by the method of slabs."""
+    """Return (M, K): True where the line from a start (M, 2) to its end (M, 2) runs through a box of K; by the method
+    of slabs."""
     start, step = starts[:, None], (ends - starts)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = (boxes[:, :2] - start) / step, (boxes[:, 2:] - start) / step
@@ -125,7 +135,7 @@ def _meets(starts: NDArray, ends: NDArray, boxes: NDArray) -> NDArray[np.bool_]:
 
 
 def _cross(a: NDArray, b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.bool_]:
-    """(M, K): whether the lines a to b (M, 2) and c to d (K, 2) cross."""
+    """Return (M, K): True where a line from a to b (M, 2) crosses a line from c to d (K, 2)."""
 
     def side(start: NDArray, end: NDArray, place: NDArray) -> NDArray:
         along, there = end - start, place - start
@@ -136,10 +146,11 @@ def _cross(a: NDArray, b: NDArray, c: NDArray, d: NDArray) -> NDArray[np.bool_]:
 
 
 def spread(places: Sequence[float], distance: float, height: float) -> NDArray[np.float64]:
-    """Places as near to these as they can be with this distance from each to the next, between 0 and height.
+    """Return places for labels in a column, in the order of `places`, with at least `distance` between neighbours, and
+    between 0 and `height`, moved as little as possible.
 
-    They keep their order; of equal ones the first is the lowest. Solved as a monotone regression, by its min-max
-    formula.
+    The order from low to high is kept; of equal places the first stays lowest. If there is not enough room, they go on
+    above `height`. Solved as a monotone regression, by its min-max formula.
     """
     if not places:
         return np.zeros(0)

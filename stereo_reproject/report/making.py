@@ -20,10 +20,8 @@ from .header import ReportHeader
 
 @dataclass(frozen=True, kw_only=True)
 class LayerFacts:
-    """The facts about a view layer that a report takes from its renderer.
-
-    time_limit and samples_rendered are as in `FrameReport`.
-    """
+    """The facts about one view layer that its renderer knows and the report needs. time_limit and samples_rendered are
+    as in `FrameReport`; parallax is None where no point is seen."""
 
     header: ReportHeader
     plan: EffectsPlan
@@ -36,7 +34,8 @@ class LayerFacts:
 def pair_report(
     pair: StereoPair, facts: Sequence[LayerFacts], settings: StereoSettings, memory: MemoryReport
 ) -> FrameReport:
-    """Return the report of a pair that has no files yet; facts are those of its view layers, in their order."""
+    """Return the report of a rendered pair. facts are those of its view layers in their order, the main one first;
+    memory is that of this process."""
     frame, main = pair.main_frame, facts[0]
     return FrameReport(
         **vars(main.header),
@@ -63,11 +62,12 @@ def pair_report(
 
 
 def layer_reports(pair: StereoPair) -> tuple[LayerReport, ...]:
-    """Return a report of each view layer, in their order."""
+    """Return the report of each view layer of a pair, in their order."""
     return tuple(_layer_report(name, frame) for name, frame in pair.frames.items())
 
 
 def _layer_report(name: str, frame: StereoFrame) -> LayerReport:
+    """Return the report of the view layer `name` from its frame."""
     estimate = frame.refinement.estimate
     return LayerReport(
         name=name,

@@ -25,14 +25,17 @@ LEAST_SHOWN_SECONDS = 0.05
 
 
 def _is_number(value: Any) -> bool:
+    """Return True for a number; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def _number(value: Any, pattern: str) -> str:
+    """Return a number formatted by `pattern`, or "n/a" for anything that is not a finite number."""
     return format(float(value), pattern) if _is_number(value) and math.isfinite(value) else "n/a"
 
 
 def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the seconds of each stage and in total."""
     seconds = report["seconds"]
     lines = ["took              seconds"]
     for name in in_order(name for name in seconds if name != "total"):
@@ -43,6 +46,7 @@ def _seconds_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _traced_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the share of the target's pixels that was traced, by reason."""
     fractions = report["fractions"]
     lines = ["traced        of the target eye's pixels (one pixel may have several reasons)"]
     for name, fraction in fractions.items():
@@ -53,6 +57,8 @@ def _traced_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the estimated quality and whether its promise is kept; an empty list for a report without
+    that part."""
     estimate = report.get("estimate")
     if not estimate or estimate["noise_ratio"] is None:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
@@ -68,6 +74,8 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _promised(value: float, promise: float | None, *, unsure: bool = False) -> str:
+    """Return the end of a line about `value`: the promise, and if it is kept; "" where nothing is promised. `unsure`
+    means that the probes cannot tell."""
     if promise is None:
         return ""
     verdict = "too close to tell" if unsure else "kept" if value <= promise else "not kept"
@@ -75,6 +83,8 @@ def _promised(value: float, promise: float | None, *, unsure: bool = False) -> s
 
 
 def _correction_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the line about the correction of traced pixels to EEVEE's light; an empty list where there was no
+    correction."""
     correction = report.get("correction")
     if not correction:
         return []
@@ -83,6 +93,7 @@ def _correction_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _effects_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the effects for which pixels were traced; an empty list without any."""
     called_for = [row for row in report.get("effects") or () if row["called_for"] and row["fraction"] > 0.0]
     if not called_for:
         return []
@@ -91,6 +102,7 @@ def _effects_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _layers_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the view layers; an empty list where there is only one."""
     rows = report.get("layers") or ()
     if not rows:
         return []
@@ -103,6 +115,8 @@ def _layers_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def _price_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the line about the predicted cost of the next better accuracy; an empty list for a report without that
+    part."""
     price = report.get("price")
     if not price:
         return []
@@ -113,7 +127,8 @@ def _price_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def more_seconds_text(price: Mapping[str, Any]) -> str:
-    """Return in words how many seconds more the next better setting costs; price is the report's, as JSON has it."""
+    """Return in words how many seconds more the next better accuracy would cost, such as "at least 1.5 s more". price
+    is the "price" of a report's JSON."""
     more = price["more_seconds"]
     if more < LEAST_SHOWN_SECONDS:
         return "less than 0.1 s more" + ("" if price["complete"] else ", but for what its probes ask for")
@@ -121,6 +136,8 @@ def more_seconds_text(price: Mapping[str, Any]) -> str:
 
 
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
+    """Return the lines about the gain over Blender's multiview: speed-up and errors as they were measured in a
+    comparison, or else only the predicted speed-up. An empty list for a report with neither."""
     multiview = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:
@@ -140,7 +157,8 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def samples_text(report: Mapping[str, Any]) -> str:
-    """Return the samples of a pixel in words: with a time limit, also how many of them the source came to."""
+    """Return the number of samples per pixel in words. With a time limit in the scene, it also says how many of them
+    were rendered."""
     samples = report["samples"]
     if report.get("time_limit") is None:
         return f"{samples} samples"
@@ -150,7 +168,7 @@ def samples_text(report: Mapping[str, Any]) -> str:
 
 
 def format_report_table(report: Mapping[str, Any]) -> str:
-    """Return the short summary of a report, in lines of plain ASCII save for what the report itself quotes."""
+    """Return a report's JSON as a short table for people. It is plain ASCII but for texts that the report quotes."""
     size = "x".join(map(str, report["size"]))
     peak = report["memory"]["peak_mb"]
     lines = [

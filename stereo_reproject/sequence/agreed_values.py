@@ -23,13 +23,14 @@ READ_INTERVAL_SECONDS = 0.05
 
 
 class AgreedValues:
-    """Named numbers, not negative, by key: one JSON file for each key. Frames of all names share them."""
+    """Numbers that the first run to find them writes into the journal, so that all runs use the same: one JSON file
+    with named, non-negative numbers for each key. Animations of different names in one folder share them."""
 
     def __init__(self, folder: JournalFolder) -> None:
         self._folder = folder
 
     def read(self, key: str) -> dict[str, float] | None:
-        """Return the values of a key; None where there are none that can be read."""
+        """Return the numbers of a key by name; None where there are none yet or the file cannot be read."""
         with contextlib.suppress(OSError, *UNREADABLE_ERRORS):
             read = json.loads(read_small(self._path(key), VALUES_BYTES))
             if all(type(value) in (int, float) and 0 <= value < math.inf for value in read.values()):
@@ -37,7 +38,8 @@ class AgreedValues:
         return None
 
     def agree_on(self, key: str, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the values that another run has written for a key, or write and return these. Raises OSError."""
+        """Return the numbers that all runs are to use for a key: those that another run has written already, else
+        `values`, which are written then. Waits a moment for a file that is just being written. Raises OSError."""
         path = self._path(key)
         try:
             write_new(path, to_json(values))
@@ -53,4 +55,5 @@ class AgreedValues:
         return dict(values)
 
     def _path(self, key: str) -> Path:
+        """Return the path of the file with the values of a key."""
         return self._folder.path / f"found-{key}.json"

@@ -60,16 +60,17 @@ NAME_DISTANCE = 0.185
 
 
 def draw_animation_chart(report: Mapping[str, Any], path: Path, *, until_whole: Path | None = None) -> None:
-    """Write path.svg and path.png from the content of animation.json; until_whole is passed to `files.whole_file`.
-    Raises OSError."""
+    """Draw the chart of an animation into path.svg and path.png. report is the content of animation.json; until_whole
+    is the folder for unfinished files, see `files.whole_file`. Raises OSError."""
     draw_whole(draw_animation, report, path, until_whole)
 
 
 def draw_animation(report: Mapping[str, Any]) -> Figure:
-    """Seconds per frame, made of their stages, with those of Blender's multiview; below, the traced share.
+    """Return the chart of an animation: the seconds of each frame by stage, with those of Blender's multiview, and
+    below them the share of traced pixels.
 
-    report is what animation.json holds, with a frame at least; it may have "reported" too, see `reported_note`. A frame
-    without figures is a gap.
+    report is the content of animation.json, with at least one frame. It may also have "reported", figures that others
+    have published, which are drawn beside: see `reported_note`. Frames without figures are gaps.
     """
     series = series_of(report)
     notes = _notes(report, series)
@@ -90,6 +91,7 @@ def draw_animation(report: Mapping[str, Any]) -> Figure:
 
 
 def _title(report: Mapping[str, Any]) -> str:
+    """Return the title of the chart: the number of frames and, if it is known, the speed-up over multiview."""
     whole = report.get("totals") or {}
     title = _counted(len(report["frames"]))
     speedup = number_in(whole, "speedup")
@@ -101,11 +103,13 @@ def _title(report: Mapping[str, Any]) -> str:
 
 
 def _counted(frames: int) -> str:
+    """Return a number of frames in words: "1 frame", "2 frames"."""
     return f"{frames} frame{'' if frames == 1 else 's'}"
 
 
 def _details(report: Mapping[str, Any], series: Series) -> str:
-    """Return the facts that all frames have in common, and the fraction that was traced."""
+    """Return the line below the title: size, samples and accuracy where all frames have the same, and the mean share of
+    traced pixels."""
     rows = report["frames"]
     size, samples = _common(rows, "size"), _common(rows, "samples")
     parts = [
@@ -120,11 +124,13 @@ def _details(report: Mapping[str, Any], series: Series) -> str:
 
 
 def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
+    """Return the value that all frames have for `key`; None where they differ or have none."""
     first = rows[0].get(key)
     return first if all(row.get(key) == first for row in rows) else None
 
 
 def _notes(report: Mapping[str, Any], series: Series) -> str:
+    """Return the notes below the chart: what its words mean, and which frames are missing or have failed."""
     compared = int(np.isfinite(series.measured).sum())
     peer = (
         f"measured on {compared} of {_counted(len(report['frames']))}"
@@ -149,6 +155,7 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
 
 
 def _seconds_text(seconds: float) -> str:
+    """Return seconds as a text with about three digits, such as "1.25 s"."""
     decimals = 0 if seconds >= 99.95 else 1 if seconds >= 9.995 else 2
     return f"{seconds:.{decimals}f} s"
 
@@ -157,7 +164,8 @@ def _seconds_text(seconds: float) -> str:
 
 
 def _add_axes(figure: Figure, notes: str) -> tuple[Axes, Axes]:
-    """For the seconds, and below them for what was traced, over the same frames."""
+    """Add two axes over the same frames to the figure, and return them: the upper ones for seconds, the lower ones for
+    the traced share. `notes` are the lines of text that need room below."""
     height = figure.get_figheight()
     below = BELOW + NOTE_LINE_INCHES * len(notes.splitlines())
     start = below + TRACED_HEIGHT + BETWEEN
@@ -174,18 +182,20 @@ def _add_axes(figure: Figure, notes: str) -> tuple[Axes, Axes]:
 
 
 def _edges(series: Series) -> NDArray[np.float64]:
-    """Return (N + 1,) the places on the axis at which frames begin and end; so one alone between two gaps is seen as
-    well."""
+    """Return the places (N + 1,) on the axis where the frames begin and end. Each frame is one step wide, so that a
+    frame between two gaps can be seen too."""
     half = 0.5 * series.step
     return np.append(series.frames - half, series.frames[-1] + half).astype(np.float64)
 
 
 def _used(series: Series) -> list[str]:
-    """The kinds of stages that took any time."""
+    """Return the kinds of stages that took any time in any frame."""
     return [name for name, seconds in series.stages.items() if np.nansum(seconds) > 0.0]
 
 
 def _draw_stages(axes: Axes, series: Series) -> None:
+    """Draw the seconds of each kind of stage as areas on top of one another, and the seconds of the whole frame as a
+    line."""
     edges, below = _edges(series), np.zeros(len(series.frames))
     for name in _used(series):
         above = below + series.stages[name]
@@ -195,23 +205,28 @@ def _draw_stages(axes: Axes, series: Series) -> None:
 
 
 def _fill(axes: Axes, above: NDArray, edges: NDArray, below: NDArray | float, **look: Any) -> None:
+    """Fill the area between `below` and `above`, the heights (N,) of N frames; edges (N + 1,) are the frames' sides.
+    look are options of matplotlib."""
     # An SVG with every corner of thousands of frames would be of some megabytes.
     many = len(above) > MAX_VECTOR_FRAMES
     axes.stairs(above, edges, baseline=below, fill=True, linewidth=0.0, rasterized=many, **look)
 
 
 def _width(series: Series) -> float:
-    """Return the width of a line: thinner where the frames lie close."""
+    """Return the width of a line in points, for matplotlib: thinner where there are many frames."""
     return 1.6 if len(series.frames) <= 200 else 0.8
 
 
 def _peer(series: Series) -> tuple[str, NDArray]:
-    """Return how the seconds of Blender's multiview are known, and the seconds (N,)."""
+    """Return "measured" or "predicted", and the seconds (N,) of Blender's multiview known in that way: measured ones if
+    any frame was compared."""
     measured = np.isfinite(series.measured).any()
     return ("measured", series.measured) if measured else ("predicted", series.predicted)
 
 
 def _draw_peer(axes: Axes, series: Series) -> None:
+    """Draw the seconds of multiview as a line: over every frame if they are predicted, else through the frames that
+    were compared."""
     how, seconds = _peer(series)
     if how == "predicted":
         axes.stairs(seconds, _edges(series), baseline=None, label=PEER, **_look_of_peer(how, seconds))
@@ -224,7 +239,9 @@ def _draw_peer(axes: Axes, series: Series) -> None:
 
 
 def _marked(seconds: NDArray) -> list[int]:
-    """Return the points that have a marker: all of a few, else those that are in no line."""
+    """Return the indices of the points of multiview's line that get a marker: all points with known seconds or, if
+    these are more than MAX_MARKERS, only those without a known neighbour. seconds (N,) are NaN where they are not
+    known."""
     known = np.isfinite(seconds)
     if known.sum() > MAX_MARKERS:
         beside = np.pad(known, 1)
@@ -233,6 +250,7 @@ def _marked(seconds: NDArray) -> list[int]:
 
 
 def _draw_traced(axes: Axes, series: Series) -> None:
+    """Draw the share of traced pixels, in percent, as an area with a line on top."""
     shares, edges = 100.0 * series.traced, _edges(series)
     _fill(axes, shares, edges, 0.0, color=BLUE, alpha=0.25)
     axes.stairs(shares, edges, baseline=None, color=BLUE, linewidth=_width(series), label="traced")
@@ -241,7 +259,8 @@ def _draw_traced(axes: Axes, series: Series) -> None:
 
 
 def _draw_reported(upper: Axes, lower: Axes, series: Series, reported: Mapping[str, Any]) -> None:
-    """The seconds that others' speed-ups would come to over the peer, and their traced share."""
+    """Draw others' published figures: the range of seconds that would follow from their speed-ups over multiview into
+    the upper axes, their traced share into the lower ones."""
     seconds = _peer(series)[1]
     known = np.isfinite(seconds)
     ends = [seconds[known] / speedup for speedup in reported["speedup"]]
@@ -256,6 +275,7 @@ def _draw_reported(upper: Axes, lower: Axes, series: Series, reported: Mapping[s
 
 
 def _scale(upper: Axes, lower: Axes, series: Series) -> None:
+    """Set the ranges, labels and ticks of both axes."""
     from matplotlib.ticker import MaxNLocator
 
     upper.set_ylabel("seconds per frame")
@@ -278,7 +298,8 @@ def _scale(upper: Axes, lower: Axes, series: Series) -> None:
 
 
 def _name_lines(axes: Axes, series: Series) -> None:
-    """The names right of the axes, each as high as where its line or area ends, with the mean of its seconds."""
+    """Write the names of the lines and areas right of the axes, each about as high as its right end, with the mean of
+    its seconds."""
     entries = _named(series)
     top, height = axes.get_ylim()[1], axes.bbox.height / axes.figure.dpi
     ends = [end / top * height for _, _, _, end in entries]
@@ -287,7 +308,8 @@ def _name_lines(axes: Axes, series: Series) -> None:
 
 
 def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
-    """Name, mean, look, and seconds at which it ends."""
+    """Return for each line and area its name, the mean of its seconds, the look of its sample, and the seconds at its
+    right end. Those without any known seconds are left out."""
     entries, below = [], np.zeros(len(series.frames))
     for name in _used(series):
         above = below + series.stages[name]
@@ -305,6 +327,8 @@ def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
 
 
 def _look_of_peer(how: str, seconds: NDArray) -> dict[str, Any]:
+    """Return the look of multiview's line as options of matplotlib; how is "measured" or "predicted", and seconds (N,)
+    decide if it has markers."""
     if how == "predicted":
         return {"color": BLACK, "linewidth": 0.9, "linestyle": (0, (4, 3))}
     marker = "o" if np.isfinite(seconds).sum() <= MAX_MARKERS else None
@@ -312,6 +336,8 @@ def _look_of_peer(how: str, seconds: NDArray) -> dict[str, Any]:
 
 
 def _draw_name(axes: Axes, name: str, mean: float, look: Mapping[str, Any], height: float) -> None:
+    """Write one name right of the axes with a sample of its line or area before it, and its mean seconds behind it.
+    height is a share of the axes' height."""
     from matplotlib.lines import Line2D
 
     # In shares of the axes' width; the sample is the figure's, since the lines of the axes are data.

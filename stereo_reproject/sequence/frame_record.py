@@ -21,8 +21,12 @@ NAME_BYTES, NAMES_BYTES = 255, 1023
 
 @dataclass(frozen=True)
 class Record:
-    """A finished frame. files have the size in bytes and the SHA-256 of each file, by name; settings and scene are
-    `Fingerprints`, run is the token of the run that rendered it, and figures are those for the animation's report."""
+    """The facts about one finished frame, as the journal keeps them.
+
+    files has the size in bytes and the SHA-256 of each file, by its path from the frames' folder. settings and scene
+    are those of `Fingerprints`. run is the token of the run that rendered the frame. figures are the measurements for
+    the animation's report.
+    """
 
     frame: int
     files: Mapping[str, Mapping[str, Any]]
@@ -34,8 +38,11 @@ class Record:
 
 
 def read_record(read: Any) -> Record:
-    """A record from JSON, each field of its own kind; of the figures only that they have names, for whoever uses them
-    looks at them (`figures`). Raises ValueError, which says what is wrong with it."""
+    """Return a record from the content of a JSON file, which may be anything. Raises ValueError, with the reason in
+    words, where a field is missing or of the wrong form.
+
+    Only the names of the figures are checked here; `figures` checks their values when they are used.
+    """
     if not isinstance(read, dict) or read.keys() != {field.name for field in fields(Record)}:
         raise ValueError("it has not the fields of a record")
     for name, is_as_it_should_be in _KINDS.items():
@@ -48,10 +55,11 @@ def read_record(read: Any) -> Record:
 
 
 def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
-    """Return whether a name, with / between folders, leads to something below the folder that it is taken from.
+    """Return True if a relative path, written with / between folders, leads to something below the folder that it
+    starts from.
 
-    A backslash separates folders on Windows alone, but a journal may be read there: between backslashes, .. is refused
-    everywhere.
+    windows says if the rules of Windows apply, where a backslash separates folders as well. A part ".." between
+    backslashes is refused on every system, because the same journal may be read on Windows.
     """
     path: PurePath = PureWindowsPath(name) if windows else PurePosixPath(name)
     parts = re.split(r"[/\\]", name)
@@ -60,7 +68,8 @@ def is_confined(name: str, *, windows: bool = os.name == "nt") -> bool:
 
 
 def _can_be_there(name: str) -> bool:
-    """Return whether a drive can have a file of this name: asking a drive for any other raises an error of its own."""
+    """Return True if a drive can have a file of this name: not too long, and with no characters that cannot be in a
+    name."""
     try:
         encoded = os.fsencode(name)
     except UnicodeEncodeError:
@@ -70,22 +79,27 @@ def _can_be_there(name: str) -> bool:
 
 
 def _is_count(value: Any) -> bool:
+    """Return True for a whole number that is not negative; True and False are none."""
     return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
 def _is_text(value: Any) -> bool:
+    """Return True for a text."""
     return isinstance(value, str)
 
 
 def _are_texts(value: Any) -> bool:
+    """Return True for a dict whose values are texts."""
     return isinstance(value, dict) and all(map(_is_text, value.values()))
 
 
 def _are_files(value: Any) -> bool:
+    """Return True for a dict, not empty, whose values are checksums."""
     return isinstance(value, dict) and bool(value) and all(map(_is_checksum, value.values()))
 
 
 def _is_checksum(value: Any) -> bool:
+    """Return True for a dict of the form that `checksum` returns."""
     known = isinstance(value, dict) and value.keys() == {"bytes", "sha256"}
     return known and _is_count(value["bytes"]) and _is_text(value["sha256"])
 

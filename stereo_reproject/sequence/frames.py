@@ -34,10 +34,12 @@ MAX_FAILURES_IN_A_ROW = 3
 
 @dataclass(frozen=True)
 class FramePlan:
-    """The plan of a run: `todo` are the frames to be rendered and `kept` those that stay, each with its state on disk.
+    """The plan of a run: `todo` are the frames that it renders and `kept` those that stay as they are, each with its
+    state on the drive.
 
-    replaced are the records that were there before. A record that differs from them later is another run's, which was
-    quicker. With overwrite, records of live runs that render the same are left out of it, so that they count as new.
+    replaced are the records that existed when the plan was made, by frame: a record that differs from these later is
+    new, from another run that was quicker. With "overwrite", records of live runs that render the same are left out of
+    `replaced`, so that they count as new.
     """
 
     todo: Mapping[int, FrameState]
@@ -45,15 +47,15 @@ class FramePlan:
     replaced: Mapping[int, Record]
 
     def is_new(self, record: Record) -> bool:
-        """Return whether a record has appeared while this run was under way."""
+        """Return True if this record was written by another run after the plan was made."""
         return record != self.replaced.get(record.frame)
 
 
 @dataclass(frozen=True)
 class FrameListener:
-    """Functions that are called as frames change: `done` with each finished frame and its record, `failed` with each
-    frame that could not be rendered and the reason, `waits` with frames of another run when there is nothing else to
-    do."""
+    """Functions that are called as an animation goes on. `done` gets each finished frame with its record; `failed` gets
+    each frame that could not be rendered, with the reason; `waits` gets the frames of other runs that this run waits
+    for, when it has nothing else to do."""
 
     done: Callable[[int, Record], None] = lambda _frame, _record: None
     failed: Callable[[int, str], None] = lambda _frame, _why: None
@@ -61,17 +63,19 @@ class FrameListener:
 
 
 class FrameMaker(Protocol):
-    """Renders frames, and has their files written and recorded meanwhile."""
+    """The protocol of whatever renders frames and has their files written and recorded, which may go on while the next
+    frame is rendered."""
 
     def render(self, frame: int, claim: int) -> None:
-        """Render a frame and hand it over to be written. Raises StereoReprojectError when it cannot be rendered."""
+        """Render a frame and hand it over to be written; claim is the number of this run's claim of it. Raises
+        StereoReprojectError if it cannot be rendered."""
         ...
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """Return the frames that were handed over and are written by now, each with its record or the error; with wait,
-        all.
+        """Return the frames whose writing has ended since the last call, each with its record, or with the error, or
+        with None where another run has claimed it meanwhile and it was not written.
 
-        A frame with None was not written, because another run has claimed it meanwhile.
+        With `wait`, first wait until all frames that were handed over are written.
         """
         ...
 
@@ -84,10 +88,11 @@ def plan_frames(
     *,
     on_look: Callable[[int], None] = lambda _: None,
 ) -> FramePlan:
-    """Return the plan for frames with these files. existing is one of `settings.animation.EXISTING`; on_look is called
-    after each frame whose files were read, which takes a while.
+    """Return the plan for frames of an animation: which are rendered, and which stay.
 
-    Raises BadInputError when frames are there that are not to be touched, and OSError.
+    files has the paths of each frame's files, and wanted the fingerprints of what is asked for. existing is one of
+    `settings.animation.EXISTING`. on_look is called after each frame whose files were read and checked, which takes a
+    while. Raises BadInputError where existing frames must not be touched, and OSError.
     """
     _check_folders(journal, files)
     # Of many frames few are there as a rule, and only those are looked at.
@@ -116,13 +121,16 @@ def plan_frames(
 
 
 def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> None:
-    """Raise BadInputError where a link would lead a frame's file out of the folder that was asked for."""
+    """Raise BadInputError if one of the folders for the files, other than the frames' folder itself, is a link to
+    another place."""
     for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
         if folder != journal.frames_folder and leads_elsewhere(folder):
             raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
 
 
 def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
+    """Return True if a frame in this state is not to be rendered again. With "keep", it is enough that all its files
+    exist and are not empty, as in Blender without Overwrite."""
     if existing == "keep" and state not in (FrameState.MISSING, FrameState.DAMAGED):
         # As Blender does it without Overwrite, whoever has rendered them: all that counts is that they are there.
         return all(path.exists() and path.stat().st_size for path in files)
@@ -130,7 +138,9 @@ def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
 
 
 def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Mapping[int, Record]) -> None:
-    """Frames that are there may be those of another run that has just begun on the same."""
+    """Raise BadInputError if any frames exist already, unless all of these are whole and come from live runs, which
+    have just begun on the same animation. states are the frames' states, and known the records that the plan has read,
+    both by frame."""
     there = [frame for frame, state in states.items() if state is not FrameState.MISSING or frame in known]
     records = {record.frame: record for record in journal.records.read_all(there)}
     tokens = {records[frame].run if frame in records else "" for frame in there}
@@ -143,6 +153,7 @@ def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Map
 
 
 def _check_scene(journal: Journal, states: Mapping[int, FrameState], wanted: Fingerprints) -> None:
+    """Raise BadInputError if an existing frame was rendered of another scene; the message names what has changed."""
     others = [frame for frame, state in states.items() if state is FrameState.OTHER_SCENE]
     if others:
         record = journal.records.read(others[0])
@@ -161,11 +172,12 @@ def render_frames(
     maker: FrameMaker,
     listener: FrameListener,
 ) -> None:
-    """Render what is to be rendered, each frame by one run alone; back when all are there or have failed.
+    """Render the frames in plan.todo, each by one run alone. Returns when all of them are rendered, by this run or
+    another, or have failed.
 
-    A frame that another run has claimed is left to it, and looked after when all others are done. One that cannot be
-    rendered is passed over; when several cannot, one after the other, the last one's error is raised, and so is
-    OutputError at once.
+    A frame that another run has claimed is left to it, and looked at again at the end. token is this run's. A frame
+    that cannot be rendered is passed over; after MAX_FAILURES_IN_A_ROW such frames the last one's error is raised.
+    OutputError is raised at once, as is BadInputError if no frame has succeeded yet.
     """
     work = _Work(plan, journal, wanted, token, maker, listener)
     left = set(plan.todo)
@@ -180,6 +192,9 @@ def render_frames(
 
 @dataclass
 class _Work:
+    """The state of `render_frames` while it goes on: its arguments, this run's claims by frame, and the frames that
+    other runs have taken over."""
+
     plan: FramePlan
     journal: Journal
     wanted: Fingerprints
@@ -193,7 +208,9 @@ class _Work:
     _taken_over: set[int] = field(default_factory=set)
 
     def do(self, frame: int) -> bool:
-        """Render a frame, unless it is there by now; return False where another run has it."""
+        """Render a frame and hand it over to be written. Return False, with nothing done, where another live run has
+        claimed it; else True, also if another run has finished it meanwhile or if it failed. Raises the errors of
+        `render_frames`."""
         try:
             claim = self.journal.claims.take(frame, self.token)
             if claim is None:
@@ -216,6 +233,8 @@ class _Work:
         return True
 
     def _check_same(self, record: Record) -> None:
+        """Raise OtherRunError if a frame of another run is of another scene or other settings; frames that this run has
+        rendered are written first."""
         try:
             check_same(self.journal, record, self.wanted)
         except OtherRunError:
@@ -224,12 +243,14 @@ class _Work:
             raise
 
     def collect(self, *, wait: bool) -> set[int]:
-        """Report the frames written by now; return those that another run has taken over, to look for later."""
+        """Report the frames that are written by now; with `wait`, wait for all. Return those that another run has taken
+        over, to be looked at again later."""
         self._look(wait=wait)
         taken, self._taken_over = self._taken_over, set()
         return taken
 
     def _look(self, *, wait: bool) -> None:
+        """Take the results of written frames from the maker (with `wait`, of all) and report them to the listener."""
         for frame, result in self.maker.finished(wait=wait):
             if result is None:
                 self._taken_over.add(frame)
@@ -241,6 +262,8 @@ class _Work:
                 self.listener.done(frame, result)
 
     def _fail(self, frame: int, error: StereoReprojectError, *, hopeless: bool) -> None:
+        """Release the claim of a frame that failed and report it to the listener. Raise the error instead where the run
+        has to end: if it is `hopeless` to go on, if it is an OutputError, or after MAX_FAILURES_IN_A_ROW failures."""
         with contextlib.suppress(OSError):
             self.journal.claims.release(frame, self._claims[frame], self.token)
         self._failed_in_a_row += 1
@@ -250,10 +273,12 @@ class _Work:
 
 
 def publish_frame(journal: Journal, made: Mapping[str, Path], record: Mapping[str, Any], claim: int) -> Record | None:
-    """Put a frame's finished files in their places, by their names in the frames' folder, and record them.
+    """Move a frame's finished files into the frames' folder, write its record, and return it; None, with nothing moved,
+    where another run has claimed the frame meanwhile.
 
-    They come from the same drive, and each appears whole. record are a `Record`'s fields but for its files. None where
-    another run has claimed the frame meanwhile, to whom it is left. Raises OutputError.
+    made has the path of each file, on the same drive, by its path in the frames' folder; each appears there whole.
+    record has the fields of a `Record` but for its files. claim is the number of this run's claim, which is released.
+    Raises OutputError.
     """
     try:
         sums = {}

@@ -39,10 +39,10 @@ from .runs import LiveRuns
 
 
 class Journal:
-    """The journal of the frames in a folder: its parts, and the states of frames that follow from them.
+    """The journal of the frames in a folder: its parts, and the state of each frame as it follows from them.
 
-    name is the common beginning of the names of the frames' files, from Blender's output path; runs are those of the
-    same folder, with another clock for one.
+    name is the common beginning of the frames' file names, from Blender's output path. runs are the live runs of this
+    journal, by default new ones with the usual clock.
     """
 
     def __init__(self, frames_folder: Path, name: str = "", *, runs: LiveRuns | None = None) -> None:
@@ -69,7 +69,8 @@ class Journal:
         return self.place.name
 
     def known_frames(self) -> set[int]:
-        """Return the frames that have a record or a claim, from one listing of the folder. Raises OSError."""
+        """Return the numbers of the frames that have a record or a claim. Reads only the names in the folder. Raises
+        OSError."""
         pattern = re.compile(re.escape(self.name) + r"(\d{4,})(?:\.json|\.claim\..*)", re.IGNORECASE)
         try:
             found = (pattern.fullmatch(path.name) for path in self.folder.iterdir())
@@ -78,7 +79,8 @@ class Journal:
             return set()
 
     def state(self, frame: int, files: Collection[Path], wanted: Fingerprints) -> FrameState:
-        """Return the state of a frame that is to be written to these files. Raises OSError."""
+        """Return the state of a frame that is to have these files, compared with the fingerprints that are wanted. A
+        frame whose files another live run is writing counts as missing. Raises OSError."""
         state = self._state(frame, files, wanted)
         if state not in (FrameState.UNKNOWN, FrameState.DAMAGED):
             return state
@@ -86,6 +88,7 @@ class Journal:
         return FrameState.MISSING if self.claims.is_held(frame) else self._state(frame, files, wanted)
 
     def _state(self, frame: int, files: Collection[Path], wanted: Fingerprints) -> FrameState:
+        """Return the state of a frame by its record and its files alone, without a look at claims. Raises OSError."""
         record = self.records.read(frame)
         if record is None:
             there = any(_has_content(path) for path in files)
@@ -98,6 +101,8 @@ class Journal:
         return self._state_of_files(record) if asked <= record.files.keys() else FrameState.MISSING
 
     def _state_of_files(self, record: Record) -> FrameState:
+        """Return WHOLE if all files of a record are unchanged, MISSING if one is missing, else DAMAGED. Raises
+        OSError."""
         worst = FrameState.WHOLE
         for name, known in record.files.items():
             try:
@@ -110,12 +115,14 @@ class Journal:
         return worst
 
     def _is_as_recorded(self, name: str, known: Mapping[str, Any]) -> bool:
-        """Return whether a file is unchanged; False where a link leads out of the frames' folder."""
+        """Return True if the file `name` has its recorded checksum; False also where a link leads it out of the frames'
+        folder. Raises OSError."""
         place = Path(os.path.realpath(self.frames_folder / name))
         return place.is_relative_to(os.path.realpath(self.frames_folder)) and is_unchanged(place, known)
 
 
 def _has_content(path: Path) -> bool:
+    """Return True if a file exists and is not empty. Raises OSError where that cannot be found out."""
     try:
         return path.stat().st_size > 0
     except (FileNotFoundError, NotADirectoryError):

@@ -21,10 +21,10 @@ UNREADABLE_ERRORS = (ValueError, TypeError, KeyError, AttributeError, OverflowEr
 
 
 class JournalFolder:
-    """The journal's folder in the folder of the frames, and the names of its files.
+    """The journal's folder, which lies in the folder of the frames, and the names of the files in it.
 
-    `name` is the common beginning of the names of the frames' files, from Blender's output path; it tells these frames
-    from others in the same folder. Characters that some drives do not allow are replaced in it.
+    `name` is the common beginning of the frames' file names, from Blender's output path. It tells these frames from
+    others in the same folder. As an attribute, characters that some drives do not allow are replaced in it.
     """
 
     def __init__(self, frames_folder: Path, name: str) -> None:
@@ -47,16 +47,16 @@ class JournalFolder:
             raise BadInputError(f"{self.path} is a link to another folder: remove it, or name another for the frames")
 
     def remove_empty(self) -> None:
-        """Remove the folder where nothing is in it."""
+        """Remove the folder if it is empty; else do nothing."""
         with contextlib.suppress(OSError):
             self.path.rmdir()
 
     def stem(self, frame: int) -> str:
-        """Return the beginning of the names of a frame's files in the journal."""
+        """Return the beginning of the names of a frame's files in the journal, such as shot_0012."""
         return f"{self.name}{frame:04d}"
 
     def write(self, path: Path, values: Mapping[str, Any]) -> None:
-        """Write a JSON file, which appears whole or not at all. Raises OSError."""
+        """Write values as the JSON file `path`, which appears whole or not at all. Raises OSError."""
         if path.is_dir() and not path.is_symlink():
             raise IsADirectoryError(errno.EISDIR, f"{path.name} in {JOURNAL} is a folder: move it", str(path))
         write_json(path, values)

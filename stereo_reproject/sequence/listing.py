@@ -8,16 +8,17 @@ from pathlib import Path
 
 
 class Listing:
-    """Folders as they are when they are first asked about."""
+    """A quick test if files exist, for very many paths: each folder is read once, when it is first asked about, and
+    later changes are not seen."""
 
     def __init__(self) -> None:
         self._names: dict[str, set[str] | None] = {}
 
     def may_hold(self, path: Path) -> bool:
-        """Tell whether something may have been under this path; False is certain.
+        """Return False if no file was at this path for certain; True if there may have been one.
 
-        Drives differ in whether capital letters and the ways to write an accent make two names of one; here they make
-        none, and whoever has to know looks at the file.
+        Names that differ only in capital letters or in how an accent is written count as one name here, because on some
+        drives they are. The caller must look at the file itself to be sure.
         """
         folder, name = os.path.split(path)
         if folder not in self._names:
@@ -27,7 +28,8 @@ class Listing:
 
 
 def _names_in(folder: str) -> set[str] | None:
-    """Return what lies in a folder by its plain names; None where it cannot be looked at."""
+    """Return the names in a folder, as `_plain` gives them; None where it cannot be read, and an empty set where it is
+    missing."""
     try:
         with os.scandir(folder or os.curdir) as entries:
             return {_plain(entry.name) for entry in entries}
@@ -38,4 +40,5 @@ def _names_in(folder: str) -> set[str] | None:
 
 
 def _plain(name: str) -> str:
+    """Return a name in a form that is the same for capital and small letters and for all ways to write an accent."""
     return name.lower() if name.isascii() else unicodedata.normalize("NFC", name).casefold()

@@ -22,23 +22,26 @@ MOVIE_NOTE_BYTES = 1 << 23
 
 @dataclass(frozen=True)
 class MovieNote:
-    """The frames that a movie was made of; None where an earlier version made it, which did not note them."""
+    """A note about a movie: `frames` are the numbers of the frames that it was made of, None for a movie by an earlier
+    version, which did not note them."""
 
     frames: frozenset[int] | None
 
 
 class MovieNotes:
-    """The notes on movies that were made of the frames of one name: a JSON file each, named by the checksum."""
+    """The notes about movies that were made of the frames of one name. They tell a later run which movies are its own
+    to replace. Each is a JSON file in the journal, named by the movie's checksum."""
 
     def __init__(self, folder: JournalFolder) -> None:
         self._folder = folder
 
     @contextlib.contextmanager
     def noted(self, made: Path, place: Path, frames: Collection[int]) -> Iterator[None]:
-        """Write the note on a movie, run the body, which moves it from made to place, then remove outdated notes.
+        """Write the note about a finished movie, for the time of a `with` block whose body moves the movie from `made`
+        to `place`. After the block, notes of movies that are gone or were replaced are removed.
 
-        Notes are outdated when their movie is gone or was replaced. Where no note can be written, later runs do not
-        recognise the movie. Raises OSError where the movie cannot be read.
+        frames are the frames that the movie was made of. If the note cannot be written, that is no error, but later
+        runs do not recognise the movie. Raises OSError where the movie cannot be read.
         """
         known = checksum(made)
         note = self._path(known)
@@ -55,7 +58,8 @@ class MovieNotes:
                 self._folder.write(note, values)
 
     def read(self, path: Path) -> MovieNote | None:
-        """Return the note on a file that is an unchanged movie of these frames; None for any other. Raises OSError."""
+        """Return the note about the movie at `path`; None where it is no unchanged movie of these frames, or missing.
+        Raises OSError."""
         # Most folders have no note or one: without any, the file's checksum is not needed.
         if not any(self._folder.path.glob("movie-*.json")):
             return None
@@ -69,10 +73,12 @@ class MovieNotes:
             return None
 
     def _path(self, known: Mapping[str, Any]) -> Path:
+        """Return the path of the note about a movie with this checksum."""
         return self._folder.path / f"movie-{known['sha256'][:16]}.json"
 
     def _relative(self, path: Path) -> str:
-        """The path from the frames' folder: other machines may have the drive elsewhere."""
+        """Return a path relative to the frames' folder, because other machines may have the drive at another place. On
+        another drive of Windows it stays absolute."""
         try:
             # Resolved first, because ".." after a link leads up from the link's target.
             place = os.path.relpath(path.parent.resolve() / path.name, self._folder.frames_folder.resolve())
@@ -82,7 +88,8 @@ class MovieNotes:
             return str(path)
 
     def _is_outdated(self, note: Path) -> bool:
-        """Return whether a note's movie is gone or another; False where an earlier version did not note its place."""
+        """Return True if the movie of a note is gone or is another by now. False where that is not certain, as for
+        notes of earlier versions without a place."""
         try:
             noted = json.loads(read_small(note, MOVIE_NOTE_BYTES))
             place = self._folder.frames_folder / noted["file"]

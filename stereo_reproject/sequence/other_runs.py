@@ -29,10 +29,8 @@ ANNOUNCED_CHARACTERS = 1000
 
 @dataclass(frozen=True)
 class LiveRun:
-    """Another run that may be at work: its token, its frames and their fingerprints.
-
-    settled is True when it has found no other run in its way: then it renders, or will.
-    """
+    """Another run that may be at work: its token, and the frames and fingerprints that it has announced. settled is
+    True once it has found no other run in its way; then it renders or is about to."""
 
     token: str
     frames: frozenset[int]
@@ -41,7 +39,8 @@ class LiveRun:
 
 
 def announcement(journal: Journal, frames: Collection[int], wanted: Fingerprints) -> dict[str, Any]:
-    """Return the facts that a run announces of itself before its first frame: see `runs.run_at_work`."""
+    """Return the facts that a run announces in its file before its first frame, for `runs.run_at_work`. A list of
+    frames that is too long is shortened to its first and last frame."""
     text = spelled(frames)
     if len(text) > ANNOUNCED_CHARACTERS:
         text = f"{min(frames)}-{max(frames)}"
@@ -49,7 +48,8 @@ def announcement(journal: Journal, frames: Collection[int], wanted: Fingerprints
 
 
 def other_runs(journal: Journal, own: str) -> list[LiveRun]:
-    """Return the other runs that may be at work on frames of this name and can be read. Raises OSError."""
+    """Return the other runs that may be at work on frames of this name; own is the token of this run. Those whose files
+    cannot be read are left out. Raises OSError."""
     found = []
     for token, facts in journal.runs.announced(but=own).items():
         with contextlib.suppress(BadInputError, *UNREADABLE_ERRORS):
@@ -70,9 +70,9 @@ def settle(
 ) -> None:
     """Wait until no other run renders some of these frames differently; then mark this run as settled.
 
-    It must have announced itself, and must not have looked yet which frames are there: then of two runs at least one
-    sees the other. waits is called with the frames in question before each wait. Raises OtherRunError where this run
-    has to give way, and OSError.
+    It must have announced itself and must not yet have looked which frames exist: then at least one of two runs sees
+    the other. waits is called with the frames in question before each wait. Raises OtherRunError where this run has to
+    give way, and OSError.
     """
     while rivals := _rivals(journal, frames, wanted, token):
         for rival in rivals:
@@ -86,7 +86,8 @@ def settle(
 
 
 def _rivals(journal: Journal, frames: Collection[int], wanted: Fingerprints, own: str) -> list[LiveRun]:
-    """Other runs that may be at work and would render some of these frames differently."""
+    """Return the other runs that may be at work and would render some of these frames of another scene or by other
+    settings. own is the token of this run."""
     return [
         run
         for run in other_runs(journal, own)
@@ -95,19 +96,22 @@ def _rivals(journal: Journal, frames: Collection[int], wanted: Fingerprints, own
 
 
 def check_frames_stayed(journal: Journal, frames: Iterable[int], wanted: Fingerprints) -> None:
-    """Raise OtherRunError where a finished frame has become one of another scene or other settings."""
+    """Raise OtherRunError if another run has replaced one of these finished frames by one of another scene or other
+    settings."""
     for record in journal.records.read_all(frames):
         check_same(journal, record, wanted)
 
 
 def check_same(journal: Journal, record: Record, wanted: Fingerprints) -> None:
-    """Raise OtherRunError where a record is of another scene or other settings than are wanted."""
+    """Raise OtherRunError if a record, written by another run, is of another scene or other settings than wanted."""
     if wanted.state_of(record) is not FrameState.WHOLE:
         what = f"another run has rendered frame {record.frame} meanwhile"
         raise _mixed(journal, what, wanted, record)
 
 
 def _mixed(journal: Journal, what: str, wanted: Fingerprints, theirs: Record | Fingerprints) -> OtherRunError:
+    """Return the error for frames that would be rendered differently by two runs. `what` says in words what the other
+    run does; theirs are its record or fingerprints, which differ from those wanted."""
     kinds = ", ".join(wanted.changed(theirs))
     differs = f"{wanted.state_of(theirs).value} ({kinds})" if kinds else wanted.state_of(theirs).value
     return OtherRunError(

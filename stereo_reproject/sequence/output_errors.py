@@ -29,7 +29,8 @@ at a time."""
 
 
 def failed_output(folder: Path, error: OSError | StereoReprojectError) -> OutputError:
-    """Return an error in writing below this folder as one line, with its cause where that can be found."""
+    """Return the error for the user after a failed write below a folder of frames: that the folder is gone, that the
+    disk is full, or the reason in `error`."""
     if _is_gone(folder, error):
         return OutputError(f"{folder} is gone, with the frames that were in it")
     if _is_full(folder, error):
@@ -39,13 +40,16 @@ def failed_output(folder: Path, error: OSError | StereoReprojectError) -> Output
 
 
 def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReprojectError:
-    """Return the error, or one that says that this folder is gone or its disk full: Blender's own does not say so."""
+    """Return `error` itself, or in its place one that says that the folder is gone or its disk full, if that is so:
+    Blender's own errors do not say it."""
     if isinstance(error, OutputError) or not (_is_gone(folder, error) or _is_full(folder, error)):
         return error
     return failed_output(folder, error)
 
 
 def _is_gone(folder: Path, error: Exception) -> bool:
+    """Return True if the error comes from the removal of the folder of frames: its journal is gone. May wait
+    REMOVAL_SECONDS, because the removal may be under way."""
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
     there = _is_folder(folder / JOURNAL)
     if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
@@ -56,6 +60,7 @@ def _is_gone(folder: Path, error: Exception) -> bool:
 
 
 def _is_folder(path: Path) -> bool:
+    """Return True if a folder is at this path, or if that cannot be found out, as for lack of permission."""
     try:
         return stat.S_ISDIR(path.stat().st_mode)
     except OSError as error:
@@ -64,17 +69,21 @@ def _is_folder(path: Path) -> bool:
 
 
 def _is_full(folder: Path, error: Exception) -> bool:
+    """Return True if the error says that the disk is full, or if the folder's drive is full."""
     return (isinstance(error, OSError) and is_full_disk_error(error)) or is_full(folder)
 
 
 def is_full(folder: Path, *, below: int = FULL_DISK_BYTES) -> bool:
-    """Return whether a folder's drive is full: fewer free bytes than `below`, or room for too few files."""
+    """Return True if a folder's drive is full: fewer than `below` bytes are free, or room for fewer than
+    FULL_DISK_FILES files. False where that is not known."""
     with contextlib.suppress(OSError):
         return shutil.disk_usage(folder).free < below or _has_no_names(folder)
     return False
 
 
 def _has_no_names(folder: Path) -> bool:
+    """Return True if a folder's drive has room for fewer than FULL_DISK_FILES more files; False where it has no such
+    limit."""
     # Windows does not count them, and some drives have no limit.
     if sys.platform == "win32":
         return False

@@ -15,8 +15,9 @@ from .frames import FrameListener, FramePlan
 
 @dataclass(frozen=True)
 class Listener:
-    """Functions that are called as an animation goes on: on_stage with a stage's name and its frame, on_frame with the
-    event of each finished frame, note and warn with texts for the user."""
+    """Functions that are called as an animation goes on. on_stage gets a stage's name and a detail that names the
+    frame; on_frame gets the "frame" event of each finished frame (see `jobs/supervisor`); note and warn get texts for
+    the user."""
 
     on_stage: Callable[[str, str], None] = lambda _stage, _detail: None
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _event: None
@@ -25,10 +26,11 @@ class Listener:
 
 
 class AnimationProgress:
-    """Reports finished frames, of `total`, and the time that the others will take; those that fail go into `failed`.
+    """The progress of an animation. Each finished frame of `total` is reported to `listener`, with the time that the
+    others will take; frames that fail are added to the dict `failed` with the reason.
 
-    clock counts seconds. Time before the first frame ends does not count towards the time that a frame takes.
-    `frame_listener` is to be called for each frame.
+    Its `frame_listener` is the one to pass to `render_frames`. clock returns seconds. The time per frame is measured
+    from the end of the first frame on, so that what comes before does not count.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class AnimationProgress:
         self.frame_listener = FrameListener(self._on_done, self._on_failed, self._on_wait)
 
     def _on_done(self, frame: int, record: Record) -> None:
+        """Report a finished frame and the warnings in its record."""
         # Another run's record is as trustworthy as the drive that it lies on.
         figures, _ = figures_of(record)
         self._step(figures.get("wall_seconds"))
@@ -64,12 +67,14 @@ class AnimationProgress:
             self._out.warn(warning)
 
     def _on_failed(self, frame: int, why: str) -> None:
+        """Report a frame that could not be rendered, and note it in `failed`."""
         self._failed[frame] = why
         self._step(None)
         self._out.warn(f"frame {frame} failed and is left out: {why}")
 
     def _step(self, seconds: Any) -> None:
-        """A frame is over, of which its own seconds are known or not."""
+        """Count a frame that is done or has failed, and update the time per frame. `seconds` are the frame's own, used
+        for the first frame only; None if they are not known."""
         self._left -= 1
         self._done += 1
         now = self._clock()
@@ -81,10 +86,13 @@ class AnimationProgress:
             self._each = (now - self._since) / (self._done - 1)
 
     def _far(self) -> dict[str, Any]:
+        """Return the fields of a "frame" event about the whole animation: frames done and in total, seconds per frame,
+        and seconds that remain."""
         done, each = self._total - self._left, self._each
         return {"done": done, "total": self._total, "each": each, "remaining": each * self._left}
 
     def _on_wait(self, frames: Sequence[int]) -> None:
+        """Tell the user, once, that this run waits for frames of other runs."""
         if not self._waited:
             self._waited = True
             self._out.note(f"waits for what other runs are rendering: {spelled(frames)}")

@@ -17,7 +17,8 @@ from .journal_folder import UNREADABLE_ERRORS, JournalFolder
 
 
 class RecordStore:
-    """The records of the frames of one name: one JSON file for each finished frame."""
+    """The records of finished frames of one name: one JSON file for each in the journal. A file that cannot be read
+    counts as missing and is remembered for `new_doubts`."""
 
     def __init__(self, folder: JournalFolder) -> None:
         self._folder = folder
@@ -25,7 +26,8 @@ class RecordStore:
         self._reported: set[str] = set()
 
     def read(self, frame: int) -> Record | None:
-        """Return a frame's record; None where there is none that can be read. Raises OSError."""
+        """Return the record of a frame; None where there is none, or none that can be read (see `new_doubts`). Raises
+        OSError where the drive fails."""
         path = self._path(frame)
         try:
             record = read_record(json.loads(read_small(path, RECORD_BYTES)))
@@ -46,36 +48,42 @@ class RecordStore:
         return None
 
     def has_file(self, frame: int) -> bool:
-        """Return whether a frame has a record, readable or not."""
+        """Return True if a file has the name of the frame's record, readable or not."""
         return os.path.lexists(self._path(frame))
 
     def read_all(self, frames: Iterable[int] | None = None) -> list[Record]:
-        """Return the records of these frames, or all in the order of their frames. Raises OSError."""
+        """Return the records of these frames, in their order; without `frames`, all records by rising frame. Frames
+        without a record are left out. Raises OSError."""
         found = (self.read(frame) for frame in (self._frames() if frames is None else frames))
         return [record for record in found if record is not None]
 
     def new_doubts(self) -> list[str]:
-        """Return a line for each record that was passed over since the last call: its path and the reason."""
+        """Return warnings about records that could not be used, each with its path and the reason; only those found
+        since the last call."""
         new = [line for line in self._doubts if line not in self._reported]
         self._reported.update(new)
         return new
 
     def write(self, record: Record) -> None:
-        """Write a frame's record in place of an earlier one. Raises OSError."""
+        """Write a frame's record; an earlier one is replaced. Raises OSError."""
         self._folder.write(self._path(record.frame), asdict(record))
 
     def remove(self, frame: int) -> None:
-        """Remove a frame's record before its files are replaced. Raises OSError."""
+        """Remove a frame's record, if there is one. To be done before its files are replaced, which it would describe
+        wrongly. Raises OSError."""
         remove(self._path(frame))
 
     def _doubt(self, line: str) -> None:
+        """Remember a warning about a record, for `new_doubts`."""
         self._doubts[line] = None
 
     def _path(self, frame: int) -> Path:
+        """Return the path of a frame's record."""
         return self._folder.path / f"{self._folder.stem(frame)}.json"
 
     def _frames(self) -> Iterator[int]:
-        """Frames that have a record, in order; a second record of a frame is doubted."""
+        """Yield the frames that have a record, in rising order. A second file for the same frame, whose number is
+        written with another count of zeros, is remembered as a doubt."""
         pattern = re.compile(re.escape(self._folder.name) + r"([0-9]{4,9})\.json")
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             found = [match for path in self._folder.path.iterdir() if (match := pattern.fullmatch(path.name))]
@@ -86,13 +94,13 @@ class RecordStore:
             yield from sorted(frame for frame in frames if frame <= MAX_FRAME)
 
     def _is_canonical(self, match: re.Match[str]) -> bool:
+        """Return True if the file name that matched is the one that a record of its frame has, with no zeros too
+        many."""
         return match.string == self._path(int(match[1])).name
 
     def _doubt_twin(self, path: Path, frame: int) -> None:
-        """Doubt a second record of a frame, whose number has a zero more.
-
-        Such a file may also be a record of frames of another name; the names of its files decide.
-        """
+        """Remember a doubt about `path`, a second record of a frame whose number has zeros too many. It may also be a
+        record of frames of another name, which is no reason for a doubt; the names of its files decide."""
         with contextlib.suppress(OSError, *UNREADABLE_ERRORS):
             files = read_record(json.loads(read_small(path, RECORD_BYTES))).files
             if any(Path(name).name.startswith(self._folder.stem(frame)) for name in files):

@@ -21,7 +21,7 @@ FIGURES = {"wall_seconds", "beside_seconds", "multiview_seconds", "fractions"}
 
 
 def report_path(journal: Journal) -> Path:
-    """Return the report's path: beside the frames, with their name where they have one."""
+    """Return the path of animation.json: in the frames' folder, with the frames' name before it where they have one."""
     name = journal.name.lstrip("_-. ")
     between = "_" if name[-1:].isalnum() else ""
     return journal.frames_folder / f"{name}{between}animation.json"
@@ -34,10 +34,11 @@ def write_animation_report(
     failed: Mapping[int, str],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Write the report on all frames in the journal that have these settings and this scene, whichever run rendered
-    them, and the chart where matplotlib is installed. Return the report. Raises OSError.
+    """Write animation.json and, where matplotlib is installed, the chart. Return the report. Raises OSError.
 
-    Records and figures that cannot be read are passed over, and named among the warnings.
+    It covers all frames in the journal that have the scene and settings in `wanted`, whichever run rendered them.
+    failed has frames with the reason why they failed. Records and figures that cannot be read are left out, and named
+    among the report's warnings.
     """
     rows, odd = _rows(journal, wanted)
     report = {
@@ -56,7 +57,8 @@ def write_animation_report(
 
 
 def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]], list[str]]:
-    """A row for each frame, and what is to be said of records."""
+    """Return the report's row for each frame in the journal that fits the fingerprints, and warnings about records that
+    cannot be used."""
     rows, odd = [], []
     for record in journal.records.read_all():
         if wanted.state_of(record) is not FrameState.WHOLE:
@@ -71,12 +73,14 @@ def _rows(journal: Journal, wanted: Fingerprints) -> tuple[list[dict[str, Any]],
 
 
 def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the totals of all frames, among them seconds, the seconds of Blender's multiview, and how those are known.
+    """Return the totals of all frames, from the report's rows: among them the seconds, the seconds of Blender's
+    multiview, and the speed-up over it.
 
-    Multiview's seconds are predicted for each frame from the cost of its source eye. Where frames were compared, all
-    predictions are scaled by measured over predicted seconds of those frames: a ratio estimate, for which it does not
-    matter whether the compared frames happen to be cheap. multiview_synced is "anew" where multiview synced the whole
-    scene in each compared frame.
+    Multiview's seconds are predicted for each frame from the cost of its source eye. Where some frames were compared,
+    all predictions are scaled by measured over predicted seconds of those frames. This is a ratio estimate: it does not
+    matter if the compared frames happen to be cheap. "speedup_from" is "measured" then, else "predicted".
+    "multiview_synced" is "anew" if multiview synced the whole scene again in a compared frame, else None. Without rows,
+    means and the speed-up are None.
     """
     seconds = [row["wall_seconds"] for row in rows]
     compared = [row for row in rows if row.get("compare")]
@@ -99,6 +103,8 @@ def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
+    """Draw the chart of an animation beside its report at `path`; do nothing where matplotlib is missing. Raises
+    OSError."""
     from ..report.chart_canvas import check_charts
     from .chart import draw_animation_chart
 
@@ -111,7 +117,7 @@ def _draw(report: Mapping[str, Any], path: Path, *, until_whole: Path) -> None:
 
 
 def format_animation(report: Mapping[str, Any]) -> str:
-    """Return the summary that is printed at the end."""
+    """Return the summary of an animation for people, from the content of animation.json, in a few lines."""
     whole = report["totals"]
     if not whole["frames"]:
         return "no frames"

@@ -59,7 +59,11 @@ STALE_SECONDS = 90.0
 
 
 class LiveRuns:
-    """The runs whose files lie in `folder`; clock counts seconds, from any moment and never backwards."""
+    """The runs that have a file in the journal's `folder`, and the means to tell which of them live: the number in a
+    live run's file changes.
+
+    A run whose number has not changed for stale_seconds counts as dead. clock returns seconds that never go backwards.
+    """
 
     def __init__(
         self, folder: Path, *, stale_seconds: float = STALE_SECONDS, clock: Callable[[], float] = time.monotonic
@@ -69,8 +73,8 @@ class LiveRuns:
         self._beating: set[str] = set()
 
     def lives(self, token: str) -> bool:
-        """Return whether a run may still be at work; a dead one is found at once on this machine, on another after a
-        while."""
+        """Return True if a run may still be at work. A dead run of this machine is recognised at once, one of another
+        machine when its number has not changed for a while, so that this must be asked repeatedly."""
         try:
             content = self._content(token)
         except (FileNotFoundError, UnusableFileError):
@@ -86,17 +90,15 @@ class LiveRuns:
         return now - self._seen[token][1] < self._stale
 
     def is_at_work(self, token: str) -> bool | None:
-        """Return True for a run that lives, False for a dead one, None while neither is known: its number has not
-        changed yet.
-
-        A run that a power cut has ended looks so too, until it counts as dead.
-        """
+        """Return True for a run whose number was seen to change and that lives, False for a dead one, and None while
+        neither is known."""
         if not self.lives(token):
             return False
         return True if token in self._beating else None
 
     def announced(self, *, but: str) -> dict[str, Mapping[str, Any]]:
-        """Return the facts that other runs which may be at work have announced, by token. Raises OSError."""
+        """Return the facts that other runs have announced of themselves, by token, if these runs may be at work. but is
+        the token of this run. Raises OSError."""
         found: dict[str, Mapping[str, Any]] = {}
         for token in sorted(self._tokens() - {but}):
             with contextlib.suppress(FileNotFoundError, UnusableFileError):
@@ -105,7 +107,8 @@ class LiveRuns:
         return found
 
     def mark_settled(self, token: str) -> None:
-        """Let others know that a run has found none in its way: see `other_runs.settle`. Raises OSError."""
+        """Note in a run's file that it is settled: it has found no other run in its way, see `other_runs.settle`. Does
+        nothing where the file is gone. Raises OSError."""
         path = self.path(token)
         # Without its file it counts as dead, whatever it does.
         if not is_regular(path):
@@ -118,7 +121,8 @@ class LiveRuns:
                 file.write(b"1")
 
     def _content(self, token: str) -> bytes:
-        """Return the content of a run's file; raises FileNotFoundError where there is none, or the token is none."""
+        """Return the content of a run's file. `token` may also be the file name of a claim that names no run, which has
+        the content b"". Raises OSError, such as FileNotFoundError where there is neither."""
         if TOKEN.fullmatch(token):
             return read_small(self.path(token), RUN_BYTES)
         # A claim that names no run yet is watched as if it were one.
@@ -127,13 +131,15 @@ class LiveRuns:
         raise FileNotFoundError(token)
 
     def path(self, token: str) -> Path:
+        """Return the path of a run's file."""
         return self._folder / f"run-{token}"
 
     def clear(self, own: str) -> None:
-        """Remove what dead runs have left. own is the caller's token, who has nothing half-made either.
+        """Remove the files that dead runs have left. own is the token of the calling run, which must have nothing
+        half-made itself.
 
-        Claims and unfinished files stay as long as any run lives, for one that was thought dead may wake up. In a
-        folder that is a link nothing is removed: what it leads to may be anybody's.
+        Claims and unfinished files are removed only if no other run lives, because one that was thought dead may go on.
+        Nothing is removed in a folder that is a link. Errors are ignored.
         """
         if leads_elsewhere(self._folder):
             return
@@ -146,7 +152,7 @@ class LiveRuns:
                 remove(path)
 
     def any_lives(self, *, but: str) -> bool:
-        """Return whether any other run is at work. Raises OSError."""
+        """Return True if any run other than `but`, a token, may be at work. Raises OSError."""
         return any(token != but and self.lives(token) for token in self._tokens())
 
     def _tokens(self) -> set[str]:
@@ -156,20 +162,20 @@ class LiveRuns:
 
 
 def _is_left_over(path: Path) -> bool:
-    """Return whether a file is a claim or an unfinished file of ours: a regular file of such a name."""
+    """Return True if a path is a regular file with the name of a claim or of an unfinished file of ours."""
     named_so = CLAIM_FILE.fullmatch(path.name) or UNFINISHED_FILE.fullmatch(path.name)
     return named_so is not None and is_regular(path)
 
 
 def _is_dead_here(content: bytes) -> bool:
-    """Return whether a run's file is of a process of this machine that is gone."""
+    """Return True if a run's file, of which this is the content, is of a process of this machine that is gone."""
     facts = _facts(content)
     pid = facts.get("pid")
     return type(pid) is int and facts.get("machine") == machine() and not is_running(pid)
 
 
 def _facts(content: bytes) -> Mapping[str, Any]:
-    """Return the facts that a run has announced; nothing where they cannot be read."""
+    """Return the facts in the content of a run's file; {} where they cannot be read."""
     with contextlib.suppress(ValueError, LookupError, RecursionError):
         facts = json.loads(content.splitlines()[0])
         if isinstance(facts, dict):
@@ -179,12 +185,12 @@ def _facts(content: bytes) -> Mapping[str, Any]:
 
 @contextmanager
 def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> Iterator[str]:
-    """Make this process a run at work, and yield its token: others see it live until this is over or the process is
-    gone.
+    """Announce this process as a run at work, for the time of a `with` block, and yield its token. Other runs see it as
+    live until the block is over or the process is gone; then its file is removed, also after an error.
 
-    announced are the facts that others are to know of it, less than `RUN_BYTES` of JSON; they see them as soon as they
-    see the run. Its number is counted up by a process of its own, because no thread may run beside Blender. Raises
-    OSError and StereoReprojectError.
+    announced are facts about it for the others, less than `RUN_BYTES` as JSON, which they see from the first moment on.
+    Its number is counted up by a process of its own, because no thread may run beside Blender. Raises OSError and
+    StereoReprojectError.
     """
     token = secrets.token_hex(8)
     path = runs.path(token)
@@ -201,7 +207,8 @@ def run_at_work(runs: LiveRuns, announced: Mapping[str, Any] | None = None) -> I
 
 
 def _appear(path: Path, text: str) -> None:
-    """Write the file, which is there whole or not at all, in a folder that a run which has just ended may take away."""
+    """Write a run's file with this text, whole or not at all. The folder is made if it is missing, and again if a run
+    that has just ended removes it. Raises OSError."""
     beside = path.with_name(f".{path.name}.tmp")
     for left in reversed(range(APPEAR_ATTEMPTS)):
         try:
@@ -225,6 +232,8 @@ def _appear(path: Path, text: str) -> None:
 
 @contextmanager
 def _heartbeat(path: Path) -> Iterator[None]:
+    """Run the process that counts up the number in a run's file, for the time of a `with` block; it is ended
+    afterwards, also after an error. Raises StereoReprojectError if it cannot be started."""
     try:
         process = subprocess.Popen(
             [*module_command("programs.heartbeat"), str(path)],

@@ -25,11 +25,12 @@ REST = "the rest"
 
 @dataclass(frozen=True)
 class Series:
-    """The figures of N frames in equal steps, NaN where there is none.
+    """The figures of an animation's N frames, in equal steps, for its chart; NaN where a figure is missing.
 
-    frames (N,) has those that are not rendered too; there says which are. seconds (N,) are those of the whole frame,
-    stages (N,) of each kind of stage. measured and predicted (N,) are the seconds of Blender's multiview, and traced
-    (N,) is a share of the target eye.
+    frames (N,) are the frame numbers from the first to the last, each `step` after the one before, also those that were
+    not rendered; there (N,) is True for those that were. seconds (N,) are those of the whole frame, stages (N,) those
+    of each kind of stage. measured and predicted (N,) are the seconds of Blender's multiview. traced (N,) is the share
+    of the target's pixels that was traced.
     """
 
     frames: NDArray[np.int64]
@@ -43,7 +44,8 @@ class Series:
 
 
 def series_of(report: Mapping[str, Any]) -> Series:
-    """The figures of a report's frames, gaps included."""
+    """Return the figures of all frames in a report, the content of animation.json; frames that were asked for but not
+    rendered are gaps."""
     rows = {row["frame"]: row for row in report["frames"]}
     known = sorted({*rows, *(report.get("asked_for") or ())})
     # Frames may be rendered in steps. What one run was asked for need not be in step with what another one was.
@@ -64,7 +66,8 @@ def series_of(report: Mapping[str, Any]) -> Series:
 
 
 def number_in(row: Mapping[str, Any], *keys: str) -> float:
-    """Return a row's number under these keys, NaN where there is none or it is not finite."""
+    """Return the number in a row under these keys, the second inside the first; NaN where there is none or it is not
+    finite."""
     value: Any = row
     for key in keys:
         value = value.get(key) if isinstance(value, Mapping) else None
@@ -77,6 +80,7 @@ def number_in(row: Mapping[str, Any], *keys: str) -> float:
 
 
 def _stages_of(row: Mapping[str, Any]) -> dict[str, float]:
+    """Return the seconds of one frame for each kind of stage; all NaN for a frame without figures."""
     if not row.get("seconds"):
         return dict.fromkeys((*STAGES, REST), math.nan)
     seconds = {
@@ -87,10 +91,11 @@ def _stages_of(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _or_nothing(value: float) -> float:
+    """Return a number, or 0 for NaN."""
     return 0.0 if math.isnan(value) else value
 
 
 def mean_of(values: NDArray) -> float | None:
-    """Return the mean of the numbers that are known, None without any."""
+    """Return the mean of the finite numbers in an array; None where there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else None

@@ -23,10 +23,12 @@ def run_animation(
     interrupts: Interrupts | None = None,
     command: Sequence[str] | None = None,
 ) -> dict[str, Any]:
-    """`run_worker` for an animation, which goes on with the other frames when Blender ends on one of them.
+    """Have an animation rendered by a worker process, as `run_worker` does, and start another worker for the remaining
+    frames when Blender crashes on one of them. Return the report.
 
-    It does so until several have ended one after the other without a frame that was finished in between. on_event gets
-    a warning once, however often Blender is started and finds it again.
+    The frame on which it crashed is left out, with a warning. After MAX_FAILURES_IN_A_ROW crashes without a finished
+    frame between them the last one's error is raised. on_event gets each warning only once, however many workers find
+    it. The arguments and the other errors are those of `run_worker`.
     """
     animation = job.animation
     assert animation is not None
@@ -63,7 +65,8 @@ def run_animation(
 
 
 class _Starts:
-    """Events of one run over all starts of Blender: passed on, each warning once, and remembered where they matter."""
+    """The events of one animation over all its workers: passed on to on_event, each warning once, and remembered where
+    they matter for the next worker."""
 
     def __init__(self, on_event: Callable[[Event], None]) -> None:
         self._on_event = on_event
@@ -75,7 +78,7 @@ class _Starts:
         self.crashes_in_a_row = 0
 
     def report(self, event: Event) -> None:
-        """Pass an event of the worker on."""
+        """Pass on an event of a worker, and remember finished frames and the current stage."""
         if event["event"] == "warning":
             self._warn(str(event.get("message")))
             return

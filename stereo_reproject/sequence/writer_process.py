@@ -27,8 +27,9 @@ MAX_PENDING_FRAMES = 2
 
 @dataclass(frozen=True)
 class WriterJob:
-    """The writer's job: the .blend and the session that has it open, the private folder for its answers, and the folder
-    of the frames with their name. output, layout and file_format are those of `AnimationSettings`."""
+    """The job of the writer process: the .blend and the session in which it is open; the private folder for its
+    answers; and the folder of the frames with their common name. output, layout and file_format are those of
+    `AnimationSettings`."""
 
     blend: str
     session: Session
@@ -42,8 +43,12 @@ class WriterJob:
 
 @dataclass(frozen=True)
 class WrittenFrame:
-    """A frame to be written: the folder with left.exr, right.exr and, if they are asked for, holes.png; the claim that
-    is given free then; the metadata of its passes; and its `Record` but for the files."""
+    """A rendered frame that is handed to the writer process: claim is the number of this run's claim of it, which the
+    writer releases when the frame is written.
+
+    folder holds its pictures: left.exr, right.exr and, if they are asked for, holes.png. metadata are those of its
+    passes. record has the fields of its `Record` but for the files.
+    """
 
     frame: int
     claim: int
@@ -53,7 +58,8 @@ class WrittenFrame:
 
 
 class WriterProcess:
-    """The process. command starts another one than `python -m stereo_reproject.programs.writer`."""
+    """A second Blender process that writes frames while the first renders. It is started again if it crashes. command
+    starts another program in place of `python -m stereo_reproject.programs.writer`."""
 
     def __init__(self, job: WriterJob, command: Sequence[str] | None = None) -> None:
         self._job = job
@@ -65,7 +71,8 @@ class WriterProcess:
         self._results: list[tuple[int, Record | StereoReprojectError | None]] = []
 
     def start(self) -> None:
-        """Have it open its file, which takes a while. Raises StereoReprojectError."""
+        """Start the process and have it open its .blend, which takes a while and goes on after this returns. An earlier
+        process is ended first. Raises StereoReprojectError."""
         own_python = self._command is None
         self.close()
         try:
@@ -86,7 +93,8 @@ class WriterProcess:
         self._send(asdict(self._job))
 
     def hand_over(self, frame: WrittenFrame) -> None:
-        """Have a frame written, as soon as those before it are."""
+        """Have a frame written after those before it. Starts the process if it is not running, and waits while more
+        than MAX_PENDING_FRAMES frames are not yet written. Raises StereoReprojectError."""
         if self._has_ended():
             self._look()
         if self._has_ended():
@@ -98,7 +106,8 @@ class WriterProcess:
             time.sleep(ANSWER_SECONDS)
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
-        """Return the written frames: see `frames.FrameMaker.finished`."""
+        """Return the results of frames that were written since the last call, with `wait` of all that were handed over:
+        see `frames.FrameMaker.finished`."""
         self._look()
         while wait and self._pending:
             time.sleep(ANSWER_SECONDS)
@@ -107,7 +116,7 @@ class WriterProcess:
         return results
 
     def close(self) -> None:
-        """Let it write what it has, and end."""
+        """Wait until the process has written all frames that it was handed, and end it."""
         if self._process is None:
             return
         assert self._process.stdin is not None
@@ -118,6 +127,8 @@ class WriterProcess:
         self._process = None
 
     def _send(self, message: dict[str, Any]) -> None:
+        """Write a message to the process as a line of JSON. Nothing is raised if the process is dead: that is noticed
+        when its answer is missing."""
         assert self._process is not None
         assert self._process.stdin is not None
         # One that is dead is found so by whoever waits for its answer.
@@ -126,6 +137,8 @@ class WriterProcess:
             self._process.stdin.flush()
 
     def _look(self) -> None:
+        """Take in the answers that are there by now as results. If the process has ended, the frame that it was at gets
+        an error as its result, and the frames behind it are handed to a new process."""
         ended = self._has_ended()
         for frame in list(self._pending):
             path = self._answers / f"{frame}.json"
@@ -146,21 +159,23 @@ class WriterProcess:
                 return
 
     def _start_again(self) -> None:
-        """Have the frames that waited behind the one that ended the process written by another."""
+        """Start a new process and hand it the frames that are still to be written, if there are any."""
         if self._pending:
             self.start()
             for frame in self._pending.values():
                 self._send(asdict(frame))
 
     def _has_ended(self) -> bool:
+        """Return True if the process has ended or was not started yet."""
         return self._process is None or self._process.poll() is not None
 
     def _is_gone(self) -> bool:
-        """Return whether the folder of the answers was removed. Blender may have made it anew, because it makes missing
-        folders on the way to its files; but not the log in it."""
+        """Return True if the folder of the answers was removed: then the log in it is gone. The folder itself may exist
+        again, because Blender makes missing folders on the way to its files."""
         return not self._log.exists()
 
     def _how_it_ended(self, frame: int) -> str:
+        """Return in words why the process has not written a frame."""
         if self._is_gone():
             return f"{self._job.folder} is gone, with the frames that were in it"
         status = None if self._process is None else self._process.returncode
@@ -169,6 +184,8 @@ class WriterProcess:
 
 
 def _result(answer: dict[str, Any]) -> Record | StereoReprojectError | None:
+    """Return the result of a frame from the process's answer: its record, None where another run has claimed it, or the
+    error."""
     if "record" in answer:
         return None if answer["record"] is None else Record(**answer["record"])
     kind = BadInputError if answer["status"] == BadInputError.exit_status else StereoReprojectError

@@ -13,16 +13,17 @@ EIGHT_BIT_STEP = 1.0 / 255.0
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Thresholds by which pixels are traced, and the noise ratio that is promised.
+    """One accuracy setting as numbers: what it promises, and the thresholds by which pixels are traced to keep that.
 
     silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: number of pixels
-    that are traced on either side of it; Cycles' default filter reaches 1.5. colour_tolerance: difference between the
-    colours on the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
-    promise: greatest noise ratio of the target, by estimate; None makes no promise and no probes. probe_spacing: side
-    in pixels of the tiles that have a probe each, see `for_size`. tile_limit: noise ratio above which a single tile is
-    traced though the frame as a whole keeps its promise; promises_worst_tiles: True where the promise holds for the
-    worst hundredth of the tiles, too. unseen: noise, as a standard deviation after tone mapping, that nobody sees:
-    beside less noise than this, a tile's error counts as beside this much.
+    traced on either side of it; Cycles' default filter reaches 1.5. colour_tolerance: difference between the colours on
+    the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
+
+    promise: greatest noise ratio of the target, by estimate; None promises nothing and places no probes. probe_spacing:
+    side in pixels of the tiles that have one probe each, see `for_size`. tile_limit: noise ratio above which a tile is
+    traced even if the frame as a whole keeps its promise. promises_worst_tiles: True if the worst tiles must not exceed
+    tile_limit either. unseen: standard deviation of noise, after tone mapping, that nobody sees; where the picture has
+    less noise, a tile's error is compared with this much.
     """
 
     silhouette_step: float
@@ -62,8 +63,9 @@ SETTINGS: dict[str, Accuracy] = {
 
 
 def accuracy_of(settings: StereoSettings) -> Accuracy:
-    """Return the accuracy that settings ask for. A tolerance replaces the promise of the setting that promises next
-    less."""
+    """Return the accuracy that the settings ask for: the named one or, where a tolerance is given, a named one with the
+    tolerance in place of its promise. That is the strictest setting whose promised noise ratio is not below the
+    tolerance, or `preview` where all are below it."""
     if settings.tolerance is None:
         return SETTINGS[settings.accuracy]
     promised = [accuracy for accuracy in SETTINGS.values() if accuracy.promise is not None]
@@ -72,8 +74,9 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
 
 
 def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
-    """Return the accuracy for a picture of so many pixels. Tiles of a large picture are larger, because as many probes
-    find as much there: see `SettingsTuning`. Where the worst tiles are promised something, nothing changes."""
+    """Return the accuracy for a picture of `pixels` pixels in all. Large pictures get larger tiles, because as many
+    probes find as much there, see `SettingsTuning`. An accuracy that promises something of the worst tiles stays as it
+    is."""
     if accuracy.promises_worst_tiles:
         return accuracy
     longer = min(max((pixels / TUNING.small_picture_px) ** 0.5, 1.0), TUNING.max_tile_growth)
@@ -81,7 +84,8 @@ def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
 
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
-    """Return the accuracy for a denoised picture: an error shows beside less noise, and more probes are needed."""
+    """Return the accuracy for a denoised picture. Errors are seen more easily there, so that tiles are smaller and
+    probes more; the limit for one tile is wider, because the estimate is noisier."""
     spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), 2)
     limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
     return replace(accuracy, probe_spacing=spacing, tile_limit=limit)

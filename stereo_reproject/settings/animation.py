@@ -20,14 +20,16 @@ MAX_FRAMES = 1 << 20
 
 @dataclass(frozen=True)
 class AnimationSettings:
-    """The frames of an animation and the place for them. Raises BadInputError.
+    """The settings of an animation: which frames are rendered, and where and how they are stored. Raises BadInputError.
 
-    frames are in rising order; without them they are the scene's. output is the folder for the frames, in place of that
-    of the scene's output path. layout is one of `delivery.layouts.LAYOUTS` and file_format one of Blender's names, both
-    the scene's own unless given. movie is the file of a movie made of all frames; with "" it is named after the frames.
-    holes are pictures of what was traced, one for each frame. Each compare_every-th frame from the scene's first on is
-    compared with multiview. skip are frames that are not tried, and why; finished are those that were rendered a moment
-    ago, by a process that then came to its end. goes_on is whether there was such a process.
+    frames are in rising order; None means those of the scene. existing is one of EXISTING. output is the folder for the
+    frames; None means that of the scene's output path. layout is one of `delivery.layouts.LAYOUTS`, and file_format is
+    one of Blender's names; None means the scene's own. movie is the path of a movie to be made of all frames; "" names
+    it after the frames, None makes none. With holes there is also a picture of the traced pixels for each frame. Each
+    compare_every-th frame, counted from the scene's first, is compared with multiview; None compares none.
+
+    The rest is for a worker that is started again after a crash: skip are frames that are not tried, with the reason;
+    finished are frames that this run has rendered already; goes_on is True if there was such an earlier worker.
     """
 
     frames: tuple[int, ...] | None = None
@@ -55,6 +57,7 @@ class AnimationSettings:
 
 
 def _check_frames(frames: tuple[int, ...]) -> None:
+    """Raise BadInputError unless frames are whole numbers in rising order, from 0 to MAX_FRAME, at least one."""
     if not frames:
         raise BadInputError("no frames are named: name at least one")
     if not all(isinstance(frame, int) and not isinstance(frame, bool) for frame in frames):
@@ -67,7 +70,8 @@ def _check_frames(frames: tuple[int, ...]) -> None:
 
 
 def read_frames(text: str) -> tuple[int, ...]:
-    """Frames as people write them: 12, 1-24, 1-24:2, or several of these with commas. Raises BadInputError."""
+    """Return the frames that a text names, in rising order: 12, 1-24, 1-24:2 (each second), or several of these with
+    commas between. Raises BadInputError."""
     frames: set[int] = set()
     named = 0
     for part in text.split(","):
@@ -91,7 +95,7 @@ def read_frames(text: str) -> tuple[int, ...]:
 
 
 def spelled(frames: Iterable[int]) -> str:
-    """Frames as people write them: 1-10, 12, 20-24:2."""
+    """Return frames as a short text that people can read, such as "1-10, 12, 20-24:2"; `read_frames` reads it back."""
     parts: list[str] = []
     every = sorted(set(frames))
     begin = 0
@@ -110,7 +114,7 @@ def spelled(frames: Iterable[int]) -> str:
 
 
 def read_every(text: str) -> int:
-    """every=6, or 6 alone. Raises BadInputError."""
+    """Return the number in a text such as every=6, or 6 alone. Raises BadInputError."""
     match = re.fullmatch(r"(?:every=)?([1-9]\d{0,8})", text)
     if match is None:
         raise BadInputError(f"--compare must be of the form every=6, not {text!r}")

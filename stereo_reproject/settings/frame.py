@@ -24,11 +24,14 @@ MAX_FRAME = 1048574
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """Raise BadInputError unless `value` is one of the choices; `name` is what the message calls it."""
     if value not in choices:
         raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
 
 
 def _check_int(name: str, value: int | None, low: int, high: int) -> None:
+    """Raise BadInputError unless `value` is None or a whole number from `low` to `high`; `name` is what the message
+    calls it."""
     if value is None:
         return
     if isinstance(value, bool) or not isinstance(value, int):
@@ -38,6 +41,7 @@ def _check_int(name: str, value: int | None, low: int, high: int) -> None:
 
 
 def _is_finite(value: float) -> bool:
+    """Return True if a number is finite as a float; a whole number too large for a float is not."""
     try:
         return math.isfinite(value)
     except OverflowError:
@@ -45,6 +49,8 @@ def _is_finite(value: float) -> bool:
 
 
 def _check_float(name: str, value: float, low: float, *, above: bool = False) -> None:
+    """Raise BadInputError unless `value` is a finite number of at least `low`, or with `above` greater than it; `name`
+    is what the message calls it."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
         raise BadInputError(f"{name} must be a finite number, not {value!r}")
     if value < low or (above and value == low):
@@ -53,11 +59,11 @@ def _check_float(name: str, value: float, low: float, *, above: bool = False) ->
 
 @dataclass(frozen=True)
 class SceneOverrides:
-    """Values that replace the .blend's own for this run; None keeps the scene's value.
+    """Values that replace the scene's own for one run; None keeps the scene's value. Raises BadInputError.
 
-    size is (width, height) in pixels and replaces the resolution and its percentage; interocular_distance and
-    convergence_distance are in scene units; source_engine is what renders in place of the scene's own engine; denoise
-    is whether Cycles' pictures are denoised, in every view layer. Raises BadInputError.
+    size is (width, height) in pixels and replaces the scene's resolution and its percentage. interocular_distance and
+    convergence_distance are in scene units. source_engine renders the source in place of the scene's engine. denoise
+    turns denoising of Cycles' pictures on or off in every view layer.
     """
 
     frame: int | None = None
@@ -94,12 +100,16 @@ class SceneOverrides:
 
 @dataclass(frozen=True)
 class StereoSettings:
-    """Settings of a pair, beside the values of the scene in `scene`. Raises BadInputError.
+    """The settings of a pair; those of the scene are in `scene`. Raises BadInputError.
 
-    tolerance is the noise ratio that is promised in place of the one of `accuracy`, which is then "custom".
-    grid_threshold is in arc minutes of binocular parallax. interpolation "auto" is cubic for a denoised picture's
-    colour, where it is sharper and there is no noise to sharpen too, and linear for all else. warp is what warps
-    pixels over: "gpu" is numpy where there is none that works, and "auto" the faster of the two where that is measured.
+    source is the eye that is rendered whole. tolerance is the greatest noise ratio that is promised, in place of that
+    of `accuracy`, which then becomes "custom". fill is the method by which holes are traced. grid_threshold is the
+    binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare has multiview rendered
+    too, for comparison.
+
+    interpolation "auto" is cubic for the colour of a denoised picture, where it is sharper, and linear for all else.
+    warp is what warps pixels: "gpu" falls back to numpy where no GPU works, and "auto" takes the faster one where that
+    is measured.
     """
 
     source: str = "left"
@@ -128,5 +138,5 @@ class StereoSettings:
 
     @property
     def target(self) -> str:
-        """The eye that is made from the source."""
+        """The name of the eye that is made from the source."""
         return "right" if self.source == "left" else "left"

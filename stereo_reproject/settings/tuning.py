@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SettingsTuning:
-    """Numbers by which an accuracy setting is adapted to the picture."""
+    """Numbers by which an accuracy setting is adapted to a picture: to large pictures by `for_size`, to denoised ones
+    by `for_denoised`."""
 
     small_picture_px: int = 960 * 540
     """Pixels up to which a picture's tiles have the side that the setting names. Chosen: 960 x 540;

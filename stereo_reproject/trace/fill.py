@@ -11,8 +11,11 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class SourceCost:
-    """Seconds measured on the source render: of the whole call, of Cycles' sync of the scene in it, and of denoising
-    the picture afterwards."""
+    """Seconds measured on the source render.
+
+    seconds: the whole render call. sync_seconds: the part of it in which Cycles synced the scene. denoise_seconds:
+    denoising the picture afterwards, which is not in seconds.
+    """
 
     seconds: float
     sync_seconds: float
@@ -20,20 +23,26 @@ class SourceCost:
 
     @property
     def per_frame(self) -> float:
-        """Seconds that all pixels of a frame take to trace."""
+        """Seconds that it takes to trace all pixels of a frame, without the sync."""
         return max(self.seconds - self.sync_seconds, 0.0)
 
     @property
     def fixed(self) -> float:
-        """Predicted seconds of one more render call before a pixel is traced: Cycles keeps the synced scene, of which a
-        part is synced again."""
+        """Predicted seconds of one more render call before any pixel is traced.
+
+        Cycles keeps the synced scene, of which a part is synced again.
+        """
         return TUNING.render_call_seconds + TUNING.resync_share * self.sync_seconds
 
 
 @dataclass(frozen=True)
 class FillChoice:
-    """A fill method ('packed', 'card' or 'full'), why it was chosen, and the seconds that it is predicted to take, 0
-    where nothing is traced."""
+    """A fill method, the reason for it in words, and the seconds that it is predicted to take, 0 where nothing is
+    traced.
+
+    The method is 'packed' (a small picture of the holes alone), 'card' (the frame behind a card that is open at the
+    holes) or 'full' (the whole view).
+    """
 
     method: str
     reason: str
@@ -41,7 +50,10 @@ class FillChoice:
 
 
 def check_fill(asked: str, blockers: Mapping[str, str | None]) -> None:
-    """Raise BadInputError when the method that was asked for cannot be used here; blockers as for `choose_fill`."""
+    """Raise BadInputError when the fill method that was asked for cannot be used here; 'auto' always can.
+
+    blockers are as for `choose_fill`.
+    """
     if blockers.get(asked):
         raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
 
@@ -55,11 +67,13 @@ def choose_fill(
     spacing: int | None = None,
     expected: float = 0.0,
 ) -> FillChoice:
-    """Choose the cheapest fill for a frame of which `fraction` is to be traced.
+    """Return the cheapest fill method for a share `fraction`, 0 to 1, of a frame that is to be traced, or the one asked
+    for.
 
-    asked is a method, or 'auto' for the cheapest one. blockers has, by method, why it cannot be used here, or None.
-    With spacing, one pixel in each tile so many pixels wide is a probe, traced twice. expected is the share of the
-    frame that will then have to be traced as well: if that makes a full render the cheaper way, it is taken at once.
+    asked is a method, or 'auto' for the cheapest one. cost is that of the source render. blockers has, by method, the
+    reason why it cannot be used here, or None. With spacing, one pixel in each tile so many pixels wide is a probe,
+    traced twice. expected is the share of the frame that will have to be traced afterwards as well: if that makes a
+    full render the cheaper way, it is chosen at once.
     """
     if expected and asked == "auto":
         whole = choose_fill(asked, fraction + expected, cost, blockers, spacing=spacing)
@@ -82,7 +96,10 @@ def choose_fill(
 
 
 def _predicted_seconds(fraction: float, cost: SourceCost, spacing: int | None) -> dict[str, float]:
-    """Seconds by fill method, for a share of the frame and one probe in each tile of `spacing` pixels, if any."""
+    """Return the predicted seconds by fill method, where a share `fraction` of the frame is traced.
+
+    spacing: side in pixels of the tiles that have a probe each, None without probes. cost is that of the source render.
+    """
     pixel, masked = TUNING.packed_pixel_cost, TUNING.card_pixel_cost
     apart = TUNING.card_probe_spacing_factor
     probes = 2.0 / spacing**2 if spacing else 0.0

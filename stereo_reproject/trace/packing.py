@@ -24,7 +24,11 @@ COORDINATE_BITS = 17
 
 @dataclass(frozen=True)
 class Packing:
-    """A packed picture's size in pixels, and for each view (N,) where in it, counted row by row, its pixels are."""
+    """The layout of a packed picture.
+
+    width and height are its size in pixels. at has, for each view, the places (N,) of that view's N pixels in it,
+    counted row by row.
+    """
 
     width: int
     height: int
@@ -32,7 +36,10 @@ class Packing:
 
 
 def pack(views: Sequence[NDArray[np.intp]]) -> Packing:
-    """Lay out pixels of any number of views: for each (N, 2), row and column, of which some may be the same."""
+    """Return a layout for pixels of any number of views in one packed picture.
+
+    views has rows and columns (N, 2) for each view. A pixel that is to be traced twice is in it twice.
+    """
     side = TUNING.block_side_pixels
     counts = [math.ceil(len(places) / side**2) for places in views]
     blocks = max(sum(counts), 1)
@@ -50,14 +57,19 @@ def pack(views: Sequence[NDArray[np.intp]]) -> Packing:
 
 
 def _across(blocks: int) -> int:
-    """Number of blocks side by side in the nearly square picture that leaves the fewest empty."""
+    """Return the number of blocks that stand side by side: that of the nearly square picture that leaves the fewest
+    empty."""
     side = math.sqrt(blocks)
     least, most = math.floor(side / math.sqrt(TUNING.max_aspect)), math.ceil(side * math.sqrt(TUNING.max_aspect))
     return min(range(max(least, 1), most + 1), key=lambda across: (-blocks % across, abs(across - side)))
 
 
 def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return (N,): the pixels' numbers, sorted by which comes first."""
+    """Return (N,) the indices of a view's pixels in the order in which they are packed.
+
+    places (N, 2) are their rows and columns. Pixels that come a second time are last, and the largest whole blocks
+    first.
+    """
     rows, columns = places.T
     along = _spread_bits(columns) | _spread_bits(rows) << 1
     by_curve = np.argsort(along, kind="stable")
@@ -74,7 +86,7 @@ def _order(places: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _spread_bits(number: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Return the numbers with a zero before each of their bits."""
+    """Return the numbers with a zero put before each of their bits: binary 11 becomes 0101."""
     result = np.zeros(number.shape, np.int64)
     for bit in range(COORDINATE_BITS):
         result |= (number.astype(np.int64) >> bit & 1) << 2 * bit
@@ -82,7 +94,7 @@ def _spread_bits(number: NDArray[np.intp]) -> NDArray[np.int64]:
 
 
 def _every_second_bit(number: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Return every second bit of the numbers, from the lowest on: the inverse of `_spread_bits`."""
+    """Return the numbers made of every second bit, from the lowest on: the inverse of `_spread_bits`."""
     result = np.zeros(number.shape, np.int64)
     for bit in range(COORDINATE_BITS):
         result |= (number.astype(np.int64) >> 2 * bit & 1) << bit

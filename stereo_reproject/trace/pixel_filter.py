@@ -14,14 +14,18 @@ TABLE_ENTRIES = 1024
 
 
 def filter_support(kind: str, width: float) -> float:
-    """Return the whole width, in pixels, over which a filter gathers samples."""
+    """Return the whole width, in pixels, over which a filter gathers samples.
+
+    kind is 'BOX', 'GAUSSIAN' or 'BLACKMAN_HARRIS', width Blender's `filter_width`.
+    """
     return {"BOX": 1.0, "GAUSSIAN": 3.0 * width, "BLACKMAN_HARRIS": 2.0 * width}[kind]
 
 
 def sample_offsets(kind: str, width: float) -> NDArray[np.float32]:
-    """Return (1024,): offsets from a pixel's lower edge, in pixels, for evenly spaced random numbers from 0 to 1.
+    """Return (1024,) places at which Cycles samples a pixel, for evenly spaced random numbers from 0 to 1.
 
-    kind is 'BOX', 'GAUSSIAN' or 'BLACKMAN_HARRIS', width Blender's `filter_width`.
+    They are in pixels from the pixel's left or lower edge, and may lie outside it. kind is 'BOX', 'GAUSSIAN' or
+    'BLACKMAN_HARRIS', width Blender's `filter_width`.
     """
     support = filter_support(kind, width)
     steps = TABLE_ENTRIES - 1
@@ -45,6 +49,11 @@ def sample_offsets(kind: str, width: float) -> NDArray[np.float32]:
 
 
 def _profile(kind: str, x: NDArray, support: float) -> NDArray:
+    """Return the filter's weight at distances x (N,), in pixels, from the pixel's centre; the weights have no common
+    scale.
+
+    support is the whole width of the filter, in pixels.
+    """
     if kind == "BOX":
         return np.ones_like(x)
     if kind == "GAUSSIAN":

@@ -11,10 +11,10 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class FillPlanner:
-    """Chooses fill methods for one frame.
+    """Chooses fill methods for the traces of one frame.
 
-    asked is the method that was asked for, or 'auto'; cost is what the source has cost; blockers say by method why it
-    cannot be used, or None (as for `choose_fill`).
+    asked is the method that was asked for, or 'auto'; cost is that of the source render; blockers have by method the
+    reason why it cannot be used, or None (as for `choose_fill`).
     """
 
     asked: str
@@ -22,10 +22,16 @@ class FillPlanner:
     blockers: Mapping[str, str | None]
 
     def plan(self, fraction: float, *, spacing: int | None = None, expected: float = 0.0) -> FillChoice:
-        """Return the method for a share of the picture, with its predicted seconds; arguments as for `choose_fill`."""
+        """Return the fill method for tracing a share `fraction`, 0 to 1, of the picture, with its predicted seconds.
+
+        spacing and expected are as for `choose_fill`.
+        """
         return choose_fill(self.asked, fraction, self.cost, self.blockers, spacing=spacing, expected=expected)
 
     @staticmethod
     def spacing(method: str, spacing: int) -> int:
-        """Return the side, in pixels, of the tiles that have a probe each when holes are traced by this method."""
+        """Return the side, in pixels, of the tiles that have a probe each, when holes are traced by this method.
+
+        `spacing` is the side that the accuracy asks for; behind a card probes are further apart.
+        """
         return spacing * (TUNING.card_probe_spacing_factor if method == "card" else 1)

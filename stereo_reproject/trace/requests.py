@@ -16,8 +16,8 @@ from ..images.passes import Passes
 class TraceRequest:
     """Pixels of one view that are to be traced.
 
-    view is its name; pixels (H, W) are set where a pixel is wanted; twice (H, W), if given, where a pixel is wanted
-    once more, with noise of its own.
+    view is its name. pixels (H, W) are set where a pixel is wanted. twice (H, W), if given, is set where a pixel is
+    wanted once more, with noise of its own.
     """
 
     view: str
@@ -26,17 +26,18 @@ class TraceRequest:
 
     @property
     def masks(self) -> list[NDArray[np.bool_]]:
-        """The masks (H, W) whose pixels the answer holds, one mask after the other."""
+        """Masks (H, W) whose set pixels the answer holds, one mask after the other: `pixels`, and `twice` if it is
+        given."""
         return [self.pixels] if self.twice is None else [self.pixels, self.twice]
 
 
 class Tracer(Protocol):
-    """Traces single pixels of views."""
+    """Whatever traces single pixels of views by rendering them."""
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        """Trace all requests by one fill method ('packed', 'card' or 'full').
+        """Trace all requests by one fill method ('packed', 'card' or 'full'), and return the passes (N, C) of each, in
+        order.
 
-        Returns the passes (N, C) of each request, in its order: of the pixels that are set in `pixels`, row by row,
-        and then of those set in `twice`.
+        Those are first the pixels that are set in a request's `pixels`, row by row, and then those set in its `twice`.
         """
         ...

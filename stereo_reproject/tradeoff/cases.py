@@ -36,11 +36,11 @@ TRACES_PER_PROBE = 2
 
 @dataclass(frozen=True)
 class TradeoffCase:
-    """A way to make the pair, to be measured against others.
+    """One way to make the pair, to be measured against others. `name` is what users know it by.
 
-    kind is "setting" for what users choose by `--accuracy`, else what it stands for.
-
-    accuracy_name is the user's setting behind `accuracy`, None where there is none.
+    kind is "setting" for the settings of --accuracy, else the name of the other way, which also chooses its mark in the
+    chart. accuracy has its thresholds; accuracy_name is the user's setting with these, None if there is none. fill is
+    its fill method.
     """
 
     name: str
@@ -50,13 +50,14 @@ class TradeoffCase:
     fill: str = "auto"
 
     def settings(self, asked: StereoSettings) -> StereoSettings:
-        """Return the settings of this case; all that it does not set is as it was asked for."""
+        """Return the settings to render this case: `asked` with accuracy, tolerance, fill and comparison replaced by
+        the case's own."""
         accuracy = self.accuracy_name or StereoSettings.accuracy
         return replace(asked, accuracy=accuracy, tolerance=None, fill=self.fill, compare=False)
 
 
 def tradeoff_cases() -> tuple[TradeoffCase, ...]:
-    """Return the cases of a price list, in its order."""
+    """Return all cases of a price list, in the order of its rows."""
     balanced = SETTINGS["balanced"]
     unpromised = replace(balanced, promise=None)
     return (
@@ -70,17 +71,18 @@ def tradeoff_cases() -> tuple[TradeoffCase, ...]:
 
 
 def chosen_cases(only: Sequence[str] = ()) -> tuple[TradeoffCase, ...]:
-    """Return the cases of these names, in the order of `tradeoff_cases`; all of them without any name."""
+    """Return the cases with the names in `only`, in the order of `tradeoff_cases`; all cases where it is empty."""
     return tuple(case for case in tradeoff_cases() if not only or case.name in only)
 
 
 @dataclass(frozen=True)
 class Row:
-    """The measurements of one case.
+    """The measurements of one case, as a row of the price list; name, kind and accuracy (its name) are the case's.
 
-    seconds by stage; speedup over Blender's multiview; rmse, noise_ratio and worst_tiles as in `metrics`, the ratios
-    infinite where there is no noise; traced is a share of the target's pixels, fractions the same by reason; fill and
-    refine_fill are the methods; estimate is what the probes say, with "noise_ratio", "low", "high" and "promise".
+    seconds are by stage, speedup is over Blender's multiview. rmse, noise_ratio and worst_tiles are as in `metrics`;
+    the ratios are infinite where there is no noise. traced is the share of the target's pixels that was traced,
+    fractions are shares by reason. fill and refine_fill are the methods of the fill and of refinement (None without
+    one). estimate has what the probes estimated: "noise_ratio", "low", "high" and "promise"; None without probes.
     """
 
     name: str
@@ -99,16 +101,18 @@ class Row:
 
     @property
     def total(self) -> float:
+        """The seconds of all stages together."""
         return sum(self.seconds.values())
 
     @property
     def excess(self) -> float:
-        """The error that noise does not explain, in units of noise: noise ratio^2 - 1."""
+        """The squared error beyond noise as a share of noise: the noise ratio squared less 1."""
         return self.noise_ratio**2 - 1.0
 
 
 def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[str, float]:
-    """Return seconds by stage, those of the fill divided between holes and probes by the pixels that each traced."""
+    """Return the seconds by stage with a stage for the probes: the seconds of the fill are divided in proportion to the
+    traces of each. `holes` and `probes` are numbers of pixels; a probe is traced TRACES_PER_PROBE times."""
     result = dict(seconds)
     if probes > 0:
         traced = TRACES_PER_PROBE * probes
@@ -118,9 +122,10 @@ def split_probes(seconds: Mapping[str, float], holes: int, probes: int) -> dict[
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Return for each point (seconds, error) whether no other beats it.
+    """Return for each point (seconds, error) True if its error is finite and no other point beats it.
 
-    A faster one beats it when its error is not more by NOISE_RATIO_STEP, one as fast when its error is less.
+    A faster point beats it if that one's error is not greater by more than NOISE_RATIO_STEP; a point with equal seconds
+    beats it if its error is less.
     """
 
     def beaten(seconds: float, error: float) -> bool:
@@ -132,10 +137,11 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[bool]:
 def price_list(
     facts: Mapping[str, Any], multiview: Mapping[str, float], rows: Sequence[Row], left_out: Sequence[tuple[str, str]]
 ) -> dict[str, Any]:
-    """Return what tradeoff.json holds. left_out are names of cases with the reason.
+    """Return the content of tradeoff.json: `facts` about the scene, multiview, a row for each case with its place on
+    the Pareto front, and the cases that were left out.
 
-    multiview has the "seconds" and the "noise_rmse" of Blender's multiview, which may beat a case too: its noise ratio
-    is 1 by definition.
+    multiview has the "seconds" and the "noise_rmse" of Blender's multiview. It is compared with the cases too, with a
+    noise ratio of 1 by definition. left_out are pairs of a case's name and the reason.
     """
     front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (multiview["seconds"], 1.0)])
     return {
@@ -148,6 +154,8 @@ def price_list(
 
 
 def _entry(row: Row, on_front: bool) -> dict[str, Any]:
+    """Return one row of the price list as a dict for JSON. on_front is True if no other case is better, see
+    `pareto_front`."""
     return {
         "name": row.name,
         "kind": row.kind,
@@ -168,11 +176,13 @@ def _entry(row: Row, on_front: bool) -> dict[str, Any]:
 
 
 def _known(value: float | None) -> float | None:
+    """Return a value if it is a finite number, else None."""
     return value if value is not None and math.isfinite(value) else None
 
 
 def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
-    """Write a line for each row, the last one for multiview; what a case does not have is left empty."""
+    """Write a price list as a CSV file: a line for each row, and a last one for multiview. Cells of what a case does
+    not have are empty. Raises OSError."""
     stages = in_order(name for row in prices["rows"] for name in row["seconds"] if name != "total")
     multiview = {"name": MULTIVIEW, "kind": MULTIVIEW, "traced": 1.0, **prices["peer"]}
     lines = [_flat(row, stages) for row in (*prices["rows"], {**multiview, "seconds": {"total": multiview["seconds"]}})]
@@ -183,6 +193,7 @@ def write_csv(path: Path, prices: Mapping[str, Any]) -> None:
 
 
 def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
+    """Return the cells of one line of the CSV file, by column; `stages` are the stages that have a column."""
     estimate = row.get("estimate") or {}
     return {
         **{name: row.get(name) for name in ("name", "kind", "accuracy", "fill", "refine_fill")},
@@ -197,13 +208,13 @@ def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
 
 
 def headline(prices: Mapping[str, Any]) -> str:
-    """Return in a line what was rendered."""
+    """Return one line that says what was rendered: scene, frame, size and samples."""
     size = "x".join(map(str, prices["size"]))
     return f"{prices['scene']}, frame {prices['frame']}, {size}, {prices['samples']} samples"
 
 
 def format_price_table(prices: Mapping[str, Any]) -> str:
-    """Return the rows as a table for people, in lines of plain ASCII save for the scene's name."""
+    """Return a price list as a table for people. It is plain ASCII but for the scene's name."""
     lines = [
         f"{headline(prices)}: error against time",
         f"  {'run':<16}{'seconds':>9}{'speed-up':>10}{'noise ratio':>13}{'worst tiles':>13}{'traced':>9}   fill",
@@ -223,8 +234,11 @@ def format_price_table(prices: Mapping[str, Any]) -> str:
 
 
 def _line(name: str, seconds: float, speedup: float, rest: str, on_front: bool) -> str:
+    """Return one line of the table: a star if the case is on the Pareto front, its name, seconds and speed-up, and
+    `rest`."""
     return f"{'* ' if on_front else '  '}{name:<16}{seconds:9.2f}{speedup:10.2f}{rest}"
 
 
 def _text(value: float | None, pattern: str) -> str:
+    """Return a value formatted by `pattern`, such as "13.3f"; for None, "n/a" in the same width."""
     return format(value, pattern) if value is not None else f"{'n/a':>{pattern.partition('.')[0]}}"

@@ -57,7 +57,8 @@ UNLINED_LABEL_PIXELS = 26.0
 
 
 def draw_tradeoff(prices: Mapping[str, Any]) -> Figure:
-    """Noise ratio over seconds, a point for each case and one for multiview, and the front of those that none beats."""
+    """Return the chart of noise ratio against seconds: a point for each case and for multiview, and a line through
+    those on the Pareto front. prices is the content of tradeoff.json."""
     figure = new_figure(6.2)
     shown = [row for row in prices["rows"] if row["noise_ratio"] is not None]
     points = [(row["seconds"]["total"], row["noise_ratio"]) for row in shown] + [(prices["peer"]["seconds"], 1.0)]
@@ -74,6 +75,7 @@ def draw_tradeoff(prices: Mapping[str, Any]) -> Figure:
 
 
 def _tradeoff_notes(prices: Mapping[str, Any]) -> str:
+    """Return the notes below the chart: what its words mean, and which cases are not shown."""
     missing = [row["name"] for row in prices["rows"] if row["noise_ratio"] is None]
     missing += [f"{entry['name']} ({entry['reason']})" for entry in prices["left_out"]]
     notes = [
@@ -89,6 +91,8 @@ def _tradeoff_notes(prices: Mapping[str, Any]) -> str:
 
 
 def _scale(axes: Axes, prices: Mapping[str, Any], points: Sequence[tuple[float, float]]) -> None:
+    """Set the ranges, labels and grid of the axes. points are (seconds, error) of all marks; the axis of errors is
+    logarithmic where they differ much."""
     seconds = [x for x, _ in points]
     first = min(prices["source"]["seconds"], *seconds)
     span = max(max(seconds) - first, 1e-6)
@@ -107,6 +111,8 @@ def _scale(axes: Axes, prices: Mapping[str, Any], points: Sequence[tuple[float, 
 
 
 def _logarithmic(axes: Axes, low: float, high: float) -> None:
+    """Make the axis of errors logarithmic, from a little below `low` to a little above `high`, with ticks at round
+    numbers."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     room = (high / low) ** 0.12
@@ -124,7 +130,8 @@ def _logarithmic(axes: Axes, low: float, high: float) -> None:
 
 
 def _draw_guides(axes: Axes, prices: Mapping[str, Any]) -> Artist:
-    """The noise floor and multiview's time as lines across the axes; the floor's text."""
+    """Draw two lines across the axes, at the noise floor (1) and at multiview's seconds. Return the text beside the
+    noise floor."""
     axes.axhline(1.0, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1.5)
     axes.axvline(prices["peer"]["seconds"], color=BLACK, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1.5)
     return axes.annotate(
@@ -140,18 +147,22 @@ def _draw_guides(axes: Axes, prices: Mapping[str, Any]) -> Artist:
 
 
 def _front_points(prices: Mapping[str, Any], shown: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
+    """Return (seconds, error) of the points on the Pareto front, multiview's last if it is on it."""
     points = [(row["seconds"]["total"], row["noise_ratio"]) for row in shown if row["pareto"]]
     return [*points, (prices["peer"]["seconds"], 1.0)] if prices["peer"]["pareto"] else points
 
 
 def _draw_front(axes: Axes, prices: Mapping[str, Any], shown: Sequence[Mapping[str, Any]]) -> Artist:
+    """Draw the line through the points on the Pareto front and return it. shown are the rows that have a noise
+    ratio."""
     front = sorted(_front_points(prices, shown))
     xs, ys = [x for x, _ in front], [y for _, y in front]
     return axes.plot(xs, ys, color=SKY, linewidth=2.2, zorder=2, solid_joinstyle="round")[0]
 
 
 def _draw_points(axes: Axes, prices: Mapping[str, Any], shown: Sequence[Mapping[str, Any]]) -> list[Annotation]:
-    """The points, and their labels, not yet in their places. Filled: on the front."""
+    """Draw the points of the shown rows and of multiview, filled where they are on the Pareto front. Return their
+    labels, which `_arrange` has still to put in their places."""
     multiview = prices["peer"]
     entries = [(row["name"], row["kind"], row["seconds"]["total"], row["noise_ratio"], row) for row in shown]
     entries.append(("Blender's multiview", MULTIVIEW, multiview["seconds"], 1.0, {**multiview, "traced": None}))
@@ -167,6 +178,7 @@ def _draw_points(axes: Axes, prices: Mapping[str, Any], shown: Sequence[Mapping[
 
 
 def _label(axes: Axes, text: str, point: tuple[float, float]) -> Annotation:
+    """Return a new label with this text, placed at its point, (seconds, error), for the time being."""
     return axes.annotate(
         text,
         point,
@@ -181,6 +193,7 @@ def _label(axes: Axes, text: str, point: tuple[float, float]) -> Annotation:
 
 
 def _legend(axes: Axes, front: Artist) -> None:
+    """Draw the legend above the axes; front is the line of the Pareto front."""
     from matplotlib.lines import Line2D
 
     def dot(face: str) -> Line2D:
@@ -206,7 +219,12 @@ def _arrange(
     texts: Sequence[Artist],
     front: Sequence[tuple[float, float]],
 ) -> None:
-    """Put the labels where they cover neither each other nor a point, and as little of the lines as can be."""
+    """Move the labels of points to where they cover neither each other nor a point nor one of `texts`, and the lines as
+    little as possible. Labels that end up far from their points get a line to them.
+
+    points are (seconds, error), multiview's the last, and labels are in their order; front are the points on the Pareto
+    front.
+    """
     figure = axes.get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()
@@ -231,13 +249,15 @@ def _arrange(
 
 
 def _draw_leader(axes: Axes, point: tuple[float, float], offset: np.ndarray) -> None:
-    """A line from a point to where its label begins, `offset` typographic points away."""
+    """Draw a line from a point, given in data coordinates, to its label, which begins `offset` typographic points
+    away."""
     style = {"arrowstyle": "-", "color": GREY, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 5.0}
     axes.annotate("", point, xytext=tuple(offset), textcoords="offset points", arrowprops=style, zorder=2.5)
 
 
 def extent(artist: Artist) -> tuple[float, float, float, float]:
-    """Return left, bottom, width and height in pixels; for an annotation, of its text without the line to its point."""
+    """Return (left, bottom, width, height) of an artist in pixels; for an annotation, those of its text without the
+    line to its point."""
     from matplotlib.text import Text
 
     box = Text.get_window_extent(artist) if isinstance(artist, Text) else artist.get_window_extent()
@@ -245,7 +265,8 @@ def extent(artist: Artist) -> tuple[float, float, float, float]:
 
 
 def _along(corners: Sequence[Any]) -> np.ndarray:
-    """Small boxes (L, 4) along the lines between these places in pixels."""
+    """Return small boxes (L, 4), as (left, bottom, right, top), along the lines from each of these places to the next,
+    in pixels. There must be at least two places."""
     boxes = []
     for a, b in itertools.pairwise(np.asarray(corners, np.float64)):
         step = np.subtract(b, a)

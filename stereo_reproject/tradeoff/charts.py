@@ -12,7 +12,8 @@ from .stages_chart import draw_stages
 
 
 def draw_charts(prices: Mapping[str, Any], folder: Path) -> None:
-    """Write tradeoff.svg, tradeoff.png, stages.svg and stages.png of what tradeoff.json holds. Raises OSError."""
+    """Draw both charts of a price list into tradeoff.svg, tradeoff.png, stages.svg and stages.png in a folder. prices
+    is the content of tradeoff.json. Raises OSError."""
     with chart_style():
         for name, draw in (("tradeoff", draw_tradeoff), ("stages", draw_stages)):
             figure = draw(prices)
@@ -22,5 +23,6 @@ def draw_charts(prices: Mapping[str, Any], folder: Path) -> None:
 
 
 def draw_stages_chart(prices: Mapping[str, Any], path: Path) -> None:
-    """Write path.svg and path.png of where the time goes in what tradeoff.json holds. Raises OSError."""
+    """Draw the chart of the seconds by stage into path.svg and path.png. prices has the form of tradeoff.json. Raises
+    OSError."""
     draw_whole(draw_stages, prices, path)

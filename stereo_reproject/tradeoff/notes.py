@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 
 def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: str) -> None:
-    """Write the title of a price list's chart, the details of the scene, and the notes."""
+    """Write the texts of a price list's chart: the title, which is the scene's name and `what` is shown, the details of
+    the picture, and the notes."""
     width, rows = prices["size"]
     frame = f", frame {prices['frame']}" if "frame" in prices else ""
     details = f"{width} × {rows} pixels, {prices['samples']} samples{frame}, Blender {prices['blender']}"
@@ -21,7 +22,8 @@ def write_titles(figure: Figure, prices: Mapping[str, Any], what: str, notes: st
 
 
 def source_note(prices: Mapping[str, Any]) -> str:
-    """Return a note on how the source's seconds count: the "note" of the prices, or the one that fits a price list."""
+    """Return the note that says how the source's seconds are counted: the "note" of prices if it has one, else the
+    sentence for a price list."""
     if "note" in prices:
         return str(prices["note"])
     seconds = prices["source"]["seconds"]

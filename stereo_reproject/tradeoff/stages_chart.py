@@ -44,9 +44,11 @@ MULTIVIEW_LABEL = "both eyes"
 
 
 def draw_stages(prices: Mapping[str, Any]) -> Figure:
-    """Return a bar for each case and one for multiview, made of their stages, as in the paper's figure 9.
+    """Return the chart of where the time goes: a bar for each case, made of its stages, and one for multiview, as in
+    the paper's figure 9.
 
-    prices may have "reported": what others say of their own, for `reported_note`.
+    prices has the form of tradeoff.json. It may also have "reported", figures that others have published, which are
+    drawn beside: see `reported_note`.
     """
     rows, multiview, reported = prices["rows"], prices["peer"], prices.get("reported")
     notes = _stage_notes(rows, source_note(prices), reported)
@@ -80,7 +82,8 @@ def draw_stages(prices: Mapping[str, Any]) -> Figure:
 
 
 def _draw_reported(axes: Axes, reported: Mapping[str, Any], multiview_seconds: float, *, below: int) -> None:
-    """Mark the seconds that others' speed-ups over multiview would come to; their name has a row below the bars."""
+    """Mark the range of seconds that would follow from others' published speed-ups over this multiview. Their name
+    stands below the bars, in row `below`."""
     ends = sorted(multiview_seconds / speedup for speedup in reported["speedup"])
     axes.axvspan(*ends, color=YELLOW, alpha=0.45, linewidth=0.0, zorder=0.4)
     axes.set_ylim(below + 0.55, -0.55)
@@ -88,6 +91,8 @@ def _draw_reported(axes: Axes, reported: Mapping[str, Any], multiview_seconds: f
 
 
 def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str, reported: Mapping[str, Any] | None) -> str:
+    """Return the notes below the chart. source is the note on the source's seconds, reported are others' figures or
+    None."""
     columns = "Speed-up: over Blender's multiview. Traced: the share of the target eye's pixels."
     probed = any(Stage.PROBES in row["seconds"] for row in rows)
     split = " Holes and probes are traced in one render, whose time is divided by their pixels." if probed else ""
@@ -95,10 +100,14 @@ def _stage_notes(rows: Sequence[Mapping[str, Any]], source: str, reported: Mappi
 
 
 def _before(row: Mapping[str, Any], stage: str, used: Sequence[str]) -> float:
+    """Return the seconds of a row in all stages before `stage`, where its part of the bar begins; `used` are the stages
+    in order."""
     return sum(row["seconds"].get(name, 0.0) for name in used[: used.index(stage)])
 
 
 def _name_bars(axes: Axes, rows: Sequence[Mapping[str, Any]], multiview: Mapping[str, Any]) -> None:
+    """Write the names left of the bars, the total seconds at their ends, and the columns of speed-up and traced share
+    right of them. Also sets the ranges of the axes."""
     axes.set_yticks(range(len(rows) + 1), [*(row["name"] for row in rows), "Blender's multiview"], color=BLACK)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(rows) + 0.55, -0.55)
@@ -115,7 +124,7 @@ def _name_bars(axes: Axes, rows: Sequence[Mapping[str, Any]], multiview: Mapping
 
 
 def _column(axes: Axes, x: float, heading: str, entries: Sequence[str]) -> None:
-    """Figures beside the bars, right-aligned at x, a share of the axes' width."""
+    """Write a column of texts with a heading, one for each bar, right-aligned at x (a share of the axes' width)."""
     place = axes.get_yaxis_transform()
     for k, entry in enumerate(entries):
         axes.text(x, k, entry, transform=place, ha="right", va="center")
@@ -125,7 +134,7 @@ def _column(axes: Axes, x: float, heading: str, entries: Sequence[str]) -> None:
 
 
 def _write_seconds(axes: Axes, rows: Sequence[Mapping[str, Any]], used: Sequence[str]) -> None:
-    """The seconds of each stage inside its part of the bar, where they fit."""
+    """Write the seconds of each stage inside its part of the bar, where the part is wide enough."""
     fits = 0.05 * axes.get_xlim()[1]
     for k, row in enumerate(rows):
         for name in used:

@@ -22,7 +22,10 @@ Vector = tuple[Array, Array, Array]
 
 @dataclass(frozen=True)
 class ViewPlane:
-    """The rectangle of a view: at unit depth for a perspective camera, in scene units for an orthographic one."""
+    """The rectangle that a view shows, by its four sides in camera space: x to the right, y upwards.
+
+    It lies at unit depth for a perspective camera; for an orthographic one it is in scene units.
+    """
 
     left: float
     right: float
@@ -31,51 +34,75 @@ class ViewPlane:
 
 
 class Camera(Protocol):
-    """A camera model: its two maps, its size in pixels, and its pose `world_from_camera` (4, 4), which is rigid."""
+    """A camera model: its two maps, pixel to ray and point to pixel, its size in pixels, and its pose.
+
+    Camera space has x to the right, y upwards, and looks along -z. Pixel positions count from the picture's upper left
+    corner, x to the right and y downwards, so that the first pixel's centre is (0.5, 0.5).
+    """
 
     @property
-    def width(self) -> int: ...
+    def width(self) -> int:
+        """Width of the picture in pixels."""
+        ...
 
     @property
-    def height(self) -> int: ...
+    def height(self) -> int:
+        """Height of the picture in pixels."""
+        ...
 
     @property
-    def plane(self) -> ViewPlane: ...
+    def plane(self) -> ViewPlane:
+        """The rectangle that the picture shows."""
+        ...
 
     @property
-    def world_from_camera(self) -> Array: ...
+    def world_from_camera(self) -> Array:
+        """Pose of the camera: the transform (4, 4) from camera space to the world, rigid but for cameras with a sheared
+        parent."""
+        ...
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
-        """Return origin and direction, in camera space, of the rays through pixel positions (x, y)."""
+        """Return origin and direction, each as x, y, z in camera space, of the rays through pixel positions (x, y).
+
+        A direction advances one unit of depth: the point at depth d is origin + d * direction.
+        """
         ...
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
-        """Return the pixel position (x, y) and depth of homogeneous camera-space points; NaN where there is none."""
+        """Return pixel position x, y and depth of camera-space points; NaN for points that are not ahead of the camera.
+
+        `point` is homogeneous: x, y and z of the point, each multiplied by `weight`. The weight of the sky is 0.
+        """
         ...
 
     def nearness_from_depth(self, depth: Array) -> Array:
-        """Return the nearness: it grows towards the camera, and is linear over the picture on any plane."""
+        """Return the nearness of points at a depth: it grows towards the camera, and is linear over the picture on any
+        plane."""
         ...
 
     def depth_from_nearness(self, nearness: Array) -> Array:
-        """Return the depth: the inverse of `nearness_from_depth`."""
+        """Return the depth of points by their nearness: the inverse of `nearness_from_depth`."""
         ...
 
 
 @dataclass(frozen=True)
 class _PlanarCamera:
+    """Common part of both camera models: their fields, and the map between pixels and places on the view plane."""
+
     width: int
     height: int
     world_from_camera: Array
     plane: ViewPlane
 
     def _plane_from_px(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return x and y on the view plane, in its units, of pixel positions (x, y)."""
         plane = self.plane
         plane_x = plane.left + (plane.right - plane.left) / self.width * x
         plane_y = plane.top - (plane.top - plane.bottom) / self.height * y
         return plane_x, plane_y
 
     def _px_from_plane(self, plane_x: Array, plane_y: Array) -> tuple[Array, Array]:
+        """Return pixel positions x and y of places on the view plane: the inverse of `_plane_from_px`."""
         plane = self.plane
         x = (plane_x - plane.left) * (self.width / (plane.right - plane.left))
         y = (plane.top - plane_y) * (self.height / (plane.top - plane.bottom))
@@ -84,14 +111,17 @@ class _PlanarCamera:
 
 @dataclass(frozen=True)
 class PerspectiveCamera(_PlanarCamera):
-    """A pinhole; an off-axis view is nothing but a view plane that is not centred."""
+    """A pinhole camera. An off-axis view, as of an eye, is one whose view plane is not centred; nothing else
+    differs."""
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        """Return origin, which is the camera's own place, and direction of rays, as `Camera.ray_from_px` says."""
         zero, forward = np.array(0.0), np.array(-1.0)
         plane_x, plane_y = self._plane_from_px(x, y)
         return (zero, zero, zero), (plane_x, plane_y, forward)
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        """Return pixel position x, y and depth of points, as `Camera.px_from_point` says."""
         px, py, pz = point
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = np.where(pz < 0, -pz, np.nan)
@@ -99,10 +129,12 @@ class PerspectiveCamera(_PlanarCamera):
             return x, y, ahead / weight
 
     def nearness_from_depth(self, depth: Array) -> Array:
+        """Return 1 / depth, which is 0 for the sky."""
         with np.errstate(divide="ignore"):
             return 1.0 / depth
 
     def depth_from_nearness(self, nearness: Array) -> Array:
+        """Return 1 / nearness, which is +inf for 0."""
         # Beside the sky a mean of two may be so small that it is the sky.
         with np.errstate(divide="ignore", over="ignore"):
             return 1.0 / nearness
@@ -110,17 +142,23 @@ class PerspectiveCamera(_PlanarCamera):
 
 @dataclass(frozen=True)
 class OrthographicCamera(_PlanarCamera):
-    """Parallel rays; the view plane is in scene units. Its sky is put at a depth that float32 still tells apart."""
+    """A camera with parallel rays; its view plane is in scene units.
+
+    The sky is put at the depth SKY_DEPTH, where float32 still tells depths apart.
+    """
 
     SKY_DEPTH = 1e9
     SKY_ROUNDING = 1e-6
 
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        """Return origin, on the view plane, and direction of rays, as `Camera.ray_from_px` says."""
         zero, forward = np.array(0.0), np.array(-1.0)
         plane_x, plane_y = self._plane_from_px(x, y)
         return (plane_x, plane_y, zero), (zero, zero, forward)
 
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        """Return pixel position x, y and depth of points, as `Camera.px_from_point` says; the sky's depth is at most
+        SKY_DEPTH."""
         px, py, pz = point
         weight = np.maximum(weight, 1.0 / self.SKY_DEPTH)
         ahead = np.where(pz < 0, weight, np.nan)
@@ -128,28 +166,34 @@ class OrthographicCamera(_PlanarCamera):
         return x, y, -pz / ahead
 
     def nearness_from_depth(self, depth: Array) -> Array:
+        """Return -depth, held at -SKY_DEPTH for the sky."""
         return -np.minimum(depth, self.SKY_DEPTH)
 
     def depth_from_nearness(self, nearness: Array) -> Array:
+        """Return -nearness, and +inf where that is the sky's depth to within rounding."""
         return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
 def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
-    """Return the length of the rays through pixel positions (x, y), for one unit of depth."""
+    """Return the length, in scene units, that the rays through pixel positions (x, y) have for one unit of depth."""
     _, direction = camera.ray_from_px(x, y)
     return np.sqrt(sum(np.square(part) for part in direction))
 
 
 def depth_from_ray_length(camera: Camera, length: Array, clip_start: float) -> Array:
-    """Return the depth (H, W) of points at this length (H, W) along the pixels' rays, from where these are clipped."""
+    """Return the depth (H, W) of the points that lie `length` (H, W) along the rays through the pixels' centres.
+
+    Lengths count from the plane at the depth clip_start, where the camera clips its rays. All are in scene units.
+    """
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     return length / ray_length_per_depth(camera, x, y) + clip_start
 
 
 def target_from_source(source: Camera, target: Camera) -> Array:
-    """Return the transform (4, 4) from source camera space to target camera space, free of the world's own offset.
+    """Return the transform (4, 4) from source camera space to target camera space.
 
-    Rigid for most cameras; Blender leaves the axes of one with a sheared parent as they are.
+    It is computed from the distance between the cameras, so that far from the world's origin no digits are lost. It is
+    rigid for most cameras; Blender leaves the axes of one with a sheared parent as they are.
     """
     rotation = np.linalg.inv(target.world_from_camera[:3, :3])
     result = np.eye(4)
@@ -159,7 +203,8 @@ def target_from_source(source: Camera, target: Camera) -> Array:
 
 
 def see_the_same(source: Camera, target: Camera) -> bool:
-    """Return whether both cameras have the same place, direction and view plane: then nothing moves between them."""
+    """Return whether both cameras have the same place, direction and view plane, so that nothing moves between their
+    pictures."""
     same_place = np.allclose(target_from_source(source, target), np.eye(4), rtol=0.0, atol=1e-12)
     return same_place and source.plane == target.plane
 
@@ -167,9 +212,10 @@ def see_the_same(source: Camera, target: Camera) -> bool:
 def target_px_from_source_px(
     source: Camera, target: Camera, x: Array, y: Array, depth: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the target pixel positions x, y and depths of points seen at source positions x, y and `depth`.
+    """Return where points of the source land in the target: pixel positions x and y in the target, and depth there.
 
-    x, y and depth broadcast; depth may be +inf. The result is NaN where a point lies behind the target camera.
+    The points are seen at pixel positions x, y in the source, at `depth` (+inf for the sky); the three broadcast. The
+    result is NaN where a point lies behind the target camera.
     """
     transform = target_from_source(source, target)
     origin, direction = source.ray_from_px(np.asarray(x, np.float64), np.asarray(y, np.float64))
@@ -187,10 +233,11 @@ def target_px_from_source_px(
 
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
-    """Return the pixels that a point moves in the target for one unit of source nearness, at the middle of the picture.
+    """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
+    source nearness.
 
-    Exact for rigs whose image planes coincide, a first-order estimate for toe-in: good enough to judge how large a
-    step in depth is, which is all that it is used for.
+    It is used to judge how large a step in depth is. It is exact for rigs whose image planes coincide; for toe-in it is
+    a first-order estimate, which is good enough for that.
     """
     transform = target_from_source(source, target)
     baseline = float(np.linalg.norm(transform[:3, 3]))
@@ -212,6 +259,6 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
 
 
 def _px_per_unit(camera: Camera) -> Array:
-    """Return (2,) the pixels per unit of the view plane, across and down."""
+    """Return the pixels (2,) per unit of the view plane: across, then down."""
     plane = camera.plane
     return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])

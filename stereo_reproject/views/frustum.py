@@ -17,9 +17,10 @@ LEAST_DEPTH = 1e-6
 
 @dataclass(frozen=True)
 class Lens:
-    """The depths between which a camera sees, and for depth of field the aperture's radius and the depth in focus.
+    """The lens of a camera, in scene units.
 
-    All in scene units. An aperture of 0 is a pinhole.
+    near and far are the depths between which it sees. aperture is its radius, 0 for a pinhole; focus is the depth that
+    is in focus. Both serve depth of field alone.
     """
 
     near: float = 0.0
@@ -29,7 +30,10 @@ class Lens:
 
 
 class Frustum:
-    """The space that one camera may see, as half spaces in the world, widened by the radius of the lens."""
+    """The space that one camera may see, as half spaces in the world; tells which boxes may be in its picture.
+
+    It is widened by the radius of the lens and by a few pixels beyond the frame.
+    """
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
         plane = camera.plane
@@ -55,18 +59,22 @@ class Frustum:
         self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
 
     def may_meet(self, corners: NDArray) -> NDArray[np.bool_]:
-        """Return (...) False only where all corners (..., N, 3), in the world, of a convex body are beyond one side."""
+        """Return (...) whether convex bodies may be in view; each is given by its N corners in the world, (..., N, 3).
+
+        It is False where all corners of a body lie beyond one side of the frustum. So False is certain, and True is
+        not.
+        """
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
         return ~outside.all(axis=-2).any(axis=-1)
 
 
 def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels that boxes in the world may cover, by rectangles around their corners (8, 3).
+    """Return (H, W) the pixels that boxes may cover: those in the rectangle around the corners of any of the boxes.
 
-    Corners are in the order of Blender's `bound_box`. A box that is in view and reaches behind the camera covers all
-    pixels. A box that is infinite, or that has a perspective camera inside, covers none: it does not tell where in the
-    picture anything is.
+    A box has its corners (8, 3) in the world, in the order of Blender's `bound_box`. One that is in view and reaches
+    behind the camera covers all pixels. One that is infinite, or that has a perspective camera inside, covers none,
+    because it does not tell where in the picture anything is.
     """
     result = np.zeros((camera.height, camera.width), bool)
     frustum = Frustum(camera, lens)
@@ -88,7 +96,11 @@ def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[
 
 
 def _encloses_origin(corners: NDArray) -> bool:
-    """Return whether the origin lies in a box with these corners (8, 3); a flat box has no inside."""
+    """Return whether a camera stands in a box: whether the origin of camera space lies in it or on its surface.
+
+    corners (8, 3) of the box are in camera space, in the order of Blender's `bound_box`. A flat box has no inside:
+    False.
+    """
     sides = (corners[[4, 3, 1]] - corners[0]).T
     if np.linalg.matrix_rank(sides) < 3:
         return False

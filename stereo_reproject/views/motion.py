@@ -9,7 +9,8 @@ from .camera import Camera, PerspectiveCamera, ViewPlane
 
 @dataclass(frozen=True)
 class Moving:
-    """A view's camera in the frame that is rendered, in the one before and in the one after."""
+    """The motion of a view's camera: the camera in the frame that is rendered, in the frame before it and in the one
+    after."""
 
     now: Camera
     before: Camera
@@ -22,16 +23,16 @@ def standing_still(camera: Camera) -> Moving:
 
 
 def moving(now: Camera, before: Camera, after: Camera) -> Moving:
-    """Return a camera's motion as Cycles measures it, from the cameras of three frames.
+    """Return a camera's motion as Cycles measures it for motion vectors, from the cameras of three frames.
 
-    Cycles takes the frame's own view plane for all three, and scales it by the focal length: so nothing else that
-    changes in a lens counts, and nothing at all in that of an orthographic camera.
+    Cycles uses the view plane of the rendered frame in all three, scaled by the focal length. So no other change of the
+    lens counts, and none at all for an orthographic camera.
     """
     return Moving(now, _with_plane_of(now, before), _with_plane_of(now, after))
 
 
 def _with_plane_of(now: Camera, then: Camera) -> Camera:
-    """Return the camera `then` with the view plane of `now`, scaled as the focal length changes between the two."""
+    """Return the camera `then` with the view plane of `now`, scaled by the change of focal length between them."""
     plane = now.plane
     zoom = (then.plane.right - then.plane.left) / (plane.right - plane.left)
     if not isinstance(now, PerspectiveCamera):

@@ -15,19 +15,20 @@ ARC_MINUTE = np.pi / (180.0 * 60.0)
 
 
 def parallax_angle(depth: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """Return the angle, in radians, between both eyes' lines of sight to a point at these depths; 0 for depth +inf.
+    """Return the angle, in radians, between both eyes' lines of sight to points at these depths; 0 for depth +inf.
 
-    theta(z) = 2 atan(d / 2z), with d the interocular distance (paper, equation 1).
+    theta(z) = 2 atan(d / 2z), with d the interocular distance, in the unit of the depths (paper, equation 1).
     """
     return 2.0 * np.arctan2(0.5 * interocular_distance, np.asarray(depth, np.float64))
 
 
 def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float) -> NDArray[np.float64]:
-    """Return theta(near) - theta(far), in radians, without the cancellation of a plain difference.
+    """Return by how much, in radians, the parallax angle of a nearer depth is larger than that of a farther one.
 
-    near and far are depths (...), 0 < near <= far <= +inf. The addition theorem of the arc tangent turns the
-    difference of two nearly equal angles into one angle whose numerator is the depth difference itself. NaN depths
-    give NaN.
+    It is parallax_angle(near) - parallax_angle(far), computed without the cancellation of a plain difference. near and
+    far are depths (...), 0 < near <= far <= +inf, in the unit of interocular_distance. The addition theorem of the arc
+    tangent turns the difference of two nearly equal angles into one angle whose numerator is the depth difference
+    itself. NaN depths give NaN.
     """
     near = np.asarray(near, np.float64)
     far = np.asarray(far, np.float64)
@@ -44,9 +45,10 @@ def parallax_difference(near: NDArray, far: NDArray, interocular_distance: float
 
 @dataclass(frozen=True)
 class ScreenParallax:
-    """The horizontal shift of a point, its place in the right eye minus that in the left: positive behind the screen.
+    """The horizontal shift of a point between the eyes: its place in the right picture minus that in the left.
 
-    depth is in scene units, +inf for the sky; the rest in pixels, and in percent of the frame's width.
+    It is positive behind the screen and negative before it. depth, of the point, is in scene units, +inf for the sky;
+    pixels and percent are the shift in pixels and in percent of the frame's width.
     """
 
     depth: float
@@ -54,14 +56,16 @@ class ScreenParallax:
     percent: float
 
     def width_on(self, screen_width: float) -> float:
-        """Return the distance between the point's two pictures on a screen of this width, in the width's unit."""
+        """Return the shift on a screen of this width, in the unit of the width: positive behind the screen, negative
+        before it."""
         return 0.01 * self.percent * screen_width
 
 
 def parallax_at(left: Camera, right: Camera, depth: float, frame_width: int) -> ScreenParallax:
-    """Return the parallax of a depth in the middle of the picture; with toe-in it differs towards the sides.
+    """Return the parallax of a point at `depth` in the middle of the left picture; with toe-in it differs towards the
+    sides.
 
-    frame_width: width of the whole frame in pixels, of which the cameras may show a part.
+    frame_width: width of the whole frame in pixels; with a render border the cameras show only a part of it.
     """
     x, y = np.array(0.5 * left.width), np.array(0.5 * left.height)
     right_x, _, _ = target_px_from_source_px(left, right, x, y, np.array(depth))
@@ -72,9 +76,10 @@ def parallax_at(left: Camera, right: Camera, depth: float, frame_width: int) -> 
 def visible_parallax(
     left: Camera, right: Camera, depth: NDArray, frame_width: int
 ) -> tuple[ScreenParallax, ScreenParallax] | None:
-    """Return the parallax of the nearest and of the farthest depth (H, W) that is seen; None without any.
+    """Return the parallax of the nearest and of the farthest depth in the left eye's `depth` (H, W); None if it has
+    none.
 
-    Values that are no depth (0, negative, NaN) are passed over.
+    Values that are no depth (0, negative, NaN) are passed over. frame_width is as for `parallax_at`.
     """
     # The sky of parallel rays has no place on the screen when the eyes are turned.
     seen = depth[(depth > 0.0) & (np.isfinite(depth) | (not isinstance(left, OrthographicCamera)))]
@@ -85,5 +90,9 @@ def visible_parallax(
 
 
 def is_wider_than_eyes(parallax: ScreenParallax, screen_width: float, eye_distance: float) -> bool:
-    """Return whether a viewer's eyes would have to turn outwards; both lengths in one unit."""
+    """Return whether the point's two pictures are further apart on the screen than a viewer's eyes, which then turn
+    outwards.
+
+    screen_width and eye_distance are in one unit.
+    """
     return parallax.width_on(screen_width) > eye_distance

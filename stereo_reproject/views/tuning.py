@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ViewTuning:
-    """Numbers that were chosen by judgement; each says why."""
+    """Tuned numbers of this room, chosen by judgement; each says why."""
 
     max_toe_in_factor: float = 2.0
     """Factor by which a point may move further between cameras that are toed in than between parallel ones, at most:

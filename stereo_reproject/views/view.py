@@ -11,7 +11,10 @@ from .motion import Moving, standing_still
 
 @dataclass(frozen=True)
 class View:
-    """A camera with a name, such as "left". motion is None where no pass asks for it: then the camera stands still."""
+    """A camera with a name, such as "left", and its motion between frames.
+
+    motion is None where no pass asks for it; the camera then counts as standing still.
+    """
 
     name: str
     camera: Camera
@@ -19,13 +22,13 @@ class View:
 
     @property
     def moving(self) -> Moving:
-        """The motion, that of a camera which stands still where none is given."""
+        """The motion: `motion`, or that of a camera that stands still where it is None."""
         return self.motion or standing_still(self.camera)
 
 
 @dataclass(frozen=True)
 class Rig:
-    """Views of one scene at one moment, in order; their names differ. Raises ValueError where two have the same."""
+    """Views of one scene at one moment, in order. Raises ValueError where two of them have the same name."""
 
     views: tuple[View, ...]
 
@@ -35,7 +38,7 @@ class Rig:
 
     @classmethod
     def of_cameras(cls, cameras: Mapping[str, Camera], motion: Mapping[str, Moving] | None = None) -> Rig:
-        """Return the rig of these cameras, by their views' names. motion is None, or has all of these names."""
+        """Return the rig of these cameras, which are given by view name. motion has all of these names, or is None."""
         views = (View(name, camera, motion.get(name) if motion else None) for name, camera in cameras.items())
         return cls(tuple(views))
 

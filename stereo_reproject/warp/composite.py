@@ -29,11 +29,15 @@ from .rendered_view import RenderedView
 from .scanline import row_disparity_of
 
 LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
-"""Return a pass (H, W, C) of the source as the target sees it, (h, w, C), by the interpolation of this name."""
+"""Function that returns a pass (H, W, C) of the source as the target sees it, (h, w, C), by the interpolation of this
+name."""
 
 
 def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOptions) -> Passes:
-    """Return the source's passes as seen by the target, 0 (depth: +inf) where nothing landed."""
+    """Return the source's passes as the target sees them, looked up with NumPy; 0 (depth: +inf) where nothing landed.
+
+    `warp` is the map that says which place of the source each target pixel shows. SOURCE_ONLY_PASSES are left out.
+    """
     seen = _target_depth(source.passes[DEPTH_PASS], warp, source.camera, target.camera)
 
     def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
@@ -50,9 +54,10 @@ def passes_seen(
     look_up: LookUp,
     options: WarpOptions,
 ) -> Passes:
-    """Return what `warp_passes` does, with any means of lookup: seen (H, W) is the depth that the target sees.
+    """Return the source's passes as the target sees them, as `warp_passes` does, but with a lookup of any kind.
 
-    Passes that tell something of the source alone (`passes.SOURCE_ONLY_PASSES`) are left out.
+    seen (H, W) is the depth that the target sees. look_up reads a pass of the source by the map `warp`, on a GPU, say.
+    Depth, position and motion vectors are computed anew. SOURCE_ONLY_PASSES are left out.
     """
     warped: Passes = {}
     for name, image in source.passes.items():
@@ -73,7 +78,8 @@ def _target_position(
 ) -> NDArray[np.float32]:
     """Return (H, W, 3) the points in the world that the target's pixel centres see at this depth (H, W).
 
-    Where there is no depth it is the position that Blender gives there: the source's own (H, W, 3).
+    Where the depth is not finite, as in the sky, it is the value of the source's own Position pass (H, W, 3) that was
+    looked up.
     """
     rows, columns = np.mgrid[0.5 : depth.shape[0], 0.5 : depth.shape[1]]
     origin, direction = target.ray_from_px(columns, rows)
@@ -86,10 +92,11 @@ def _target_position(
 
 
 def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the source's depth (H, W, 1), looked up by the map and converted to the target's.
+    """Return (H, W) the depth that the target sees: the source's depth (H, W, 1), looked up by the map and converted;
+    +inf where nothing landed.
 
-    The map's own nearness is that of a coarse cell's corners, and less exact. What is interpolated is nearness, which
-    is linear on any plane.
+    Nearness is what is interpolated, because it is linear on any plane. The map has a nearness of its own, but that is
+    interpolated between a coarse cell's corners, and less exact.
     """
     with np.errstate(over="ignore"):
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
@@ -110,7 +117,11 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
 
 
 def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:
-    """Return `warped` (H, W, C) with the pixels of `holes` (H, W) replaced by `traced` (N, C), in the mask's order."""
+    """Return copies of the warped passes (H, W, C), with the pixels of `holes` (H, W) replaced by those of `traced` (N,
+    C).
+
+    traced has a value for each set pixel of the mask, row by row. A pass that traced lacks stays as it was warped.
+    """
     result: Passes = {}
     for name, image in warped.items():
         result[name] = image.copy()
@@ -120,7 +131,10 @@ def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passe
 
 
 def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:
-    """Return (H, W) where a pass has NaN or infinities, by pass; those without are left out, and so is depth."""
+    """Return masks (H, W), by pass, of the pixels at which the pass has NaN or infinities.
+
+    Passes without any are left out. So is depth, whose infinities are the sky.
+    """
     found: dict[str, NDArray[np.bool_]] = {}
     for name, image in passes.items():
         number = np.isfinite(image)
@@ -130,17 +144,17 @@ def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:
 
 
 def count_pixels(found: Mapping[str, NDArray[np.bool_]]) -> int:
-    """Return the number of pixels that are in any of the masks."""
+    """Return the number of pixels that are set in any of the masks (H, W), as `not_numbers` returns them."""
     return int(np.any([*found.values()], axis=0).sum()) if found else 0
 
 
 def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
-    """Return the passes with NaN and infinities set to 0, and a mask (H, W) of where an essential one had any.
+    """Return the passes with NaN and infinities set to 0, and a mask (H, W) of the pixels at which an essential pass
+    had any.
 
-    Depth keeps its infinities.
-
-    Nothing else follows from a pass that is not essential (`passes.is_essential`): a whole surface may have an AOV that
-    is no number, and another trace of it would be none either.
+    Depth keeps its infinities, and has NaN for values that are no depth. A pass that is not essential
+    (`passes.is_essential`) marks no pixel: a whole surface may have an AOV that is no number, and another trace of it
+    would be none either.
     """
     clean, invalid = dict(passes), np.zeros(passes[COLOUR_PASS].shape[:2], bool)
     if DEPTH_PASS in passes:
@@ -155,10 +169,11 @@ def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
 def spoilt(
     lost: Sequence[Mapping[str, NDArray[np.bool_]]], warp: Warp, *, interpolation: str
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return (h, w) target pixels whose lookup takes any share of what is no number in their source, by pass.
+    """Return masks (h, w), by pass, of target pixels whose lookup takes any share of NaN or infinity in their source.
 
-    lost has, for each source, the masks (H, W) that `not_numbers` returns. Essential passes are left out, because
-    such pixels are traced, and so is the position, which is computed from the depth.
+    lost has, for each source, the masks (H, W) that `not_numbers` returned. interpolation is the one of passes that may
+    be mixed. Left out are essential passes, because such pixels are traced, and the position, which is computed from
+    the depth.
     """
     found: dict[str, NDArray[np.bool_]] = {}
     for number, masks in enumerate(lost):

@@ -21,17 +21,22 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class DepthDiscontinuities:
-    """Steps in disparity, in pixels: right (H, W - 1) to the next pixel in the row, down (H - 1, W) in the column."""
+    """Steps in disparity between neighbouring pixels, in pixels, 0 or more.
+
+    right (H, W - 1) are those to the next pixel in the row, down (H - 1, W) those to the one below.
+    """
 
     right: NDArray[np.float32]
     down: NDArray[np.float32]
 
     def torn(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return where a surface is torn between two pixels: right (H, W - 1) and down (H - 1, W)."""
+        """Return the pairs of neighbours between which a surface is torn and not stretched: right (H, W - 1) and down
+        (H - 1, W)."""
         return self.right > TUNING.tear_pixels, self.down > TUNING.tear_pixels
 
     def mask(self, threshold: float) -> NDArray[np.bool_]:
-        """Return (H, W) the pixels of every 2 x 2 block that a step above `threshold` pixels runs through.
+        """Return (H, W) the pixels at an edge of depth: all of every 2 x 2 block that a step above `threshold` pixels
+        runs through.
 
         The edge itself lies up to a pixel beyond the last centre on the near side, so a diagonal neighbour is as close
         to it as the pixels on either side.
@@ -48,22 +53,28 @@ class DepthDiscontinuities:
 
 
 def disparity_of(depth: NDArray[np.float32], camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of depth (H, W)."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels, of what `camera` sees at depth (H, W).
+
+    It is known up to a constant, and is larger for what is nearer.
+    """
     return disparity_of_nearness(camera.nearness_from_depth(depth), camera, other)
 
 
 def disparity_of_nearness(nearness: NDArray, camera: Camera, other: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the disparity between `camera` and `other`, in pixels and up to a constant, of nearness (H, W)."""
+    """Return (H, W) the disparity between `camera` and `other`, in pixels, of what `camera` sees at nearness (H, W).
+
+    It is known up to a constant, and is larger for what is nearer.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         disparity = np.asarray(nearness, np.float32) * np.float32(disparity_per_nearness(camera, other))
     return np.clip(disparity, -LARGEST_NEARNESS, LARGEST_NEARNESS, out=disparity)
 
 
 def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:
-    """Return the steps of a disparity (H, W), in pixels, with the slope of either side taken out.
+    """Return the steps of a disparity (H, W), in pixels, beyond what the slope of the surface on either side explains.
 
-    Beside NaN, which is an unknown disparity, there is no step. The paper has a Sobel magnitude here, which any
-    slanted floor exceeds.
+    Beside NaN, which is an unknown disparity, there is no step. The paper has a Sobel magnitude here, which any slanted
+    floor exceeds.
     """
     height, width = disparity.shape
     right = np.empty((height, max(width - 1, 0)), np.float32)
@@ -77,7 +88,8 @@ def disparity_steps(disparity: NDArray) -> DepthDiscontinuities:
 
 
 def _steps_down(disparity: NDArray) -> NDArray[np.float32]:
-    """Return (h - 1, w) the steps down the columns of a disparity (h, w)."""
+    """Return (h - 1, w) the steps between each pixel of a disparity (h, w) and the one below it, as `disparity_steps`
+    says."""
     with np.errstate(invalid="ignore", over="ignore"):
         slope = disparity[1:] - disparity[:-1]
         bend = np.abs(slope[1:] - slope[:-1])

@@ -12,13 +12,13 @@ from .forward import Warp
 
 
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """Return (H, W) flags of the target pixels on which nothing landed: outside the source's frame, or disoccluded.
+    """Return (H, W) the `Reason` flag of each target pixel on which nothing landed, OUTSIDE or DISOCCLUDED; 0
+    elsewhere.
 
-    The grid reaches half a pixel beyond the source's frame: a place there is outside as well.
-
-    The surface that an empty pixel shows is unknown, but it lies behind its surroundings. Of the next pixels with an
-    answer to its left and right in the row, the depth of the farther one stands in for its own, and tells whether
-    the source could have seen it. A row without any answer is outside.
+    A pixel is OUTSIDE where the source's frame does not hold what it shows, and DISOCCLUDED where something hides that
+    from the source. The surface is unknown, but it lies behind its surroundings: of the next pixels with an answer to
+    its left and right, the depth of the farther one stands in for its own. A row without any answer is OUTSIDE, and so
+    is a place that landed, but within the half pixel by which the grid reaches beyond the source's frame.
     """
     flags = np.empty(warp.nearness.shape, np.uint16)
     for rows in bands(flags.shape):
@@ -33,9 +33,9 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
 
 
 def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:
-    """Return (N,) True where the source's frame holds the points of these target pixels, at this nearness (N,).
+    """Return (N,) whether the source's frame holds the points that these target pixels show at this nearness (N,).
 
-    False where the nearness is not finite.
+    rows, columns (N,) are the pixels; the nearness is the target's. False where it is not finite.
     """
     known = np.isfinite(nearness)
     sky = target.nearness_from_depth(np.array(np.inf))
@@ -45,9 +45,11 @@ def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, 
 
 
 def _behind_empty(nearness: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return (N,) row and column of the empty pixels of a nearness (h, W), and the nearness that lies behind them.
+    """Return row and column (N,) of the empty pixels of a nearness (h, W), and the nearness (N,) that is assumed behind
+    each.
 
-    That is the smaller one of the last answer to the left and the first to the right in the row; NaN without any.
+    Empty is -inf. The nearness is the smaller one of the last answer to the left and the first to the right in the row;
+    it is NaN in a row without any.
     """
     height, width = nearness.shape
     # With a column that is never empty between them, all rows are one.

@@ -22,9 +22,9 @@ from .scanline import RowDisparity, row_disparity_of, warp_rows
 class Warp:
     """The map of a warp: for each target pixel, the source and the place in it that show the same point.
 
-    x, y (H, W): position in the source in pixels, NaN where nothing landed. nearness (H, W): the target camera's
-    nearness of the surface that is seen, -inf where nothing landed. source_index (H, W): the number of the source;
-    None where there is one alone.
+    x, y (H, W): position in the source in pixels, NaN where nothing landed. nearness (H, W): the nearness to the
+    target's camera of the surface that is seen, -inf where nothing landed. source_index (H, W): the number of the
+    source; None where there is one alone.
     """
 
     x: NDArray[np.float32]
@@ -39,7 +39,8 @@ class Warp:
 
     @property
     def source(self) -> NDArray[np.uint8]:
-        """The number of each pixel's source (H, W), in the order of the sources; 0 where nothing landed.
+        """Number of the source (H, W) that each pixel was looked up in, by the order of the sources; 0 where nothing
+        landed.
 
         Of one source it takes no memory, and cannot be written.
         """
@@ -56,11 +57,11 @@ def forward_warp(
     cut_right: NDArray[np.bool_],
     cut_down: NDArray[np.bool_],
 ) -> Warp:
-    """Draw the grid into the target; the nearest surface wins.
+    """Return the map that comes of drawing the source's grid into the target; the nearest surface wins.
 
-    depth (H, W) as seen by the source, +inf for sky, NaN where it is unknown. cut_right (H, W - 1) and cut_down
-    (H - 1, W) say between which neighbouring pixels the surface is torn: quads across a tear are not drawn, so that
-    what it uncovers stays a hole instead of being smeared over (paper, section 3.3).
+    depth (H, W) is the source's, +inf for the sky, NaN where it is unknown. cut_right (H, W - 1) and cut_down (H - 1,
+    W) are set between neighbouring pixels where the surface is torn. Quads across a tear are not drawn, so that what it
+    uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
     disparity = row_disparity_of(source, target)
@@ -72,7 +73,7 @@ def forward_warp(
 def _along_rows(
     depth: NDArray, source: Camera, target: Camera, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
-    """Return the map of a rectified pair; torn (H + 1, W + 1) are the quads that are not drawn."""
+    """Return the map of a rectified pair, drawn row by row; torn (H + 1, W + 1) are the quads that are not drawn."""
     x, nearness = warp_rows(depth, source, target.width, disparity, grid, torn)
     y = np.empty_like(x)
     for rows in bands(x.shape):
@@ -86,8 +87,9 @@ def sub_pixel_features(
 ) -> NDArray[np.bool_]:
     """Return (H, W) source pixels of features about as thin as a pixel, of which the grid draws next to nothing.
 
-    All their quads are torn, or stand alone between two that are: even what is drawn of two pixels side by side may
-    fall between two of the target's pixel centres.
+    All quads of such a pixel are torn, or stand alone between two that are: even what is drawn of two pixels side by
+    side may fall between two of the target's pixel centres. cut_right and cut_down are as for `forward_warp`; pixels of
+    unknown depth are not set.
     """
     torn = torn_quads(cut_right, cut_down, depth)
     padded = np.pad(torn, 1, constant_values=True)
@@ -96,12 +98,16 @@ def sub_pixel_features(
 
 
 def _all_four(quads: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels all of whose four quads (H + 1, W + 1) are set."""
+    """Return (H, W) the pixels for which all four quads around them, of `quads` (H + 1, W + 1), are set."""
     return quads[:-1, :-1] & quads[:-1, 1:] & quads[1:, :-1] & quads[1:, 1:]
 
 
 def torn_quads(cut_right: NDArray[np.bool_], cut_down: NDArray[np.bool_], depth: NDArray) -> NDArray[np.bool_]:
-    """Return (H + 1, W + 1) the lattice's quads with a torn side or a corner of unknown depth."""
+    """Return (H + 1, W + 1) the quads between the grid's vertices that have a torn side or a corner of unknown depth
+    (NaN).
+
+    cut_right and cut_down are as for `forward_warp`.
+    """
     height, width = depth.shape
     unknown = np.pad(np.isnan(depth), 1, mode="edge")
     torn = unknown[:-1, :-1] | unknown[:-1, 1:]

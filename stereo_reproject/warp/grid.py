@@ -21,7 +21,11 @@ CELL_QUADS = 16
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid's cells: subdivided (R, C) are those that are drawn quad by quad. width, height: the source's pixels."""
+    """The source's grid: which of its cells are drawn quad by quad, and which as one quad.
+
+    subdivided (R, C), by rows and columns of cells, is set for the first kind. width and height are the source's, in
+    pixels.
+    """
 
     subdivided: NDArray[np.bool_]
     width: int
@@ -29,11 +33,12 @@ class Grid:
 
     @property
     def cells(self) -> int:
+        """Number of cells, coarse and subdivided."""
         return self.subdivided.size
 
     @property
     def triangles(self) -> int:
-        """The number of triangles: two for each coarse cell, two for each quad of a subdivided one."""
+        """Number of triangles: two for each coarse cell, and two for each quad of a subdivided one."""
         rows = np.minimum(CELL_QUADS, self.height + 1 - CELL_QUADS * np.arange(self.subdivided.shape[0]))
         columns = np.minimum(CELL_QUADS, self.width + 1 - CELL_QUADS * np.arange(self.subdivided.shape[1]))
         quads = np.where(self.subdivided, rows[:, None] * columns[None, :], 1)
@@ -41,9 +46,11 @@ class Grid:
 
 
 def lattice_depth(depth: NDArray) -> NDArray:
-    """Return the depth (H, W) at the grid's vertices (16 R + 1, 16 C + 1), beyond the border that of the border.
+    """Return the depth at the grid's vertices, (16 R + 1, 16 C + 1) for R x C cells, from the depth (H, W) of the
+    pixels.
 
-    Vertex (i, j) stands at pixel position (j - 0.5, i - 0.5).
+    Vertex (i, j) stands at pixel position (j - 0.5, i - 0.5), the centre of a pixel. Beyond the picture's border the
+    vertices have the depth of the border.
     """
     height, width = depth.shape
     rows, columns = -(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)
@@ -51,13 +58,14 @@ def lattice_depth(depth: NDArray) -> NDArray:
 
 
 def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: float, most: float = float("inf")) -> Grid:
-    """Return the grid, with the cells subdivided whose depths differ by more than `threshold` arc minutes of parallax.
+    """Return the grid for a source's depth (H, W), +inf for the sky; cells are subdivided where one quad would not be
+    exact.
 
-    Cells whose depths differ by more than `most` pixels of disparity are subdivided too: a long lens makes many pixels
-    of an arc minute, and so does a surface that is nearer than the cameras are to each other. So are cells in which the
-    perspective of cameras that are toed in bends by a share of `most`. depth is (H, W),
-    +inf for sky; a cell that holds a NaN is subdivided. The neighbours (4) of a subdivided cell are subdivided too, so
-    that a coarse edge only ever meets a fine one where both are flat (paper: no T-junctions).
+    That is where a cell's depths differ by more than `threshold` arc minutes of binocular parallax or by more than
+    `most` pixels of disparity, where the perspective of toed-in cameras bends by a share of `most`, and where a cell
+    holds NaN. The limit in pixels is for long lenses, with many pixels to an arc minute, and for surfaces nearer than
+    the cameras are to each other. The four neighbours of a subdivided cell are subdivided too, so that a coarse edge
+    only ever meets a fine one where both are flat (paper: no T-junctions).
     """
     height, width = depth.shape
     near, far = _cell_extremes(depth)
@@ -76,6 +84,11 @@ def build_grid(depth: NDArray, source: Camera, target: Camera, *, threshold: flo
 
 
 def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
+    """Return (R, C) the difference in binocular parallax, in radians, between the depths near and far (R, C) of each
+    cell.
+
+    For an orthographic source it is the disparity, as an angle under which a usual lens would show it.
+    """
     if isinstance(source, PerspectiveCamera):
         baseline = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
         return parallax_difference(near, far, float(np.linalg.norm(baseline)))
@@ -83,15 +96,15 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
 
 
 def _disparity_range(near: NDArray, far: NDArray, source: Camera, target: Camera) -> NDArray:
-    """Return (R, C) the difference in disparity, in pixels, between the depths near and far (R, C)."""
+    """Return (R, C) the difference in disparity, in pixels, between the depths near and far (R, C) of each cell."""
     near, far = (source.nearness_from_depth(depth.astype(np.float64)) for depth in (near, far))
     return (near - far) * disparity_per_nearness(source, target)
 
 
 def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
-    """Return (R, C) the pixels by which the perspective bends each cell, if it is flat and has this depth (R, C).
+    """Return (R, C) the pixels by which the perspective bends each cell, were it flat and had this depth (R, C).
 
-    That is the distance in the target between the middle of a cell and the middles of its two diagonals.
+    It is the distance in the target between the middle of a cell and the middles of its two diagonals, the larger one.
     """
     i, j = (CELL_QUADS * np.arange(count) - 0.5 for count in depth.shape)
 
@@ -106,7 +119,8 @@ def _bend(depth: NDArray, source: Camera, target: Camera) -> NDArray:
 
 
 def _cell_extremes(depth: NDArray) -> tuple[NDArray, NDArray]:
-    """Return (R, C) the least and the greatest depth of each cell's 17 x 17 vertices; NaN where one is unknown."""
+    """Return (R, C) the least and the greatest depth of each cell's 17 x 17 vertices; NaN where the depth of one is
+    unknown."""
     height, width = depth.shape
     cells = [-(-(height + 1) // CELL_QUADS), -(-(width + 1) // CELL_QUADS)]
     result = []

@@ -36,9 +36,13 @@ from .warped_view import WarpedView
 def merge_views(
     views: Sequence[WarpedView], flags: Sequence[NDArray[np.uint16]], sources: Sequence[RenderedView], target: View
 ) -> WarpedView:
-    """Return one view of the warped views of the sources, in their order; the only one as it is.
+    """Return one view of the target made of the warped views of several sources; a single view is returned as it is.
 
-    flags (H, W) are each view's `Reason` flags of pixels for which it does not answer, `WarpedView.empty` at least.
+    Each pixel is taken whole from one source: the one that shows the nearest surface; of several that show it, one
+    without a flag; of those, the one with the smallest expected error. Where errors are nearly equal, the earlier
+    source wins. views, flags and sources have one entry for each source, in the same order; the result's map names
+    sources by that number. flags (H, W) are the `Reason` flags of pixels for which a view does not answer, at least
+    `WarpedView.empty`. The result has the passes that all views have, the grid of the first one, and no steps.
     """
     if len(views) == 1:
         return views[0]
@@ -54,7 +58,8 @@ def merge_views(
 
 
 def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:
-    """Return (H, W, ...) each pixel of the image (H, W, ...) whose number index (H, W) has there."""
+    """Return (H, W, ...) each pixel from one of several images (H, W, ...): the one whose number index (H, W) has
+    there."""
     result = images[0].copy()
     for number, image in enumerate(images[1:], start=1):
         chosen = index == number
@@ -63,7 +68,10 @@ def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:
 
 
 def merged_flags(flags: Sequence[NDArray[np.uint16]], warp: Warp) -> NDArray[np.uint16]:
-    """Return (H, W) the `Reason` flags of each pixel's own source; DISOCCLUDED or OUTSIDE where no source lands."""
+    """Return (H, W) the `Reason` flags that each pixel has in its own source, by the merged map `warp`.
+
+    flags (H, W) are those of each source. Where no source lands it is DISOCCLUDED if any of them says so, else OUTSIDE.
+    """
     result = of_chosen(warp.source, flags)
     unseen = ~warp.covered
     disoccluded = np.any([each[unseen] & Reason.DISOCCLUDED.bit for each in flags], axis=0)
@@ -74,7 +82,11 @@ def merged_flags(flags: Sequence[NDArray[np.uint16]], warp: Warp) -> NDArray[np.
 def best_source(
     warps: Sequence[Warp], flags: Sequence[NDArray[np.uint16]], cameras: Sequence[Camera], target: Camera
 ) -> NDArray[np.uint8]:
-    """Return (H, W) the number of the source that answers best for each target pixel; 0 where none lands."""
+    """Return (H, W) the number of the source that answers best for each target pixel, by this module's rules; 0 where
+    none lands.
+
+    warps, flags (`Reason` flags (H, W)) and cameras have one entry for each source.
+    """
     nearest = np.maximum.reduce([warp.nearness for warp in warps])
     shown = [_shows(warp, nearest, camera, target) for warp, camera in zip(warps, cameras, strict=True)]
     clean = [mask & (flag == 0) for mask, flag in zip(shown, flags, strict=True)]
@@ -91,7 +103,11 @@ def best_source(
 
 
 def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """Return (H, W) True where a source shows the point of the nearest nearness (H, W), to a tolerance."""
+    """Return (H, W) whether a source shows the nearest point that any source shows in each target pixel, to a
+    tolerance.
+
+    warp is this source's map; nearest (H, W) is the nearness of that point to the target's camera.
+    """
     result = warp.covered & (warp.nearness == nearest)
     for rows in bands(result.shape):
         place_rows, columns = np.mgrid[rows.start + 0.5 : rows.stop, 0.5 : result.shape[1]]
@@ -106,9 +122,11 @@ def _shows(warp: Warp, nearest: NDArray[np.float32], source: Camera, target: Cam
 
 
 def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the error to be expected of a lookup, to compare sources by: angle times stretch.
+    """Return (H, W) the error to be expected where the target is looked up in a source, in no unit: only to compare
+    sources.
 
-    The angle, in radians, counts as an arc minute at least, which nobody sees.
+    It is the angle, in radians, between the rays of both that see the point, times the stretch. An angle below an arc
+    minute counts as one, because nobody sees the difference.
     """
     angle = np.empty(warp.x.shape, np.float32)
     for rows in bands(angle.shape):
@@ -119,7 +137,8 @@ def expected_error(warp: Warp, source: Camera, target: Camera) -> NDArray[np.flo
 def _angle_between_rays(x: NDArray, y: NDArray, first_row: int, source: Camera, target: Camera) -> NDArray:
     """Return (h, W) the angle, in radians, between the ray of each target pixel and that of its place in the source.
 
-    x, y (h, W) are the places of some rows of the target, from first_row on. Small angles are chords.
+    x, y (h, W) are the places in the source, for rows of the target from first_row on. It is computed as the chord,
+    which for small angles is as long as the angle.
     """
     rows, columns = np.mgrid[first_row + 0.5 : first_row + x.shape[0], 0.5 : x.shape[1]]
     one, other = _unit_rays(target, columns, rows), _unit_rays(source, x.astype(np.float64), y.astype(np.float64))
@@ -127,7 +146,8 @@ def _angle_between_rays(x: NDArray, y: NDArray, first_row: int, source: Camera, 
 
 
 def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
-    """Return x, y and z (h, W) of the unit directions, in the world, of the rays through these places (h, W)."""
+    """Return x, y and z (h, W), in the world, of the unit directions of the rays through pixel positions x, y (h,
+    W)."""
     _, direction = camera.ray_from_px(x, y)
     length = np.sqrt(sum(np.square(part) for part in direction))
     turn = camera.world_from_camera[:3, :3]
@@ -135,10 +155,11 @@ def _unit_rays(camera: Camera, x: NDArray, y: NDArray) -> list[NDArray]:
 
 
 def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (H, W) target pixels for one source pixel, by area, from 1 to max_stretch.
+    """Return (H, W) the number of target pixels, by area, that one source pixel is stretched to: from 1 to max_stretch.
 
-    It follows from the distance between the places in the source of a target pixel and its neighbours in row and
-    column. Of the two neighbours in each the nearer place counts, since a step in depth lies before the other.
+    x, y (H, W) are the places in the source. The area follows from the distance between those of a target pixel and of
+    its neighbours in row and column. Of the two neighbours in each the nearer place counts, since a step in depth lies
+    before the other.
     """
     across_x, across_y = _step_across(x, y)
     down_x, down_y = (part.T for part in _step_across(x.T, y.T))
@@ -148,9 +169,10 @@ def _stretch(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float
 
 
 def _step_across(x: NDArray[np.float32], y: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return (H, W) the changes of x and y from a pixel to the next in its row, or from the last, if that is nearer.
+    """Return (H, W) the changes of x and of y between a pixel and one of its two neighbours in the row.
 
-    NaN where neither neighbour has a place.
+    x, y (H, W) are places in the source. The neighbour whose place is nearer is taken; the change is to the next pixel,
+    or from the last one. NaN where neither neighbour has a place.
     """
     edge = np.full((x.shape[0], 1), np.nan, np.float32)
     change_x, change_y = np.diff(x, axis=1), np.diff(y, axis=1)

@@ -38,9 +38,10 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Images:
-    """The images in a source's flat mirrors: mirrors (H, W) are its pixels; depth (H, W) is that of the image.
+    """The images that a source's flat mirrors show.
 
-    +inf where the mirror shows the sky; elsewhere than in mirrors it is the source's own depth.
+    mirrors (H, W) are the pixels of flat mirrors. depth (H, W) is there the depth of the image behind the mirror, +inf
+    where it shows the sky; in all other pixels it is the source's own depth.
     """
 
     mirrors: NDArray[np.bool_]
@@ -48,9 +49,10 @@ class Images:
 
 
 def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: float) -> Images | None:
-    """Return the images in mirrors; None where no mirror is seen or the passes do not tell.
+    """Return the images in a source's flat mirrors; None where no such mirror is seen or the passes do not tell.
 
-    source holds depth, the materials and passes.SOURCE_ONLY_PASSES, of which the roughness may be missing.
+    source holds depth, MATERIAL_PASS and SOURCE_ONLY_PASSES, of which the roughness may be missing. clip_start is the
+    depth at which the camera clips its rays, in scene units.
     """
     shown = materials_of(source)
     if shown is None or not {LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS} <= set(source):
@@ -84,12 +86,12 @@ def images_in_mirrors(source: Passes, camera: PerspectiveCamera, *, clip_start: 
 def _flat(
     normal: NDArray[np.float32], mirrors: NDArray[np.bool_], behind: NDArray, camera: PerspectiveCamera
 ) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels of the mirrors (H, W) that are flat.
+    """Return (H, W) those pixels of `mirrors` (H, W) in which the mirror is flat enough for the image that it shows.
 
-    Flat enough, that is, for an image so far behind them: `behind` (H, W), in depths of the mirror.
-
-    Over a step of the tangent t to either side the normal (H, W, 3) of a ball of the radius r, d away, turns by
-    2 t d / r. A part is as long as two steps along both axes: so a mirror's bevelled edge is none.
+    normal (H, W, 3) is the surface's. behind (H, W) is how far behind the mirror the image stands, as a multiple of the
+    mirror's depth: the farther, the flatter must the mirror be. On a ball of radius r at the distance d, the normal
+    turns by 2 t d / r over a step of the tangent t to either side; that is compared. A flat part must be two steps long
+    both ways, so that a mirror's bevelled edge is none.
     """
     height, width = mirrors.shape
     step = max(round(TUNING.flatness_step_share * width), 2)
@@ -109,10 +111,11 @@ def _flat(
 
 
 def seen_in_both(source: Passes, images: Images, once: Warp, again: Warp) -> tuple[NDArray[np.bool_], ...]:
-    """Return (H, W) the pixels in which the map `once` shows a mirror, and those in which `again` shows the same one.
+    """Return (H, W) the target pixels in which the map `once` shows a mirror, and those in which `again` shows the same
+    one too.
 
-    Materials and normals tell whether it is the same: where two mirrors meet, the image in the one would be seen in
-    the other.
+    once is the map by which surfaces are warped, again the one by which the images in mirrors are. Materials and
+    normals tell whether it is the same mirror: where two mirrors meet, the image in the one would be seen in the other.
     """
     mask = images.mirrors[..., None].astype(np.float32)
     within = lookup(mask, again.x, again.y)[..., 0] >= TUNING.least_mirror_weight

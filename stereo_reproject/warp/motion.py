@@ -23,11 +23,13 @@ def warp_motion(
     target: Moving,
     target_depth: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return (H, W, 4) the vectors of the nearest source samples as the target sees them, 0 where nothing landed.
+    """Return the target's motion vectors (H, W, 4), in pixels, from those of the nearest source samples; 0 where
+    nothing landed.
 
-    vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's. A point is taken to keep
-    its depth, but for the change by the camera's own motion: exact for a point that stands still and for one that moves
-    parallel to the picture. What the cameras' motion changes between the sample and the target's pixel is added.
+    vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's; source and target are
+    the motions of both cameras. A point is taken to keep its depth, but for the change by the camera's own motion:
+    exact for a point that stands still and for one that moves parallel to the picture. The cameras' motion changes
+    vectors between the sample's place and the target pixel's, which is added.
     """
     vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
     z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
@@ -56,7 +58,10 @@ def warp_motion(
 
 
 def _standing_still(eye: Moving, x: NDArray, y: NDArray, depth: NDArray) -> NDArray:
-    """Return (H, W, 4) the vectors of points that stand still, at these places and depths (H, W) of a view."""
+    """Return the motion vectors (H, W, 4), in pixels, of points that stand still while the camera moves.
+
+    The points are seen at places x, y and depths (H, W) in the rendered frame.
+    """
     before, after = (target_px_from_source_px(eye.now, then, x, y, depth) for then in (eye.before, eye.after))
     return np.stack([before[0] - x, y - before[1], x - after[0], after[1] - y], axis=-1)
 
@@ -70,11 +75,13 @@ def motion_from_directions(
     sky: NDArray[np.bool_],
     corner: tuple[float, float],
 ) -> NDArray[np.float32]:
-    """Return (N, 4) vectors in pixels, from the differences of unit directions that Cycles gives for a custom camera.
+    """Return motion vectors (N, 4) in pixels, converted from what Cycles gives for a custom camera: differences of unit
+    directions.
 
-    turned (N, 4) are their x and y in camera space at the pixel positions x, y (N,) of a camera whose lens stays as it
-    is. sky (N,): for what is endlessly far Cycles leaves out the division by depth, or gives it no vector at all (4.5);
-    then positions count from the lower left corner of the whole frame, which lies at `corner` in this camera's pixels.
+    turned (N, 4) are the x and y of these differences in camera space, at the pixel positions x, y (N,) of a camera
+    whose lens does not change. sky (N,) are pixels of what is endlessly far: there Cycles leaves out the division by
+    depth, or gives no vector at all (4.5), and positions count from the lower left corner of the whole frame, which
+    lies at `corner` in this camera's pixels.
     """
     if np.any(sky & ~turned.any(axis=-1)):
         # What moves in a pixel of the sky is what else is in it.
@@ -92,7 +99,7 @@ def motion_from_directions(
 
 
 def _unit(sideways: NDArray) -> NDArray:
-    """Return (N, 3) unit directions ahead, from their x and y (N, 2)."""
+    """Return unit directions (N, 3) that point ahead (z < 0), from their x and y (N, 2)."""
     ahead = np.sqrt(np.clip(1.0 - np.sum(sideways**2, axis=-1, keepdims=True), 0.0, 1.0))
     return np.concatenate([sideways, -ahead], axis=-1)
 
@@ -100,7 +107,10 @@ def _unit(sideways: NDArray) -> NDArray:
 def _raster(
     camera: PerspectiveCamera, direction: NDArray, sky: NDArray[np.bool_], corner: tuple[float, float]
 ) -> NDArray:
-    """Return (N, 2) positions in pixels, y upwards, from a corner of the frame; times the depth for the sky."""
+    """Return positions (N, 2) in pixels, y upwards, counted from `corner`, at which directions (N, 3) are seen.
+
+    In pixels of the sky (N,) they are multiplied by the depth of the unit direction, as Cycles has them.
+    """
     dx, dy, dz = direction.T
     x, y, _ = camera.px_from_point((dx, dy, dz), np.ones_like(dx))
     weight = np.where(sky, -dz, 1.0)

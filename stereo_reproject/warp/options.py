@@ -26,7 +26,8 @@ class WarpOptions:
         return "cubic" in (self.interpolation, self.colour_interpolation)
 
     def interpolation_of(self, name: str) -> str:
-        """Return how the pass of this name is looked up: "nearest" where its values must not be mixed."""
+        """Return the interpolation by which the pass of this name is looked up; "nearest" where its values must not be
+        mixed."""
         if not filtered(name):
             return "nearest"
         return (self.colour_interpolation if name == COLOUR_PASS else None) or self.interpolation

@@ -27,9 +27,9 @@ LARGEST_AREA_PIXELS = 1e12
 def draw_quads(
     depth: NDArray, source: Camera, target: Camera, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return x, y and nearness of a `forward.Warp`, each (H, W).
+    """Return x, y and nearness, each (H, W), of a `forward.Warp`: the grid drawn into the target quad by quad.
 
-    torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
+    depth (H, W) is the source's. torn (H + 1, W + 1) are the quads that are not drawn where their cell is subdivided.
     """
     vertices = lattice_depth(depth)
     # Beyond the frame's outer ring there is nothing.
@@ -46,18 +46,18 @@ def draw_quads(
 
 
 _Corners = tuple[NDArray, NDArray, NDArray]
-"""Target x, y and nearness."""
+"""Target x and y, in pixels, and nearness to the target's camera, of the corners of quads."""
 
 
 @dataclass(frozen=True)
 class _Quads:
-    """The n x n quads of each of C cells, with the places of their corners in the target.
+    """The n x n quads of each of C cells of the source's grid, with the places of their corners in the target.
 
     x, y, nearness (C, n + 1, n + 1): target position and nearness of the corners. source_x, source_y and size_x, size_y
-    (C, n, n): the first corner's position and the extent, in source pixels; a size without dimensions is that of every
-    quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels beyond its corners by which a quad may
-    cover a pixel centre. A centre on the side that two quads share belongs to the second; where that one is not drawn,
-    the first has it, and where one of them is a coarse cell, both do.
+    (C, n, n): position of a quad's first corner and its extent, in source pixels; a size without dimensions is that of
+    every quad. drawn (C, n, n): those that are drawn. margin (C, n, n): target pixels by which a quad may cover a
+    pixel's centre beyond its own corners. A centre on the side that two quads share belongs to the second; where that
+    one is not drawn, the first has it, and where one of them is a coarse cell, both do.
     """
 
     x: NDArray
@@ -71,9 +71,10 @@ class _Quads:
     margin: NDArray
 
     def corners(self, chosen: NDArray[np.int64]) -> _Corners:
-        """Return x, y and nearness (2, 2, K) of the corners of chosen quads (K,), which are flat indices.
+        """Return target x, target y and nearness (2, 2, K) of the four corners of K quads.
 
-        The first index counts corners down, the second to the right.
+        chosen (K,) are the quads' indices in the flattened (C, n, n). Of the result's first two indices, the first
+        counts corners down, the second to the right.
         """
         cells, count, _ = self.drawn.shape
         lattice = np.arange(self.x.size).reshape(cells, count + 1, count + 1)
@@ -83,6 +84,11 @@ class _Quads:
 
 
 def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray) -> _Corners:
+    """Return target x, target y and nearness, of one shape, of the points that the source sees at positions x, y and
+    depth.
+
+    x, y and depth broadcast. The result is NaN where a point lies behind the target's camera.
+    """
     target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
     nearness = target.nearness_from_depth(target_depth)
     shape = np.broadcast_shapes(depth.shape, np.shape(target_x))
@@ -93,7 +99,11 @@ def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDAr
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
-    """Yield the cells that are not subdivided, each as one quad; the last ones end with the frame's outer ring."""
+    """Yield the cells that are not subdivided, some at a time, each as one quad; the last ones end with the frame's
+    outer ring.
+
+    vertices (h + 1, w + 1) are the depths at the grid's vertices.
+    """
     all_rows, all_columns = np.nonzero(~grid.subdivided)
     for start in range(0, all_rows.size, CHUNK_CELLS):
         top, left = (
@@ -113,7 +123,10 @@ def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid)
 def _fine_quads(
     vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera, grid: Grid
 ) -> Iterator[_Quads]:
-    """Yield the quads of the subdivided cells, some cells at a time; those that are torn are not drawn."""
+    """Yield the quads of the subdivided cells, some cells at a time; those that are torn (h, w) are not drawn.
+
+    vertices (h + 1, w + 1) are the depths at the grid's vertices.
+    """
     all_rows, all_columns = np.nonzero(grid.subdivided)
     span = np.arange(CELL_QUADS + 1)
     left_out = _left_out(vertices, torn, source, target)
@@ -130,7 +143,11 @@ def _fine_quads(
 
 
 def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target: Camera) -> NDArray[np.bool_]:
-    """Return (h, w) quads of the lattice (h + 1, w + 1) that are torn, or have a corner behind the target's camera."""
+    """Return (h, w) the quads that cannot be drawn: those that are torn (h, w), or have a corner behind the target's
+    camera.
+
+    vertices (h + 1, w + 1) are the depths at the grid's vertices.
+    """
     i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
     # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
     depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
@@ -148,7 +165,11 @@ columns and rows, and the number of rows that were drawn before."""
 
 
 class _Surface:
-    """The target's depth buffer, with the source position of the nearest point of each pixel."""
+    """The picture that quads are drawn into: for each target pixel, the nearness and the source position of its nearest
+    point.
+
+    After all draw calls `result` has it. shape is (H, W).
+    """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.height, self.width = shape
@@ -159,10 +180,18 @@ class _Surface:
         self.preferred: NDArray[np.float32] | None = None
 
     def prefer_what_is_drawn(self) -> None:
-        """Prefer what is drawn by now to what will be drawn and is nearer by less than same_nearness_share."""
+        """Have what is drawn so far win over what is drawn later and is nearer by less than same_nearness_share.
+
+        So fine quads win over coarse ones of the same surface, whose nearness differs by rounding.
+        """
         self.preferred = self.nearness.copy()
 
     def result(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Return source x, source y and nearness, each (H, W), of all that was drawn; to be called once, at the end.
+
+        Pixels on which nothing was drawn are holes: NaN, NaN and -inf. So are those whose nearest quad hides but shows
+        nothing.
+        """
         shape = (self.height, self.width)
         # What was drawn without a place hides what is behind it, and is a hole.
         self.nearness[np.isnan(self.x)] = -np.inf
@@ -170,15 +199,16 @@ class _Surface:
         return self.x.reshape(shape), self.y.reshape(shape), self.nearness.reshape(shape)
 
     def draw(self, quads: _Quads) -> None:
-        """Draw two triangles per quad, cut along the diagonal from top right to bottom left."""
+        """Draw quads, each as two triangles, cut along the diagonal from top right to bottom left; what is nearer
+        wins."""
         for boxes in _boxes(quads, self.width, self.height):
             self._fill(quads, boxes)
 
     def _fill(self, quads: _Quads, boxes: _Boxes) -> None:
-        """Fill the pixels in these boxes, step by step over all boxes.
+        """Draw the quads in these boxes, all of them step by step at once.
 
-        The steps stand in one function because each hands its arrays to the next: split up, they would be passed
-        around by the dozen.
+        The steps stand in one function because each hands its arrays to the next: split up, they would be passed around
+        by the dozen.
         """
         chosen, left, top, count_x, count_y, drawn = boxes
         size_x, size_y = _of(quads.size_x, chosen), _of(quads.size_y, chosen)
@@ -206,10 +236,12 @@ class _Surface:
         self._store(pixel.take(inside).astype(np.int64), *(values.take(inside) for values in (nearness, x, y)))
 
     def _store(self, pixel: NDArray, nearness: NDArray, x: NDArray, y: NDArray) -> None:
-        """Store the nearest candidate of each pixel, by repeated writing: whatever is still nearer writes again.
+        """Store candidates in their pixels, where they are nearer than what is there: nearness and source x, y (K,) at
+        pixel (K,).
 
-        A few rounds over ever fewer candidates; each is a plain scatter, which numpy does faster than `minimum.at` or
-        a sort.
+        Several may fall on one pixel. In each of a few rounds all are written, and those that are still nearer than
+        what then stands write again. Each round is a plain scatter, which NumPy does faster than `minimum.at` or a
+        sort.
         """
         nearness = nearness.astype(np.float32, copy=False)
         nearer = nearness > self.nearness.take(pixel)
@@ -229,14 +261,19 @@ class _Surface:
 
 
 def _of(values: NDArray, chosen: NDArray[np.int64]) -> NDArray:
-    """Return (K,) the values (C, n, n) of `_Quads` that the chosen quads (K,) have; a single value as it is."""
+    """Return (K,) the values (C, n, n) of a field of `_Quads` for the chosen quads (K,), which are flat indices.
+
+    A value without dimensions, which is that of every quad, is returned as it is.
+    """
     return values.ravel().take(chosen) if values.ndim else values
 
 
 def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArray, NDArray]:
-    """Return (C, n, n) the first pixel whose centre lies in each quad's half-open range, and the number of them.
+    """Return (C, n, n) the first pixel along one axis whose centre a quad may cover, and the number of such pixels.
 
-    corners (C, n + 1, n + 1): their places along one axis, of pixels 0 to size; a quad with a NaN has no pixel.
+    corners (C, n + 1, n + 1): places of the quads' corners along that axis, in pixels from 0 to size. margin (C, n, n):
+    pixels by which the range between a quad's corners is widened. The range is half-open; a quad with a NaN has no
+    pixel.
     """
     low = np.minimum(corners[:, :-1], corners[:, 1:])
     high = np.maximum(corners[:, :-1], corners[:, 1:])
@@ -250,7 +287,8 @@ def _centres_within(corners: NDArray, size: int, margin: NDArray) -> tuple[NDArr
 
 
 def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
-    """Yield the boxes of quads that hold pixel centres, in their order, about `bands.BAND_PIXELS` pixels at a time.
+    """Yield the boxes of pixels that drawn quads may cover, in the quads' order, about `bands.BAND_PIXELS` pixels at a
+    time.
 
     A quad that is larger by itself comes some rows at a time: near the plane in which the target's camera stands, a
     quad may cover the whole picture. All of its parts count from its own first row, and so agree to the bit.
@@ -277,9 +315,11 @@ def _boxes(quads: _Quads, width: int, height: int) -> Iterator[_Boxes]:
 
 
 def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return all pairs of a quad and a pixel in its box: the quad's index, and the pixel's offsets right and down.
+    """Return all pairs of a quad and a pixel in its box: the quad's index, and the pixel's offsets right and down in
+    the box.
 
-    Rows of a quad count from `drawn` on.
+    count_x, count_y (K,) are the boxes' columns and rows. drawn (K,) is the number of a quad's rows that earlier boxes
+    had: offsets down count from the quad's own first row.
     """
     count = count_x * count_y
     quad = np.repeat(np.arange(count.size), count)
@@ -294,7 +334,11 @@ def _candidates(count_x: NDArray, count_y: NDArray, drawn: NDArray) -> tuple[NDA
 
 @dataclass(frozen=True)
 class _Triangle:
-    """Triangles: barycentric u, v and nearness (3, Q), at the first centre and by change per pixel right and down."""
+    """One triangle of each of Q quads, as linear functions of the place in the target.
+
+    u, v are barycentric coordinates, 0 to 1 along two of its sides. Each function is (3, Q): its value at the first
+    pixel centre of the quad's box, and its change per pixel to the right and per pixel down.
+    """
 
     u: NDArray
     v: NDArray
@@ -304,9 +348,9 @@ class _Triangle:
 
 
 def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tuple[_Triangle, _Triangle]:
-    """Return the upper left and the lower right half of quads with these corners (2, 2, K).
+    """Return the upper left and the lower right halves of quads with these corners (2, 2, K).
 
-    x, y (K,): the first pixel centre of each. area (K,): that in the source, in pixels.
+    x, y (K,): the first pixel centre of each quad's box. area (K,): the quad's area in the source, in pixels.
     """
     return (
         _triangle(corners, ((0, 0), (0, 1), (1, 0)), (x, y), area),
@@ -317,10 +361,11 @@ def _triangles(corners: _Corners, x: NDArray, y: NDArray, area: NDArray) -> tupl
 def _triangle(
     corners: _Corners, chosen: tuple[tuple[int, int], ...], centre: tuple[NDArray, NDArray], area: NDArray
 ) -> _Triangle:
-    """Return the coefficients of one triangle of each quad, NaN where it has no area.
+    """Return one triangle of each quad; its functions are NaN where it has no area.
 
-    chosen are the indices of its corners: that of its right angle, and those at the ends of the sides u and v. centre
-    (K,), twice: x and y of the first pixel centre. area (K,): that of the quad in the source, in pixels.
+    corners (2, 2, K) are the quads'. chosen are the indices of the triangle's three: the one at its right angle, and
+    those at the ends of the sides u and v. centre: x and y (K,) of the first pixel centre. area (K,): the quad's area
+    in the source, in pixels.
     """
     corner_x, corner_y, corner_n = corners
     origin, along_u, along_v = chosen

@@ -15,11 +15,12 @@ from ..views.view import View
 
 @dataclass(frozen=True)
 class RenderedView:
-    """A view and its passes: colour (H, W, 4), depth (H, W, 1), and any other.
+    """A source of a warp: a rendered view and its passes, colour (H, W, 4), depth (H, W, 1), and any other.
 
-    invalid (H, W): pixels whose colour is no number; None without any. cost: what rendering it took, where that was
-    measured. traced (H, W): pixels that were really traced in this view; the others were looked up in another one, and
-    are not looked up again. None where all were traced, as in a view that was rendered whole.
+    invalid (H, W): pixels of which an essential pass had NaN or infinities; None without any. cost: seconds that
+    rendering took, where that was measured. traced (H, W): pixels that were really traced in this view; the others were
+    looked up in another one, and are not looked up again. None where all were traced, as in a view that was rendered
+    whole.
     """
 
     view: View

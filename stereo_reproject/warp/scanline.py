@@ -37,14 +37,16 @@ SAME_SHARE = 1e-12
 
 @dataclass(frozen=True)
 class RowDisparity:
-    """The row disparity of a rectified pair: a point moves offset + per_nearness * nearness pixels to the right."""
+    """The shift of a rectified pair, in pixels: a point moves offset + per_nearness * nearness to the right in the
+    target."""
 
     offset: float
     per_nearness: float
 
 
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
-    """Return the row disparity of a rectified pair, whose rows match; None for any other pair."""
+    """Return the shift of points between two cameras whose pictures show each point in the same row; None for any other
+    pair."""
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
@@ -71,9 +73,11 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
 def warp_rows(
     depth: NDArray, source: Camera, width: int, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the source x (H, width) in pixels, NaN where nothing lands, and the nearness (H, width), -inf there.
+    """Return the map of a rectified pair: source x (H, width) in pixels, and nearness (H, width) to the target's
+    camera.
 
-    depth (H, W) as for `forward.forward_warp`; torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
+    They are NaN and -inf where nothing lands. depth (H, W) is as for `forward.forward_warp`; width is the target's;
+    torn (H + 1, W + 1) are quads that, in a subdivided cell, are not drawn.
     """
     height = depth.shape[0]
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
@@ -90,7 +94,11 @@ def warp_rows(
 
 
 def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
-    """Yield the rows of cells (R, C): those that are wholly coarse together, all others one by one."""
+    """Yield slices of the rows of cells that are drawn together.
+
+    coarse (R, C) are the cells that are not subdivided. Rows of nothing but coarse cells that follow each other make
+    one slice; every other row has one of its own.
+    """
     whole = coarse.all(axis=1)
     ends = np.flatnonzero(~(whole[1:] & whole[:-1])) + 1
     for start, stop in itertools.pairwise([0, *ends.tolist(), len(whole)]):
@@ -98,9 +106,10 @@ def _alike(coarse: NDArray[np.bool_]) -> Iterator[slice]:
 
 
 def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: NDArray) -> NDArray[np.float32]:
-    """Return (h, K + 1) the nearness of the segments' corners in these rows (h,) of the lattice of vertices.
+    """Return (h, K + 1) the nearness of the segments' corners, in rows (h,) of the grid's vertices.
 
-    At a corner where only coarse cells meet it is linear between the cells' first and last row.
+    At a corner where only coarse cells meet it is linear between the cells' first and last row. depth (H, W) is the
+    source's.
     """
     height, width = depth.shape
     column = np.clip(segments.corner - 1, 0, width - 1)
@@ -126,10 +135,12 @@ def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: ND
 
 
 class _RowSegments:
-    """The segments between the corners of a row of cells, drawn into rows of `width` target pixels.
+    """The pieces into which corners divide the rows of one row of cells, and their drawing into rows of `width` target
+    pixels.
 
-    coarse (C,): the row's coarse cells. corner (K + 1,): the corners' columns in the lattice. flat (K + 1,): corners at
-    which no subdivided cell ends.
+    coarse (C,): which of the cells are coarse. columns: the source's width. corner (K + 1,): columns of the grid's
+    vertices at which a segment begins or ends. flat (K + 1,): corners at which no subdivided cell ends. An interval is
+    a segment, K of them in each row.
     """
 
     def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowDisparity) -> None:
@@ -151,10 +162,10 @@ class _RowSegments:
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
     def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
-        """Return the source x and the nearness (h, width) of the target pixels.
+        """Return the source x, in pixels, and the nearness, each (h, width), that h rows of target pixels show.
 
-        near (h, K + 1): nearness of the corners. torn (h, W + 1): the lattice's intervals that are not drawn; None
-        where all are.
+        near (h, K + 1): nearness of the corners. torn (h, W + 1): those of the intervals between vertices that are not
+        drawn in subdivided cells; None where all are drawn. Pixels without any have NaN and -inf.
         """
         moved = self._moved(near)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
@@ -168,11 +179,11 @@ class _RowSegments:
             return self._looked_up(nearest, table, bounded=torn is not None)
 
     def _looked_up(self, nearest: NDArray[np.int32], table: NDArray, *, bounded: bool) -> tuple[NDArray, NDArray]:
-        """Return the source x and the nearness (h, width), by the nearest intervals (h, width).
+        """Return the source x and the nearness (h, width) of target pixels, by the interval that each shows.
 
-        These are places in the table (h, K, 4), which has, for each interval, the disparity of its first corner, source
-        pixels per target pixel, the nearness there, and its change per source pixel. bounded: True where a centre may
-        lie beside an interval.
+        nearest (h, width) are these intervals, counted over all rows of the table; -1 is none. table (h, K, 4) has for
+        each interval the disparity of its first corner, source pixels per target pixel, the nearness at that corner,
+        and its change per source pixel. bounded: True where a pixel's centre may lie a little beyond its interval.
         """
         empty = nearest < 0
         found = table.reshape(-1, 4).take(nearest, axis=0, mode="clip")
@@ -192,12 +203,21 @@ class _RowSegments:
         return x, along
 
     def _reach(self, nearest: NDArray[np.int32], height: int) -> NDArray[np.float32] | np.float32:
-        """Return the length of the intervals (h, width), by their places in a table of this height."""
+        """Return the length, in source pixels, of the interval that each target pixel shows, (h, width).
+
+        nearest (h, width) are these intervals, counted over all rows of a table that has `height` rows. Where all
+        intervals are one pixel long, a single number is returned.
+        """
         if self._longest == 1.0:
             return self._longest
         return np.tile(self._length, height).take(nearest, mode="clip")
 
     def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the disparity (h, K + 1), in pixels, of corners with this nearness (h, K + 1), held within
+        FARTHEST_PIXELS.
+
+        An unknown one, NaN, becomes FARTHEST_PIXELS: its intervals are torn and not drawn.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             moved = near * np.float32(self._disparity.per_nearness) + np.float32(self._disparity.offset)
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
@@ -206,10 +226,12 @@ class _RowSegments:
     def _nearest(
         self, moved: NDArray[np.float32], torn: NDArray[np.bool_], tight: NDArray[np.bool_]
     ) -> NDArray[np.int32]:
-        """Return (h, width) the nearest of the intervals (h, K) that cover a pixel, counted over all rows.
+        """Return (h, width) for each target pixel the index of the nearest interval that covers it, counted over all
+        rows.
 
-        -1 where there is none, or where the nearest shows nothing: it is seen from its other side, or overstretched,
-        which is any that is not tight. moved (h, K + 1): the corners' disparities. A torn interval covers nothing.
+        It is -1 where no interval does, or where the nearest one shows nothing, because it is seen from its other side
+        or is overstretched. moved (h, K + 1): the corners' disparities. torn (h, K): intervals that cover nothing.
+        tight (h, K): those that are not overstretched.
         """
         height = torn.shape[0]
         first = (np.ceil(moved) + self._before).astype(np.int32)
@@ -245,9 +267,10 @@ class _RowSegments:
     def _ends(
         self, first: NDArray[np.int32], moved: NDArray[np.float32], torn: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return (h, K) the first pixel of each interval, and the one after its last.
+        """Return (h, K) the first target pixel that each interval covers, and the one after its last.
 
-        A centre on a corner belongs to the interval after it; beside what is torn, to the one that is left.
+        first (h, K + 1): the first pixel at or after each corner. moved (h, K + 1): the corners' disparities. A pixel's
+        centre on a corner belongs to the interval after it; beside one that is torn (h, K), to the one that is drawn.
         """
         start, stop = first[:, :-1].copy(), first[:, 1:].copy()
         row, column = np.nonzero(torn[:, 1:])
@@ -260,7 +283,10 @@ class _RowSegments:
 
 
 def _within(low: NDArray, wide: NDArray, chosen: NDArray[np.bool_], width: int) -> NDArray[np.bool_] | None:
-    """Return (h, width) pixels that the chosen intervals (h, K) cover, `wide` many from `low` on; None without any."""
+    """Return (h, width) the pixels that any of the chosen intervals (h, K) covers; None where none is chosen.
+
+    Each interval covers `wide` pixels from `low` on, both (h, K).
+    """
     row, column = np.nonzero(chosen)
     if row.size == 0:
         return None

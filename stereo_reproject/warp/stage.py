@@ -12,9 +12,11 @@ from .warper import NUMPY, Warper
 def choose_warper(
     asked: str, pixels: int, gpu: Callable[[], Warper | None], is_faster: Callable[[Warper], bool]
 ) -> Warper:
-    """Return the warper that was asked for, one of `settings.frame.WARPS`; NumPy's where no GPU works, without a word.
+    """Return the warper that was asked for: "numpy", "gpu" or "auto", as in `settings.frame.WARPS`.
 
-    pixels is the size of the picture. gpu finds a GPU, which takes a while; is_faster measures whether it is.
+    NumPy's is returned, without an error, where no GPU works; for "auto", also where the picture has too few pixels or
+    the GPU is not faster. gpu looks for a GPU and returns None where there is none, which takes a while; is_faster
+    measures whether that one is.
     """
     if asked == "numpy" or (asked == "auto" and pixels < TUNING.least_gpu_pixels):
         return NUMPY
@@ -23,7 +25,7 @@ def choose_warper(
 
 
 def seconds_taken(run: Callable[[Warper], object], warper: Warper) -> float:
-    """Return the seconds that `run` takes with this warper."""
+    """Return the seconds that one call of `run` takes with this warper."""
     start = time.perf_counter()
     run(warper)
     return time.perf_counter() - start

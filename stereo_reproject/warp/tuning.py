@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class WarpTuning:
-    """Numbers that were chosen by judgement or measurement; each says by which."""
+    """Tuned numbers of the warp, chosen by judgement or measurement; each says by which."""
 
     # The grid.
     tear_pixels: float = 1.0

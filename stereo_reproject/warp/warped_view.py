@@ -15,11 +15,11 @@ from .grid import Grid
 
 @dataclass(frozen=True)
 class WarpedView:
-    """The passes (H, W, C) as the target sees them, and the map by which they were looked up.
+    """The result of a warp: the passes (H, W, C) as the target sees them, and the map by which they were looked up.
 
-    grid: the source's; of several sources, the first one's. empty (H, W): `Reason` flags of the target pixels on which
-    nothing landed, or only what was not traced in the source. steps: the source's depth discontinuities, where they
-    were found on the way; None of several sources. by: "numpy" or "gpu".
+    grid is the source's; of several sources, the first one's. warp is the map. empty (H, W): `Reason` flags of the
+    target pixels on which nothing landed, or only what was not traced in the source. steps: the source's depth
+    discontinuities, where they were found on the way; None of several sources. by: "numpy" or "gpu", which warped it.
     """
 
     passes: Passes

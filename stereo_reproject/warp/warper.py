@@ -38,13 +38,17 @@ class Warper:
     device: str | None = None
 
     def warp(self, sources: Sequence[RenderedView], target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
-        """Return the target as the sources, one or more, show it; `merge` says which of several answers for a pixel."""
+        """Return the target as one or more sources show it; `merge` says which of several answers for a pixel."""
         views = [_with_untraced(self.warp_view(source, target, options), source, options) for source in sources]
         return merge_views(views, [view.empty for view in views], sources, target)
 
 
 def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions) -> WarpedView:
-    """Return the view with a flag where a lookup would take any share of a pixel that was not traced in the source."""
+    """Return the view with pixels flagged DISOCCLUDED whose lookup takes any share of pixels that the source did not
+    trace.
+
+    Those were themselves looked up in another view (`RenderedView.traced`), and are not looked up again.
+    """
     if source.traced is None or source.traced.all():
         return view
     untraced = ~source.traced
@@ -54,7 +58,7 @@ def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions)
 
 
 def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
-    """Return the target as one source shows it, warped with NumPy."""
+    """Return the target as one source shows it, warped with NumPy: grid, map, passes and the flags of empty pixels."""
     depth, camera = source.depth, source.camera
     grid = build_grid(depth, camera, target.camera, threshold=options.grid_threshold, most=TUNING.tear_pixels)
     steps = disparity_steps(disparity_of(depth, camera, target.camera))

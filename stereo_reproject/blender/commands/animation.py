@@ -54,7 +54,9 @@ ANNOUNCED_FRAMES = 20_000
 
 @dataclass(frozen=True)
 class SavedScene:
-    """The file that a scene was saved in, and what an open Blender knows of the scene and its copy does not."""
+    """The .blend that a scene was saved in, and its session: what the open Blender knows about it and the file does not
+    tell.
+    """
 
     blend: Path
     session: Session
@@ -62,10 +64,10 @@ class SavedScene:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run of an animation whose frames are known: what its steps work on.
+    """A run of an animation: what the steps from planning to the movie need.
 
-    for_movie_alone: True where frames are rendered only to become a movie. warnings are those of the whole run, which
-    the animation's report has.
+    for_movie_alone: True where frames are rendered only to become a movie, and removed then. warnings are gathered for
+    the animation's report.
     """
 
     scene: bpy.types.Scene
@@ -88,9 +90,9 @@ def render_animation_files(
 ) -> dict[str, Any]:
     """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
 
-    A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`, left in work/out; work is
-    a private folder; saved is the scene's file, for the writer to open. Returns the animation's report, and raises
-    BadInputError and StereoReprojectError; frames that are finished stay.
+    A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`: eyes of the last frame,
+    left in work/out. work is a private folder; saved is the scene's file, for the writer to open. Return the
+    animation's report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
     """
     listener = listener or Listener()
     # `warnings_ahead` has said these, before the first frame.
@@ -125,7 +127,7 @@ def render_animation_files(
 
 
 def _announced_plan(run: _Run) -> FramePlan:
-    """Return which frames are to be rendered, after the listener has heard of them."""
+    """Find out which frames are to be rendered, tell the listener, and return the plan."""
     context = run.context
     there = all(path.exists() for path in _movies_of(run.scene, context.options, run.output))
     plan = _plan(context.journal, run.output, context.wanted, context.options, run.listener, movies_are_there=there)
@@ -138,8 +140,10 @@ def _announced_plan(run: _Run) -> FramePlan:
 def _render_planned(
     run: _Run, plan: FramePlan, failed: dict[int, str], order: WriterJob, work: Path, *, keeps_last: bool
 ) -> int | None:
-    """Render the frames of the plan. Return the number of the last one, whose eyes are left in work/out if keeps_last;
-    None where none was rendered here. Frames that fail go into `failed`, with the reason."""
+    """Render the frames of the plan, and have `order`'s writer write them. Return the number of the last one, whose
+    eyes are left in work/out if keeps_last; None if no frame was rendered here. Frames that fail go into `failed`, with
+    the reason.
+    """
     context = run.context
     progress = AnimationProgress(plan, len(run.output.files), run.listener, failed)
     maker = BlenderFrameMaker(run.scene, order, context, work, run.listener.on_stage, keeps_last=keeps_last)
@@ -153,7 +157,9 @@ def _render_planned(
 
 
 def _finish(run: _Run, plan: FramePlan, failed: dict[int, str]) -> tuple[dict[str, Any], list[Path]]:
-    """Write the report and the movies of an animation whose frames are rendered, and return both."""
+    """Write the report and the movies of an animation whose frames are rendered. Return the report and the paths of the
+    movies. Raises StereoReprojectError if a frame has failed.
+    """
     context, options = run.context, run.context.options
     run.listener.on_stage(Stage.WRITE, "")
     check_frames_stayed(context.journal, _finished(run.output, plan, failed), context.wanted)
@@ -169,8 +175,7 @@ def _finish(run: _Run, plan: FramePlan, failed: dict[int, str]) -> tuple[dict[st
 
 @contextmanager
 def _run_in(journal: Journal, output: Output, wanted: Fingerprints, listener: Listener) -> Iterator[str]:
-    """Announce a run in this journal and yield its token.
-
+    """Announce this run in the journal, for the time of a `with` block; yields its token, by which other runs know it.
     Raises OtherRunError where a run with other settings is at work on the same frames.
     """
     _make_journal(journal)
@@ -184,12 +189,15 @@ def _run_in(journal: Journal, output: Output, wanted: Fingerprints, listener: Li
 
 
 def _finished(output: Output, plan: FramePlan, failed: Mapping[int, str]) -> list[int]:
-    """Return the frames that count as rendered by these settings, without those that are kept whatever they are."""
+    """Return the frames that count as rendered by these settings. Failed ones are left out, and so are those that are
+    kept although they are of other settings.
+    """
     whatever = {frame for frame, state in plan.kept.items() if state is not FrameState.WHOLE}
     return [frame for frame in output.files if frame not in failed and frame not in whatever]
 
 
 def _make_journal(journal: Journal) -> None:
+    """Make the journal's folder, if it is missing. Raises BadInputError where a file has its name."""
     try:
         journal.place.make()
     except FileExistsError as error:
@@ -200,6 +208,7 @@ def _make_journal(journal: Journal) -> None:
 
 
 def _say_many(scene: bpy.types.Scene, options: AnimationSettings, listener: Listener) -> None:
+    """Tell the listener that planning begins; for a very long animation also that it takes a moment."""
     listener.on_stage(Stage.PLAN, "")
     frames = scene_frames(scene) if options.frames is None else options.frames
     if len(frames) >= ANNOUNCED_FRAMES and not options.goes_on:
@@ -215,6 +224,11 @@ def _plan(
     *,
     movies_are_there: bool,
 ) -> FramePlan:
+    """Look at the files of all frames, and return which are to be rendered and which are kept.
+
+    movies_are_there: True if no movie is left to be made. Raises BadInputError if Overwrite is off and there is nothing
+    to do.
+    """
     untouched = {*options.skip, *options.finished}
     files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
     for frame, paths in files.items() if options.holes else ():
@@ -234,7 +248,9 @@ def _plan(
 
 
 def _report_early_end(error: StereoReprojectError, run: _Run, failed: Mapping[int, str]) -> None:
-    """Write the report of a run that ends early, unless another run has the frames: then that one writes it."""
+    """Write the report of a run that `error` has ended early. Nothing is written if another run has the frames, which
+    then writes the report, or if there is nothing to report. An OSError is passed over.
+    """
     context = run.context
     with contextlib.suppress(OSError):
         if not isinstance(error, OtherRunError) and (failed or context.journal.records.read_all()):
@@ -243,6 +259,9 @@ def _report_early_end(error: StereoReprojectError, run: _Run, failed: Mapping[in
 
 
 def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
+    """Raise StereoReprojectError if `failed`, reasons by frame number, has any; frames is how many there were in
+    all.
+    """
     if failed:
         frame, why = next(iter(failed.items()))
         raise StereoReprojectError(f"{len(failed)} of {frames} frames failed ({spelled(failed)}); frame {frame}: {why}")
@@ -250,7 +269,7 @@ def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
 
 @contextmanager
 def _errors_of_output(folder: Path) -> Iterator[None]:
-    """Turn an OSError about the files of an animation in this folder into an error of one line."""
+    """Turn an OSError that is raised in a `with` block into an error of one line about this output folder."""
     try:
         yield
     except OSError as error:
@@ -259,7 +278,9 @@ def _errors_of_output(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
-    """Yield a private folder on the same drive as the frames: within the run's own where that lies there."""
+    """Have a private folder on the same drive as the folder of frames, for the time of a `with` block; it yields the
+    path. The folder lies in `work` where that is itself in the folder of frames.
+    """
     if frames.is_dir() and (work / os.pardir).samefile(frames):
         private = work / "frames"
         private.mkdir(exist_ok=True)
@@ -270,13 +291,18 @@ def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
 
 
 def _settings_digest(settings: StereoSettings, output: Output) -> str:
+    """Return a digest of the settings on which a frame's files depend, the number of the frame and `compare` left
+    out.
+    """
     fields = asdict(replace(settings, compare=False, scene=replace(settings.scene, frame=None)))
     return digest({"settings": fields, "output": output.values})
 
 
 def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str, str]:
-    """Return the scene's fingerprints, in which its own size, samples and seed do not count where they are overridden:
-    then they are among the settings. The version of Blender counts, since another one renders another picture."""
+    """Return the scene's fingerprints: a digest for each kind of datablock, and the version of Blender, since another
+    one renders another picture. Values that the overrides replace (size, samples, seed) do not count: the overrides are
+    in the digest of the settings.
+    """
     with ExitStack() as changes:
         if overrides.size is not None:
             size = {"resolution_x": 1920, "resolution_y": 1080, "resolution_percentage": 100}
@@ -293,6 +319,7 @@ def _scene_prints(scene: bpy.types.Scene, overrides: SceneOverrides) -> dict[str
 
 
 def _say_plan(plan: FramePlan, options: AnimationSettings, listener: Listener) -> None:
+    """Tell the listener which frames are there, which are rendered, and which are rendered again for what reason."""
     by_state: dict[FrameState, list[int]] = {}
     for frame, state in plan.todo.items():
         by_state.setdefault(state, []).append(frame)
@@ -311,6 +338,9 @@ def _say_plan(plan: FramePlan, options: AnimationSettings, listener: Listener) -
 
 
 def _order(saved: SavedScene, output: Output, options: AnimationSettings, private: Path) -> WriterJob:
+    """Return the order for the writer process: the file that it opens, and where and how it writes frames. private is a
+    folder for what is handed over.
+    """
     return WriterJob(
         blend=str(saved.blend),
         # The writer renders nothing.
@@ -325,15 +355,16 @@ def _order(saved: SavedScene, output: Output, options: AnimationSettings, privat
 
 
 def _movies_of(scene: bpy.types.Scene, options: AnimationSettings, output: Output) -> list[Path]:
-    """Return the path of the movie of all frames; or several, or none."""
+    """Return the paths of the movies to be made of all frames: none, one, or one for each eye."""
     return [] if options.movie is None else movie_files(scene, Path(options.movie), output.movie_layout)
 
 
 def _check_movies(
     scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, *, for_movie_alone: bool
 ) -> None:
-    """Raise BadInputError when a file is in the way of the movie that is not one made of these frames, or some of
-    them."""
+    """Raise BadInputError if a file with the movie's name must not be replaced: it is no movie of these frames, or of
+    more frames than there are now.
+    """
     # What was known of a movie that alone was asked for went with the frames that it was made of.
     if options.existing == "overwrite" or (options.existing == "resume" and for_movie_alone):
         return
@@ -355,7 +386,7 @@ def _check_movies(
 def _movie(
     scene: bpy.types.Scene, options: AnimationSettings, output: Output, journal: Journal, listener: Listener
 ) -> list[Path]:
-    """Write the movie of all frames and return its path; or several, or none."""
+    """Write the movie of all frames and return the paths: none if none is asked for, one, or one for each eye."""
     if options.movie is None:
         return []
     path = Path(options.movie)
@@ -370,11 +401,15 @@ def _movie(
 
 
 def _put_noted(movie: Path, place: Path, journal: Journal, output: Output) -> Path:
+    """Move a finished movie to its place, note in the journal which frames it shows, and return the path."""
     with journal.movies.noted(movie, place, output.files):
         return _put_in_place(movie, place)
 
 
 def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:
+    """Make a movie of one black frame, to find out before rendering whether the encoder and the movie's folder can be
+    used. The parameter `folder` is a private one for the trial. Raises BadInputError.
+    """
     region = frame_region(scene.render)
     width, height = settings.scene.size or (region.width, region.height)
     layout = LAYOUTS[output.movie_layout or "individual"]
@@ -384,8 +419,10 @@ def _try_movie(scene: bpy.types.Scene, settings: StereoSettings, path: Path, out
 
 
 def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> None:
-    """Remove the frames that only waited for their movie, and what is known of them; the report stays beside the movie.
-    Nothing of it while another run than one's own is at work there, and nothing that is not of this animation."""
+    """Remove the frames that were rendered only for the movie, and their journal; their report moves beside the movie.
+
+    own is this run's token: while any other run is at work on the frames, nothing is removed. Errors are passed over.
+    """
     if journal.runs.any_lives(but=own):
         return
     with contextlib.suppress(OSError):
@@ -399,7 +436,9 @@ def _remove_waiting(journal: Journal, output: Output, movie: Path, own: str) -> 
 
 
 def _put_in_place(made: Path, destination: Path) -> Path:
-    """Move a finished file to its place on the same drive, where it appears whole."""
+    """Move a finished file to its place on the same drive, where it appears whole; return the path. Raises
+    BadInputError if it cannot be put there; the message then names the spare file that has it.
+    """
     flush(made)
     try:
         placed = put_in_place(made, destination)

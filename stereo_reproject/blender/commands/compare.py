@@ -33,7 +33,9 @@ REPEATED_SEED_OFFSET = 2_000_003
 
 @dataclass(frozen=True)
 class MultiviewReference:
-    """Blender's multiview: engine and seconds, its target eye (H, W, 4), and that eye once more with another seed."""
+    """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
+    once more with another seed. Pictures are scene-linear.
+    """
 
     engine: str
     seconds: float
@@ -42,10 +44,13 @@ class MultiviewReference:
 
     @property
     def noise_rmse(self) -> float:
+        """Root mean square difference between the target eye's two renders, which differ by noise alone."""
         return rmse(self.again, self.reference)
 
     def judge(self, ours: NDArray[np.float32]) -> dict[str, float]:
-        """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`."""
+        """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
+        "noise_ratio" and "worst_tiles".
+        """
         return {
             "rmse": rmse(ours, self.reference),
             "noise_ratio": noise_ratio(ours, self.reference, self.again),
@@ -56,9 +61,10 @@ class MultiviewReference:
 def render_reference(
     scene: bpy.types.Scene, settings: StereoSettings, folder: Path, *, layers: Sequence[str] | None = None
 ) -> MultiviewReference:
-    """Render multiview in a scene copy of its own, so that it finds nothing synced by ours.
+    """Render the pair by multiview, and its target eye once more with another seed. It is done in a scene copy of its
+    own, which finds nothing that our render has synced, so that its seconds are those of a plain render.
 
-    It has all these view layers, or the first alone; pictures are compared with the first.
+    layers are the view layers to render, by default the first alone; pictures are those of the first.
     """
     target = settings.target
     with working_scene(scene, settings.scene) as copy:
@@ -73,6 +79,7 @@ def render_reference(
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
+    """Switch on the view layers of these names, and switch off all others."""
     for layer in scene.view_layers:
         layer.use = layer.name in names
 
@@ -80,9 +87,11 @@ def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
 def compare_with_multiview(
     scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
 ) -> tuple[CompareReport, NDArray[np.float32]]:
-    """Return the `compare` part of the report, and multiview's target eye (H, W, 4).
+    """Render the same frame by multiview, and compare the pair with it. Return the `compare` part of the report, and
+    multiview's target eye (H, W, 4).
 
-    Seconds are of all view layers; the picture that is judged is the main one's, before any compositor.
+    Seconds are of all view layers; the picture that is judged is the main layer's, before any compositor. folder is
+    private.
     """
     multiview = render_reference(scene, settings, folder, layers=list(pair.frames))
     ours = colour(pair.main_frame.eyes[settings.target])
@@ -104,7 +113,7 @@ def compare_with_multiview(
 
 
 def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
-    """Return why there is no ratio to the noise of multiview, or `ABSENT` where there is one."""
+    """Return why the error cannot be held against multiview's noise, or `ABSENT` where it can."""
     if errors["rmse"] == 0.0 or (engine == CYCLES and math.isfinite(errors["noise_ratio"])):
         return ABSENT
     if engine != CYCLES:
@@ -119,7 +128,9 @@ def _flips(
     multiview: MultiviewReference,
     folder: Path,
 ) -> tuple[float | None, float | None]:
-    """Mean FLIP of ours and of the repeated render, each against the reference; None where FLIP is not installed."""
+    """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference;
+    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them.
+    """
     try:
         import flip_evaluator
     except ImportError:

@@ -56,9 +56,10 @@ def render_files(
 ) -> tuple[dict[str, Any], list[str]]:
     """Render the pair of one frame and write its files into work/out. Return the report as JSON has it, and the names.
 
-    work is a private folder that also takes what passes between the stages. files are some of `pair_files`; all,
-    without them. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
-    on_stage gets each stage's name as it begins. Raises BadInputError and StereoReprojectError.
+    work is a private folder that also takes what passes between the stages. files are some of `pair_files`; None stands
+    for all. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
+    load_seconds, those of loading the .blend, go into the report. on_stage gets each stage's name as it begins. Raises
+    BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
@@ -92,11 +93,12 @@ def render_pair(
     scenes: WorkingScenes | None = None,
     findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
 ) -> tuple[StereoPair, FrameReport]:
-    """Render the pair of one frame, all its view layers, and return it with its report as far as that goes without
-    files. The parameters are those of `render_files`.
+    """Render the pair of one frame, all its view layers. Return it with its report, which lacks what only writing files
+    adds.
 
-    scenes are those of a sequence, which go on to its next frame; findings has, by view layer, what others of its
-    frames have found. What the report tells of one layer is of the main one, but seconds are of all.
+    The first parameters are those of `render_files`. scenes are the working scenes of a sequence, which go on to its
+    next frame; without them, new ones are made. findings returns, for a view layer's name, what other frames of the
+    sequence have found. The report tells of the main layer, but its seconds are those of all.
     """
     frames: dict[str, StereoFrame] = {}
     facts: list[LayerFacts] = []
@@ -119,6 +121,9 @@ def _render_layer(
     watch: Stopwatch,
     findings: SharedFindings,
 ) -> tuple[StereoFrame, LayerFacts]:
+    """Render the pair of one view layer. Return the frame, and what the report tells of this layer. working is the copy
+    of `scene` that is rendered; findings are those of a sequence for this layer.
+    """
     header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
         frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings)
@@ -135,7 +140,9 @@ def _render_layer(
 
 
 def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: StereoSettings) -> ReportHeader:
-    """Return what is rendered, and with which settings; working is the copy of the scene that is rendered."""
+    """Return the beginning of a report: what is rendered, and with which settings. working is the copy of the scene
+    that is rendered.
+    """
     render = working.render
     region = frame_region(render)
     cycles = render.engine == CYCLES
@@ -175,6 +182,7 @@ def _write_pictures(
     report: FrameReport,
     files: Sequence[str],
 ) -> None:
+    """Write those of the pair's pictures that `files` names into the folder `out`."""
     frame, eyes = pair.main_frame, {view: pair.eyes[view] for view in VIEWS}
     pictures = {view: colour(layers[pair.main]) for view, layers in eyes.items()}
     target = pictures[settings.target]
@@ -200,12 +208,17 @@ def _write_pictures(
 
 
 def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
+    """Return the three channels of `estimates` (H, W, 3) as passes by name: noise ratio, and the low and high end of
+    its interval.
+    """
     names = ("Noise Ratio", "Noise Ratio Low", "Noise Ratio High")
     return {name: estimates[..., k : k + 1] for k, name in enumerate(names)}
 
 
 def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
-    """Return a line for each kind of value that a picture should not hold, or that a file of half floats cannot."""
+    """Return a line for each kind of value that a pass should not hold: no number, or with half the too large for half
+    floats.
+    """
     invalid = pair.invalid_pixels.items()
     warnings = [
         f"{count} pixels of the {view} eye were no numbers in a pass, and are 0 there"
@@ -219,6 +232,7 @@ def value_warnings(pair: StereoPair, *, half: bool = False) -> list[str]:
 
 
 def _memory() -> MemoryReport:
+    """Return the memory of this process, at its peak and now, in MiB; None for what this system does not tell."""
     try:
         import resource
     except ImportError:

@@ -57,8 +57,9 @@ FRAMES_OF_ONE_NOISE_LEVEL = 24
 
 @dataclass(frozen=True)
 class FrameContext:
-    """Common ground of the frames of a run: settings and options, the journal and the fingerprints that its records
-    need, the run's own token, and whether the files hold half floats."""
+    """Common ground of the frames of a run: settings, options, and the journal; the fingerprints that a frame's record
+    needs; the run's token; and whether the files hold half floats.
+    """
 
     settings: StereoSettings
     options: AnimationSettings
@@ -69,9 +70,12 @@ class FrameContext:
 
 
 class AgreedFindings(SharedFindings):
-    """Findings of the first frame, whichever run has rendered it, so that a frame is the same when rendered again.
+    """Findings of an animation's first frame, whichever run has rendered it, so that a frame rendered again comes out
+    the same.
 
-    block is what is different where something else may be found. Raises OutputError.
+    They are kept in the journal, which all runs share: the first finding of a key holds. block is what a frame shares
+    with its neighbours; findings about noise are made once for each block. Methods raise OutputError where the journal
+    cannot be used.
     """
 
     def __init__(self, context: FrameContext, layer: str, block: tuple[int, str]) -> None:
@@ -80,16 +84,26 @@ class AgreedFindings(SharedFindings):
         self._of_layer, self._of_block = (digest(values)[:16] for values in (of_layer, [*of_layer, block]))
 
     def cost(self, found: SourceCost) -> SourceCost:
+        """Return the agreed cost of a source; `found`, this frame's own, becomes it if there is none yet."""
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
     def noise_left(self, find: Callable[[], float]) -> float:
+        """Return the agreed share of noise that the denoiser leaves, 0 to 1; `find` is called only if there is none
+        yet.
+        """
         return float(np.clip(self._found(self._of_block, "noise_left", find), TUNING.min_noise_left, 1.0))
 
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
+        """Return whether the GPU is agreed to warp faster than NumPy; `find` is called only if that is not known
+        yet.
+        """
         return bool(self._found(f"{self._of_layer}-gpu", "gpu_is_faster", lambda: float(find())))
 
     def _found(self, key: str, name: str, find: Callable[[], float]) -> float:
+        """Return the number `name` that is agreed under this key; if there is none, that which `find` returns becomes
+        it.
+        """
         known = (self._journal.agreed.read(key) or {}).get(name)
         if known is None:
             found = find()
@@ -97,6 +111,9 @@ class AgreedFindings(SharedFindings):
         return known
 
     def _agree(self, key: str, values: dict[str, float]) -> dict[str, float]:
+        """Return the numbers that are agreed under this key; `values` become them if there are none yet. Raises
+        OutputError.
+        """
         try:
             return self._journal.agreed.agree_on(key, values)
         except OSError as error:
@@ -104,7 +121,9 @@ class AgreedFindings(SharedFindings):
 
 
 class BlenderFrameMaker:
-    """Renders frames with one working scene that stays, and hands them to the writer: `frames.FrameMaker`."""
+    """Maker of an animation's frames: renders them with one working scene that stays, and hands them to the writer
+    process. It is a `frames.FrameMaker`; use `close` in the end.
+    """
 
     def __init__(
         self,
@@ -129,6 +148,9 @@ class BlenderFrameMaker:
         self._last: tuple[int, StereoPair | None] | None = None
 
     def render(self, frame: int, claim: int) -> None:
+        """Render a frame and hand it over to the writer; claim is the number of this run's claim of it. Raises
+        StereoReprojectError if it cannot be rendered; the next frame then begins with a scene that is set up anew.
+        """
         try:
             self._render(frame, claim)
         except Exception as error:
@@ -137,6 +159,7 @@ class BlenderFrameMaker:
             raise blamed_on_output(self._context.journal.frames_folder, in_one_line(error)) from error
 
     def _render(self, frame: int, claim: int) -> None:
+        """Render a frame, compare it with multiview where that is asked for, and hand it over with its record."""
         start = time.perf_counter()
         where = f"{FRAME}{frame}"
         self._on_stage(Stage.PREPARE, where)
@@ -178,7 +201,9 @@ class BlenderFrameMaker:
         give_back_freed()
 
     def _hand_out(self, frame: int, pair: StereoPair) -> Path:
-        """Write what the writer needs of a frame, and return the folder."""
+        """Write the files that the writer needs of a frame into a folder of its own, and return that. Raises
+        OutputError.
+        """
         folder = self._private / f"frame-{frame}"
         try:
             folder.mkdir(exist_ok=True)
@@ -193,15 +218,21 @@ class BlenderFrameMaker:
         return folder
 
     def _block_of(self, frame: int) -> tuple[int, str]:
-        """Return what a frame shares with its neighbours: its number over FRAMES_OF_ONE_NOISE_LEVEL, and the camera."""
+        """Return the key of the block of frames, seen by one camera, that share a noise level with this one: the
+        frame's number divided by `FRAMES_OF_ONE_NOISE_LEVEL`, rounded down, and the camera's name.
+        """
         camera = camera_at(self._scene, frame)
         return frame // FRAMES_OF_ONE_NOISE_LEVEL, camera.name_full if camera else ""
 
     def _is_compared(self, frame: int) -> bool:
+        """Return whether this frame is one of those that are compared with multiview."""
         every = self._options.compare_every
         return every is not None and (frame - self._scene.frame_start) % every == 0
 
     def finished(self, *, wait: bool) -> list[tuple[int, Record | StereoReprojectError | None]]:
+        """Return the frames whose writing has ended since the last call, each with its record, or with the error, or
+        with None where another run has claimed it meanwhile. With wait, first wait until all are written.
+        """
         folder = self._context.journal.frames_folder
         return [
             (frame, blamed_on_output(folder, result) if isinstance(result, StereoReprojectError) else result)
@@ -209,7 +240,9 @@ class BlenderFrameMaker:
         ]
 
     def leave(self, folder: Path) -> int | None:
-        """Write the last frame's eyes into `folder`, if they were kept. Return its number; None without a frame."""
+        """Write the eyes of the last frame rendered into `folder`, if this maker was told to keep them, and return the
+        frame's number; None if no frame was rendered.
+        """
         if self._last is None:
             return None
         frame, pair = self._last
@@ -220,5 +253,6 @@ class BlenderFrameMaker:
         return frame
 
     def close(self) -> None:
+        """Remove the working scenes, and end the writer process."""
         self._scenes.close()
         self._writer.close()

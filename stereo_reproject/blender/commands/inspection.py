@@ -69,9 +69,11 @@ def inspect_scene(
     sketch: bool = True,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Return what `inspect` prints of the scene, as JSON has it; without a sketch nothing is rendered or predicted.
+    """Return what the command `inspect` prints of the scene, as JSON has it. Without a sketch nothing is rendered, and
+    "predicted" and "parallax" are None.
 
-    work is a private folder. Raises BadInputError and StereoReprojectError.
+    work is a private folder; on_stage gets each stage's name as it begins. Raises BadInputError and
+    StereoReprojectError.
     """
     on_stage(Stage.PLAN)
     with working_scene(scene, settings.scene) as working:
@@ -106,7 +108,9 @@ def inspect_scene(
 
 
 def _parallax(renderer: BlenderRenderer, sketch: Passes, frame_width: int) -> dict[str, Any] | None:
-    """Return the nearest and farthest parallax as JSON has it, in pixels of a frame of that width."""
+    """Return the parallax of the nearest and farthest point in the sketch as JSON has it, in pixels of a frame of that
+    width; None where the sketch shows no point.
+    """
     sketch_width = frame_region(renderer.scene.render).full_width
     found = parallax_report(renderer, sketch, sketch_width)
     if found is None:
@@ -131,6 +135,9 @@ def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
 
 
 def _switched_on(owner: bpy.types.bpy_struct) -> list[str]:
+    """Return the names of the passes that are switched on in a view layer, or in Cycles' settings of one; `NO_PASSES`
+    left out.
+    """
     switches = [prop for prop in owner.bl_rna.properties if prop.identifier.startswith("use_pass_")]
     return [prop.name for prop in switches if prop.identifier not in NO_PASSES and getattr(owner, prop.identifier)]
 
@@ -153,7 +160,11 @@ def _predicted(
     rows: list[dict[str, Any]],
     sketched: tuple[Passes, list[SourceCost], tuple[int, int]],
 ) -> dict[str, Any]:
-    """Return the prediction; the rows of effects get their share of the picture, and the cost of tracing that."""
+    """Return the prediction of seconds and gain, as JSON has it. The rows of effects are changed: each gets its share
+    of the picture, and the most that tracing it may cost.
+
+    scale is the sketch's width over the picture's; sketched is what `_render_sketch` returns.
+    """
     source, costs, samples = sketched
     reasons, warp_seconds = _warp_sketch(renderer, settings, source, scale)
     seconds, syncs = [cost.seconds for cost in costs], [cost.sync_seconds for cost in costs]
@@ -190,7 +201,9 @@ def _predicted(
 
 
 def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
-    """Return the seconds that denoising the sketch takes, once the denoiser is set up."""
+    """Return the seconds that denoising the sketch takes. It is denoised twice and the second time counts: the first
+    also sets the denoiser up.
+    """
     denoising = Denoising(denoise)
     denoising.denoised_colour(sketch)
     start = time.perf_counter()
@@ -199,6 +212,10 @@ def _denoise_seconds(sketch: Passes, denoise: Denoise) -> float:
 
 
 def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passes) -> dict[str, str | None]:
+    """Return for each fill method why holes cannot be traced by it, in words, or None if they can. source are the
+    sketch's passes, whose greatest depth is taken into account. Raises BadInputError if the method asked for is
+    blocked.
+    """
     depth = source[DEPTH_PASS]
     blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
     check_fill(settings.fill, blockers)
@@ -206,7 +223,9 @@ def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passe
 
 
 def _seen_differently(renderer: BlenderRenderer) -> Effect:
-    """Return the effects that are called for and may look different from each eye: none where both are in one place."""
+    """Return the effects that are called for and may look different from each eye; none where both eyes are in one
+    place.
+    """
     if see_the_same(*(renderer.cameras[view] for view in EYES)):
         return Effect(0)
     return renderer.plan.called_for & SEEN_DIFFERENTLY
@@ -219,6 +238,9 @@ def _add_shares(
     asked: str,
     blockers: dict[str, str | None],
 ) -> None:
+    """Add to the rows of effects their share of the picture, and the seconds at most that tracing it takes. shares are
+    by effect; asked is the fill method asked for, blockers are those of `_blockers`.
+    """
     by_label = {effect.label: share for effect, share in shares.items()}
     for row in rows:
         share = by_label.get(row["effect"])
@@ -230,8 +252,9 @@ def _add_shares(
 def _render_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, samples: int
 ) -> tuple[Passes, list[SourceCost], tuple[int, int]]:
-    """Render the source eye as a sketch, with one sample and then with a few. Return the passes, and both costs and
-    counts."""
+    """Render the source eye twice at the size that is set, with one sample and then with a few. Return the passes of
+    the second render, and the costs and sample counts of both; samples are those of the full picture.
+    """
     counts = (1, 1 + min(max(samples // 16, 1), MAX_MORE_SAMPLES))
     costs = []
     passes: Passes = {}
@@ -247,7 +270,9 @@ def _render_sketch(
 def _warp_sketch(
     renderer: BlenderRenderer, settings: StereoSettings, passes: Passes, scale: float
 ) -> tuple[NDArray[np.uint16], float]:
-    """Return the `Reason` flags (H, W) of the sketch, and the seconds that its warp takes."""
+    """Warp the sketch to the target. Return the `Reason` flags (H, W) of its holes, and the seconds that the warp
+    takes.
+    """
     source, invalid = replace_non_finite(passes)
     views = Rig.of_cameras(renderer.cameras)
     interpolations = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))

@@ -68,10 +68,10 @@ def render_prices(
     only: Sequence[str] = (),
     on_stage: OnStage = lambda *_: None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Make the cases of one frame, all or `only` those named, and write their files into work/out.
+    """Make the cases of a price list for one frame, all or `only` those named, and write their files into work/out.
 
-    Returns what tradeoff.json holds, and the files' names. on_stage gets each case's name, and the stage that begins
-    in it. A case that the scene cannot have is left out, with a warning that says why. Raises BadInputError and
+    Return what tradeoff.json holds, and the files' names. on_stage gets the name of each case, and of the stage that
+    begins in it. A case that the scene cannot have is left out, with a warning that says why. Raises BadInputError and
     StereoReprojectError.
     """
     check_charts()
@@ -95,7 +95,9 @@ def render_prices(
 
 
 def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> float:
-    """Render a few pixels in every way that cases need; the seconds that it took."""
+    """Render a few pixels in every way that the cases need, so that no case pays for what only a first render costs.
+    Return the seconds that it took.
+    """
     start = time.perf_counter()
     with working_scene(scene, replace(settings.scene, samples=WARM_UP_SAMPLES)) as working:
         make_small(working, WARM_UP_WIDTH_PIXELS)
@@ -111,8 +113,11 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
 
 @dataclass(frozen=True)
 class RenderedSource:
-    """The source eye that cases share: its view, what the renderer said of it, the seconds of the whole call, and the
-    samples that a time limit left."""
+    """The source eye that all cases share: the name of its view, passes and cost as its renderer gave them, and the
+    seconds of the whole call.
+
+    samples_rendered and uncounted are those of `BlenderRenderer`, for scenes with a time limit.
+    """
 
     view: str
     passes: Passes
@@ -124,13 +129,17 @@ class RenderedSource:
 
 @dataclass
 class _Outcome:
-    """The outcome of the cases: rows, and those that are left out with the reason."""
+    """The outcome of the cases: rows of the price list, and the names of cases that are left out, each with the
+    reason.
+    """
 
     rows: list[Row] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
     def add(self, case: TradeoffCase, make: Callable[[], Row]) -> None:
-        """A case that fails must not take the others with it."""
+        """Call `make` and add its row. A case that raises StereoReprojectError is left out with the reason; the others
+        go on.
+        """
         try:
             self.rows.append(make())
         except StereoReprojectError as error:
@@ -145,7 +154,9 @@ def _render_cases(
     chosen: Sequence[TradeoffCase],
     on_stage: OnStage,
 ) -> tuple[dict[str, Any], _Outcome]:
-    """The facts of the scene, and the rows in the cases' order. Raises StereoReprojectError when there are none."""
+    """Render the chosen cases. Return facts of the scene and its source as JSON has them, and the rows in the cases'
+    order. Raises StereoReprojectError when not a single case could be made.
+    """
     outcome = _Outcome()
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
@@ -178,6 +189,7 @@ def _render_cases(
 
 
 def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
+    """Render the source eye that the cases share, and return it."""
     renderer = BlenderRenderer(working, work)
     start = time.perf_counter()
     passes, cost = renderer.render_source(settings.source)
@@ -186,7 +198,7 @@ def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Pat
 
 
 class SharedSourceRenderer(BlenderRenderer):
-    """A renderer whose source was rendered before."""
+    """A renderer whose source was rendered before: it only traces."""
 
     def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
         super().__init__(scene, folder)
@@ -194,16 +206,21 @@ class SharedSourceRenderer(BlenderRenderer):
         self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """Return a copy of the passes of the shared source, and its cost; `view` must be the shared one's."""
         assert view == self._source.view
         # What a case does to its source must not reach the next one.
         return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
 
 
 class HeuristicRenderer(BlenderRenderer):
-    """A renderer whose source says which of its pixels are glossy or transparent: they are not to be warped."""
+    """A renderer whose source has a mask of the pixels that are glossy or transparent and must not be warped: the
+    simple method that probes are compared with.
+    """
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Raises BadInputError for an engine without the light passes that tell."""
+        """Render the source eye with the mask as a pass of its own. Raises BadInputError for any engine but Cycles:
+        others lack the light passes that the mask is made of.
+        """
         if self.scene.render.engine != CYCLES:
             raise BadInputError("only Cycles has the light passes of which the mask is made")
         with _light_passes(self.scene) as added:
@@ -214,7 +231,9 @@ class HeuristicRenderer(BlenderRenderer):
 
 @contextmanager
 def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
-    """Glossy and transmission passes switched on; yields the names of those that were not."""
+    """Have glossy and transmission passes switched on, for the time of a `with` block; yields the names of those that
+    were off before, and are switched off afterwards.
+    """
     layer = rendered_layer(scene)
     switches = {
         f"use_pass_{kind}_{part}": light_pass_names(kind, part)
@@ -232,7 +251,7 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
 
 
 def _watch(case: TradeoffCase, on_stage: OnStage) -> Stopwatch:
-    """The case's clock, started at its plan."""
+    """Return the stopwatch of a case, started at its first stage; on_stage gets the case's name and each stage's."""
     watch = Stopwatch(lambda stage: on_stage(case.name, stage))
     watch.lap(Stage.PLAN)
     return watch
@@ -247,9 +266,9 @@ def _make(
     *,
     shared: Mapping[str, float] = NOTHING_SHARED,
 ) -> Row:
-    """Make one case and measure it; `shared` are the seconds, by stage, that its own clock does not see.
-
-    Raises StereoReprojectError when it cannot be made.
+    """Render one case, measure it against multiview, and return its row. shared are seconds, by stage, that were spent
+    for all cases together and that the case's own watch does not see. Raises StereoReprojectError when it cannot be
+    made.
     """
     blocker = renderer.fill_blockers().get(case.fill)
     if blocker:
@@ -279,7 +298,9 @@ def _make(
 
 
 def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float]:
-    """Seconds by stage, with those that are shared, and the probes apart from the holes."""
+    """Return the case's seconds by stage, shared ones added. Of the fill's seconds, the probes' part is a stage of its
+    own.
+    """
     stages = {name: seconds for name, seconds in frame.seconds.items() if name not in ("total", *OUTSIDE_TOTAL)}
     stages |= {name: stages[name] + seconds for name, seconds in shared.items()}
     probe = (frame.reasons & Reason.PROBE.bit) > 0
@@ -289,6 +310,9 @@ def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float
 
 
 def _estimate(frame: StereoFrame, case: TradeoffCase) -> dict[str, float | None] | None:
+    """Return the frame's estimated noise ratio with its interval, and the promise of the case; None without an
+    estimate.
+    """
     estimate = frame.refinement.estimate
     if estimate is None:
         return None

@@ -26,9 +26,10 @@ def module_in_blender(name: str) -> Sequence[str] | None:
 
 
 def save_copy(folder: Path) -> Path:
-    """The open file as it is now in a folder, unsaved changes included; what it refers to is found from there too.
+    """Save the open file, unsaved changes included, into a folder, and return the copy's path.
 
-    It is called as the file is: Blender's path templates know that name. Raises BadInputError.
+    Files that it refers to are found from there too. The copy has the file's own name, which Blender's path templates
+    know. Raises BadInputError if it cannot be saved.
     """
     blend = folder / (Path(bpy.data.filepath).name or UNSAVED)
     try:

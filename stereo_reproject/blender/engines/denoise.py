@@ -31,16 +31,20 @@ CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NOR
 
 @contextmanager
 def left_noisy(scene: bpy.types.Scene) -> Iterator[None]:
-    """Have a working scene rendered without denoising, with all that it takes to denoise its pictures afterwards."""
+    """Have a working scene rendered without denoising, but with all passes that denoising its pictures later takes, for
+    the time of a `with` block; its settings are restored afterwards, also after an error.
+    """
     layer = rendered_layer(scene)
     with changed(scene.cycles, use_denoising=False), changed(layer.cycles, denoising_store_passes=True):
         yield
 
 
 def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:
-    """Return the colours (H, W, 3), scene-linear, of pictures of one size without their noise; see `denoising.Denoise`.
+    """Return the colours (H, W, 3), scene-linear, of pictures of one size without their noise, as `denoising.Denoise`
+    says.
 
-    scene is a working scene that Cycles renders, folder is private. Raises StereoReprojectError.
+    scene is a working scene that Cycles renders, and says which denoiser is used; folder is private. Raises
+    StereoReprojectError.
     """
     layer = rendered_layer(scene)
     with tempfile.TemporaryDirectory(dir=folder) as own, changed(scene.cycles, use_denoising=True):
@@ -60,19 +64,25 @@ def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder:
 
 
 def _failed(reason: str) -> StereoReprojectError:
+    """Return the error to be raised for a denoiser that failed with these words; where they are about a file, it asks
+    whether the disk is full.
+    """
     if "file" in reason.lower():
         return BadInputError(f"the denoiser cannot pass its pictures on ({reason}): is the disk full?")
     return StereoReprojectError(f"the denoiser failed: {reason}")
 
 
 def _layer_name(number: int) -> str:
+    """Return the name of the view layer that the picture of this number has in the denoiser's file."""
     return f"Picture{number}"
 
 
 def _as_layers(pictures: Sequence[Passes]) -> tuple[dict[str, NDArray], dict[str, str]]:
-    """Return the channels of a file that has each picture as a view layer, and the texts that Cycles looks for in it.
+    """Return the channels of a file in which each picture is a view layer, and the texts of its header that Cycles
+    needs.
 
-    Cycles denoises its buffers, whose first row is the lowest, and asks for a pass that it has no use for here.
+    Rows are turned over, since Cycles' first row is the lowest. A Vector pass of zeros is added, which Cycles asks for
+    and does not use here.
     """
     channels: dict[str, NDArray] = {}
     texts: dict[str, str] = {}
@@ -88,13 +98,15 @@ def _as_layers(pictures: Sequence[Passes]) -> tuple[dict[str, NDArray], dict[str
 
 
 def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:
+    """Return the colours (H, W, 3) of one of the view layers in the denoiser's file, row 0 at the top."""
     return np.stack([channels[f"{name}.{COLOUR_PASS}.{letter}"] for letter in "RGB"], axis=-1)[::-1]
 
 
 def guided_by(passes: Passes, *, keep: bool) -> Passes:
-    """Return a render's passes with those that `denoising` is about, by our names; Blender's own only to `keep` them.
+    """Return the passes of a render with those that `images/denoising` needs added, under our names: the noisy colour,
+    albedo and normal. Blender's own passes for the denoiser stay only with `keep`.
 
-    Raises BadInputError where one is missing, which is how a full disk shows.
+    Raises BadInputError where one of them is missing, which is how a full disk shows.
     """
     if not {ALBEDO, NORMAL, DEPTH} <= set(passes):
         raise BadInputError("the render result has nothing to guide the denoiser: is the disk full?")

@@ -43,7 +43,9 @@ DIRECT_LIGHT_PASSES = ("Environment", "Emission", "Env", "Emit")
 def renderer_of(
     scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None
 ) -> Iterator[BlenderRenderer]:
-    """Yield the renderer for a working scene, by its engine."""
+    """Have a renderer for a working scene, by the engine that is set in it, for the time of a `with` block; afterwards
+    what it added to the file is removed.
+    """
     if scene.render.engine == CYCLES:
         yield BlenderRenderer(scene, folder, user_scene=user_scene)
         return
@@ -55,10 +57,13 @@ def renderer_of(
 
 
 class EeveeRenderer(BlenderRenderer):
-    """Renders whole eyes with EEVEE, and traces with Cycles."""
+    """A renderer whose whole eyes EEVEE renders, while Cycles traces the holes in a copy of the working scene. Use
+    `close` in the end, or `renderer_of`.
+    """
 
     @property
     def warnings(self) -> list[str]:
+        """Lines about what EEVEE and Cycles show differently in this scene."""
         return engine_warnings(self.scene)
 
     def __init__(
@@ -74,19 +79,25 @@ class EeveeRenderer(BlenderRenderer):
         self._last: Rendered | None = None
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Render the source eye, whole. EEVEE of 4.5 gives the sky the depth of the camera's clip end."""
+        """Render the source eye whole; return its passes and its cost. In 4.5 EEVEE gives the sky the depth of the
+        camera's clip end; here it is infinite in every version.
+        """
         passes, cost = super().render_source(view)
         return self._sky_marked(passes), cost
 
     def _sky_marked(self, passes: Passes) -> Passes:
+        """Return the passes with an infinite depth wherever the depth is about that of the camera's clip end."""
         depth = passes[DEPTH_PASS]
         return {**passes, DEPTH_PASS: np.where(depth >= SKY_CLIP_END_SHARE * self.lens.far, np.float32(np.inf), depth)}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        """Return for each fill method but "full" why Cycles cannot trace the scene by it, in words, or None if it can.
+        deepest is the greatest finite depth that was seen, in scene units; 0 before anything was rendered.
+        """
         return self.cycles_blockers(deepest)
 
     def close(self) -> None:
-        """Remove the scene that traces, and what Cycles keeps of it."""
+        """Remove the scene copy by which Cycles traces, and what Cycles keeps of it in memory."""
         scene = None if self._tracing is None else bpy.data.scenes.get(self._tracing)
         if scene is not None:
             # Frees what Cycles keeps between renders.
@@ -103,6 +114,9 @@ class EeveeRenderer(BlenderRenderer):
         return foreseen_fill(asked, self.fill_blockers(), self.unmatchable())
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
+        """Trace all requests by one method, as `trace.requests.Tracer` says. With "full" EEVEE itself renders the eye;
+        otherwise Cycles traces the pixels. A request may not ask for pixels twice.
+        """
         assert all(request.twice is None for request in requests), "EEVEE's pixels are not probed"
         if method == "full":
             return [self._rendered(request) for request in requests]
@@ -116,28 +130,35 @@ class EeveeRenderer(BlenderRenderer):
         return [self._with_mean_depth(*pair) for pair in zip(requests, traced, strict=True)]
 
     def _rendered(self, request: TraceRequest) -> Passes:
+        """Render the view of a request whole with EEVEE, and return the passes (N, C) of its pixels."""
         check_blenders(request.view)
         passes = trace_full(self.scene, request.view, request.pixels, self.folder, seed=self.seed)[1]
         return self._sky_marked(passes)
 
     def _behind_card(self, scene: bpy.types.Scene, request: TraceRequest) -> tuple[Rendered, Passes]:
+        """Trace a request with Cycles behind a card; return the render, and the passes (N, C) of its pixels."""
         check_blenders(request.view)
         rendered, passes = trace_card(scene, request.view, request.pixels, self.folder, seed=self._next_seed())
         return rendered, without_added_positions(scene, passes)
 
     def _with_mean_depth(self, request: TraceRequest, passes: Passes) -> Passes:
-        """Return the passes with mean depths in place of what Cycles gives: mean lengths of rays from where they are
-        clipped."""
+        """Return the passes (N, C) of a request with mean depths in their Denoising Depth. Cycles has mean lengths of
+        rays there, counted from where the camera clips them.
+        """
         rows, columns = np.nonzero(request.pixels)
         slant = ray_length_per_depth(self.cameras[request.view], columns + 0.5, rows + 0.5)
         mean_depth = passes[MEAN_DEPTH] / np.reshape(slant, (-1, 1)) + self.lens.near
         return {**passes, MEAN_DEPTH: mean_depth.astype(np.float32)}
 
     def trace_cost(self) -> SourceCost:
+        """Return the cost of the last trace by Cycles. There must have been one."""
         assert self._last is not None
         return cost_of(self._last)
 
     def traced_features(self, passes: Passes) -> TracedPixels:
+        """Return what Cycles tells of traced pixels: colour, own light, albedo and more, from the passes (N, C) of a
+        trace. Values that are no numbers become 0.
+        """
         nothing = np.zeros_like(passes[ALBEDO])
         seen = sum((passes[name] for name in DIRECT_LIGHT_PASSES if name in passes), nothing)
         albedo = _numbers(passes[ALBEDO] - seen)
@@ -156,6 +177,7 @@ class EeveeRenderer(BlenderRenderer):
         )
 
     def clean(self, colour: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return a picture (H, W, 3), scene-linear, without its noise; as it is where this Blender has no denoiser."""
         if not has_denoiser(self.scene):
             return colour
         nothing = np.zeros_like(colour)
@@ -163,14 +185,14 @@ class EeveeRenderer(BlenderRenderer):
         return denoise_pictures(self._tracing_scene(), [picture], self.folder)[0]
 
     def unmatchable(self) -> str | None:
+        """Return why Cycles' pixels cannot be matched to EEVEE's light in this scene, in words; None if they can."""
         if self.scene.render.film_transparent:
             return "the film is transparent, and light cannot be matched where there is none"
         return unmatched_materials(self.scene, self.cameras.values())
 
     def _tracing_scene(self) -> bpy.types.Scene:
-        """Return the copy that Cycles renders, made when it is first asked for.
-
-        Found by name, as `working_scene` holds its own.
+        """Return the scene copy that Cycles renders, which is made at the first call. It is found by its name, since a
+        reference may not survive a render.
         """
         if self._tracing is None:
             copy = self.scene.copy()
@@ -181,6 +203,9 @@ class EeveeRenderer(BlenderRenderer):
 
 
 def _set_up_tracing(scene: bpy.types.Scene) -> None:
+    """Set a copy of EEVEE's scene up for Cycles: few samples, no denoising, no time limit, EEVEE's pixel filter, and
+    the passes that `traced_features` reads.
+    """
     cycles = scene.cycles
     scene.render.engine = CYCLES
     scene.driver_remove("cycles.seed")
@@ -205,4 +230,5 @@ def _set_up_tracing(scene: bpy.types.Scene) -> None:
 
 
 def _numbers(values: NDArray) -> NDArray[np.float32]:
+    """Return the values as float32, with 0 in place of what is infinite or no number."""
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)

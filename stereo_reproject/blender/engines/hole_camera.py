@@ -71,9 +71,8 @@ SHADER = Path(__file__).with_name("hole_camera.osl")
 
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
-    """Say why pixels of these views cannot be traced packed, or return None.
-
-    deepest is the greatest finite depth that a view has shown, in scene units.
+    """Return why pixels of these views cannot be traced packed, in words; None if they can. deepest is the greatest
+    finite depth that a view has shown, in scene units.
     """
     without_osl = missing_osl_cameras(scene)
     if without_osl is not None:
@@ -98,26 +97,30 @@ def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: floa
 
 
 def missing_osl_cameras(scene: bpy.types.Scene) -> str | None:
-    """Say why Cycles cannot render an OSL camera on the scene's device, whatever it shows, or return None."""
+    """Return why Cycles cannot render with an OSL camera here, in words; None if it can. Only this Blender and the
+    scene's device count, not what the scene shows.
+    """
     if not _has_osl():
         return "this Blender is built without OSL"
     return None if _device_has_osl(scene) else "the device has no OSL cameras (only CPU and OptiX do)"
 
 
 def _corner(eye: Camera) -> float:
-    """Return the length of the ray to the farthest corner of the view plane at unit depth."""
+    """Return the length of the ray from the eye to the farthest corner of its view plane, at unit depth."""
     plane = eye.plane
     reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
     return float(np.linalg.norm((reach_x, reach_y, 1.0)))
 
 
 def _has_osl() -> bool:
+    """Return whether this Blender's Cycles is built with OSL."""
     import _cycles  # pyright: ignore[reportMissingImports]
 
     return bool(_cycles.with_osl)
 
 
 def _device_has_osl(scene: bpy.types.Scene) -> bool:
+    """Return whether the device that the scene is rendered on can run OSL cameras."""
     if scene.cycles.device == "CPU":
         return True
     preferences = bpy.context.preferences.addons["cycles"].preferences
@@ -125,6 +128,7 @@ def _device_has_osl(scene: bpy.types.Scene) -> bool:
 
 
 def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
+    """Return whether adaptive subdivision is on for any object of the scene."""
     for item in scene.objects:
         settings = getattr(item, "cycles", None)
         if getattr(settings, "use_adaptive_subdivision", False):
@@ -143,11 +147,12 @@ def trace_packed(
     *,
     seed: int,
 ) -> tuple[Rendered, list[Passes]]:
-    """Trace pixels of any number of views in one render; returns the passes (N, C) of each view's pixels.
+    """Trace pixels of any number of views in one render. Return the render, and the passes (N, C) of each view's
+    pixels.
 
-    view is the one of the scene's that Blender renders, with the camera `rendered`; each view has either that very
-    camera or any other. Of several, their cameras must keep their places to each other while the shutter is open, and
-    nothing that is rendered may depend on where Cycles' camera is: see `why_apart`.
+    view is the view of the scene that Blender renders, and `rendered` its camera; each of `views` has either that very
+    camera or any other. If there are several, their cameras must keep their places to each other while the shutter is
+    open, and nothing in the scene may depend on where Cycles' camera is: see `why_apart`. folder is private.
     """
     assert isinstance(rendered, PerspectiveCamera)
     others = [pixels.camera for pixels in views if pixels.camera is not rendered]
@@ -175,7 +180,9 @@ def trace_packed(
 
 
 def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.intp], region: FrameRegion) -> Passes:
-    """Return the passes (N, C) of a custom camera with those converted in which Cycles treats it differently."""
+    """Return the passes (N, C) of pixels of a custom camera as a plain camera has them: Cycles gives a custom one the
+    distance in place of the depth, and motion vectors of another kind. places (N, 2) are the pixels' rows and columns.
+    """
     assert isinstance(target, PerspectiveCamera)
     x, y = places[:, 1] + 0.5, places[:, 0] + 0.5
     converted = dict(flat)
@@ -192,8 +199,10 @@ def _as_plain_camera_has_them(flat: Passes, target: Camera, places: NDArray[np.i
 
 
 def _table(views: Sequence[PackedPixels], rendered: Camera, packing: Packing) -> NDArray[np.float32]:
-    """Return (height, width, 4): column and row in its view of each packed pixel, -1 where there is none; the table's
-    own row; the number of the view among the others, -1 for the rendered one."""
+    """Return the table (height, width, 4) that the shader reads for a packed picture. Each pixel has: column and row in
+    its view, -1 where there is no pixel; the table's own row; and the number of its view among those that Blender does
+    not render, -1 for the one that it does.
+    """
     table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
     number = 0
     for pixels, at in zip(views, packing.at, strict=True):
@@ -214,7 +223,10 @@ def _packed(
     size: tuple[int, int],
     folder: Path,
 ) -> Iterator[Path]:
-    """Set the scene up for a packed render of this size; yields the path on which it expects its table."""
+    """Have the scene set up for a packed render of this size (width, height), for the time of a `with` block; all is
+    restored afterwards, also after an error. It yields the path at which the shader looks for its table, to be written
+    by the caller.
+    """
     # Cycles keeps textures by file name, so each table has a new one: the folder's name is random.
     table = folder / "table.exr"
     numbers = numbers_of_others(scene, rendered, others)
@@ -231,9 +243,10 @@ def _packed(
 
 @contextmanager
 def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
-    """Yield the working scene's lens for the packed camera: its own, or where curves would undo what is set, another.
+    """Have a lens that can be made the packed camera's, for the time of a `with` block: the working scene's own; or a
+    copy of it where the own one is animated, since curves would undo what is set. The copy is removed afterwards.
 
-    Another lens has Blender work out anew what depends on what, and Cycles sync all objects again.
+    A copy costs time: Blender works out anew what depends on what, and Cycles syncs all objects again.
     """
     eye = scene.camera
     plain: bpy.types.Camera = eye.data  # pyright: ignore[reportAssignmentType] - a camera object has no other data
@@ -251,7 +264,9 @@ def _lens_to_set(scene: bpy.types.Scene) -> Iterator[bpy.types.Camera]:
 
 
 def _set_lens(packed: bpy.types.Camera, plain: bpy.types.Camera) -> None:
-    """Give the packed lens the values of `plain`, the evaluated one, in the rendered frame, and no animation."""
+    """Give the lens `packed` the values that `plain`, the evaluated lens, has in the rendered frame, and no
+    animation.
+    """
     packed.animation_data_clear()
     for name in ("clip_start", "clip_end", "lens"):
         setattr(packed, name, getattr(plain, name))
@@ -270,7 +285,9 @@ def _set_camera(
     table: Path,
     bytecode: str,
 ) -> Iterator[None]:
-    """Make the lens the packed camera's for a while."""
+    """Have the lens `packed` be the custom camera of a packed render, for the time of a `with` block. target is the
+    camera of the view that Blender renders, size (width, height) the packed picture's, table the path of its table.
+    """
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
@@ -298,9 +315,9 @@ def _set_camera(
 
 @lru_cache(maxsize=MAX_KEPT_SHADERS)
 def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str:
-    """Return the camera's shader with this pixel filter and these views, compiled by the Blender that runs it.
-
-    others is as `numbers_of_others` has it. Raises StereoReprojectError.
+    """Return the custom camera's shader, compiled by the Blender that runs it. pixel_filter and width, in pixels, are
+    Cycles' pixel filter; others are what `numbers_of_others` returns. Raises StereoReprojectError if it does not
+    compile.
     """
     import _cycles  # pyright: ignore[reportMissingImports]
 
@@ -317,7 +334,9 @@ def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str
 
 
 def _with_numbers(source: str, stands_there: str, numbers: NDArray[np.float32]) -> str:
-    """Return a shader's source with these numbers as an array's default, in place of what stands there."""
+    """Return a shader's source in which `numbers` are the default of an array. stands_there is the text of the
+    declaration that is replaced; it must be in the source exactly once.
+    """
     assert source.count(stands_there) == 1
     name = stands_there.partition("[")[0]
     listed = ", ".join(f"{number:.9g}" for number in numbers)

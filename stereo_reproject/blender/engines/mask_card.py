@@ -30,7 +30,7 @@ CARD_NAME = "Stereo Reproject mask"
 
 
 def card_blocker(scene: bpy.types.Scene) -> str | None:
-    """Say why pixels cannot be traced behind a card, or return None."""
+    """Return why pixels cannot be traced behind a card in this scene, in words; None if they can."""
     if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
         return "a material override would replace the card's material"
     if uses_output("ShaderNodeLightPath", "Transparent Depth"):
@@ -47,7 +47,9 @@ def card_blocker(scene: bpy.types.Scene) -> str | None:
 def trace_card(
     scene: bpy.types.Scene, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
-    """Trace the pixels of the view that are set in `pixels` (H, W); returns the render, and their passes (N, C)."""
+    """Trace the pixels of a view that are set in `pixels` (H, W), by a render behind a card. Return the render, and the
+    passes (N, C) of those pixels, row by row. folder is private.
+    """
     support = filter_support(scene.cycles.pixel_filter_type, scene.cycles.filter_width)
     opening = dilate(pixels, int(np.ceil(0.5 * support)))
     with tempfile.TemporaryDirectory(dir=folder) as tables:
@@ -61,6 +63,9 @@ def trace_card(
 
 @contextmanager
 def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
+    """Have a card before the scene's camera, for the time of a `with` block; it is removed afterwards, also after an
+    error. mask is an EXR of the frame's size: 1 where the card is open, 0 where it hides the scene.
+    """
     image = bpy.data.images.load(str(mask))
     mesh = bpy.data.meshes.new(CARD_NAME)
     material = bpy.data.materials.new(CARD_NAME)
@@ -90,7 +95,9 @@ def _card(scene: bpy.types.Scene, view: str, mask: Path) -> Iterator[None]:
 
 
 def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None:
-    """Build the view's plane at a depth at which each pixel's rays meet: in focus, or just behind the near clip."""
+    """Build the card's mesh: the view's plane at a depth at which all rays of a pixel meet. That is the depth in focus,
+    or without depth of field any; then it is just behind the near clip.
+    """
     camera = evaluated(scene.camera, scene)
     eye = stereo_cameras(camera, scene.render)[view]
     depth = focus_distance(scene) if camera.data.dof.use_dof else 2.0 * camera.data.clip_start
@@ -104,6 +111,7 @@ def _build_mesh(mesh: bpy.types.Mesh, scene: bpy.types.Scene, view: str) -> None
 
 
 def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> None:
+    """Make the material of the card: transparent where the image is 1, a holdout where it is 0."""
     if material.node_tree is None:
         material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -118,7 +126,9 @@ def _build_material(material: bpy.types.Material, image: bpy.types.Image) -> Non
 
 
 def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
-    """Hang the card on the camera, so that both move while the shutter is open; show it to camera rays alone."""
+    """Hang the card on the camera, so that both move together while the shutter is open, and show it to camera rays
+    alone.
+    """
     camera = evaluated(scene.camera, scene)
     card.parent = scene.camera
     scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))

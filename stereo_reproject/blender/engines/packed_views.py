@@ -30,7 +30,9 @@ FORWARD = np.diag([1.0, 1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class PackedPixels:
-    """Pixels of one view: its camera, and (N, 2) their rows and columns, of which some may be the same."""
+    """Pixels of one view to be traced packed: the view's camera, and places (N, 2), their rows and columns. A pixel may
+    be there twice, to be traced twice.
+    """
 
     camera: PerspectiveCamera
     places: NDArray[np.intp]
@@ -39,10 +41,10 @@ class PackedPixels:
 def numbers_of_others(
     scene: bpy.types.Scene, rendered: Camera, others: Sequence[PerspectiveCamera]
 ) -> tuple[float, ...]:
-    """Return the shader's numbers for views other than the rendered one, 17 for each.
+    """Return the numbers by which the shader knows the views that Blender does not render, 17 for each.
 
-    Left and top of the view plane and a pixel's width and height on it, at unit depth; the depth in focus, in scene
-    units; the transform, three rows of four, from the view's camera space to the rendered view's.
+    They are: left and top of the view plane, and a pixel's width and height on it, at unit depth; the depth in focus,
+    in scene units; and three rows of four of the transform from the view's camera space to the rendered view's.
     """
     numbers: list[float] = []
     for camera in others:
@@ -54,7 +56,9 @@ def numbers_of_others(
 
 
 def _focus_distance(scene: bpy.types.Scene, camera: Camera) -> float:
-    """Return the depth at which a view of the scene is in focus, as Cycles takes it from the focus object."""
+    """Return the depth at which a view of the scene is in focus, in scene units. With a focus object, it is that
+    object's depth in this view, as Cycles has it.
+    """
     dof = evaluated(scene.camera, scene).data.dof
     if dof.focus_object is None:
         return max(dof.focus_distance, 1e-5)
@@ -67,9 +71,8 @@ def _focus_distance(scene: bpy.types.Scene, camera: Camera) -> float:
 
 
 def switch_on_positions(scene: bpy.types.Scene) -> None:
-    """Have a working scene rendered with the Position pass.
-
-    It stays on: with other passes, Cycles would begin anew. `without_added_positions` takes it out of renders.
+    """Have a working scene rendered with the Position pass, from now on. It stays on, since Cycles would begin anew
+    with other passes; `without_added_positions` takes it out of renders that the user did not want it in.
     """
     layer = rendered_layer(scene)
     if not layer.use_pass_position:
@@ -85,10 +88,11 @@ def without_added_positions(scene: bpy.types.Scene, passes: Passes) -> Passes:
 
 
 def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Passes:
-    """Return the passes (N, C) of a packed render as a plain render of another view would have them.
+    """Return the passes (N, C) of a packed render as a plain render of the view of `pixels` would have them. rendered
+    is the camera that Cycles rendered with.
 
-    Depth is the mean of no rays but that of the first one, whose place in the world the Position pass has; the
-    denoiser's normals are in camera space.
+    Only depth and the denoiser's normals, which are in camera space, are converted. Depth is that of the pixel's first
+    ray alone, whose place in the world the Position pass has.
     """
     converted = dict(flat)
     camera = pixels.camera

@@ -19,7 +19,10 @@ ADDED_PREFIX = "stereo_reproject_"
 
 
 class RayPasses:
-    """Passes about rays of a working scene whose renders have passes to guide a denoiser. Switches on those missing."""
+    """Source of the passes that tell of the ways of rays, for a working scene that is rendered with passes for a
+    denoiser. Making the object switches on passes about the surface, with `glossy`, that the scene lacks. `of` picks
+    the passes out of a render.
+    """
 
     def __init__(self, scene: bpy.types.Scene, *, glossy: bool) -> None:
         layer = rendered_layer(scene)
@@ -33,7 +36,9 @@ class RayPasses:
         self._added = {name for switch, name in SWITCHES.items() if ADDED_PREFIX + switch in layer}
 
     def of(self, rendered: Passes) -> Passes:
-        """Return those of a render's passes that are about its rays, by our names."""
+        """Return the passes about rays among those of a render, by our names; none where the scene's passes do not
+        follow reflections.
+        """
         if not self._follows:
             return {}
         ours = {
@@ -45,5 +50,5 @@ class RayPasses:
         return {name: rendered[theirs] for name, theirs in ours.items() if theirs in rendered}
 
     def without_added(self, passes: Passes) -> Passes:
-        """Return the passes without those that were switched on."""
+        """Return the passes without those that were switched on here and that the user did not ask for."""
         return {name: image for name, image in passes.items() if name not in self._added}

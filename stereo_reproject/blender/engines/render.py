@@ -18,9 +18,8 @@ from ..scene.working import CYCLES, changed, rendered_layer
 
 @dataclass(frozen=True)
 class Rendered:
-    """A finished render call: passes by view name, seconds of the call, and those of it that Cycles spent on the sync.
-
-    attributes are the texts in the header of the file that Blender wrote.
+    """A finished render call: passes by view name, the seconds of the call, and the part of them in which Cycles synced
+    the scene (0 if several views were rendered). attributes are the texts in the header of the file that Blender wrote.
     """
 
     views: dict[str, Passes]
@@ -30,7 +29,9 @@ class Rendered:
 
 
 def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *, seed: int | None = None) -> Rendered:
-    """Render these views of a scene that `working_scene` set up. Raises StereoReprojectError when Blender cannot."""
+    """Render these views of a scene that `working_scene` has set up. seed, if given, is Cycles' for this render alone.
+    folder is private. Raises StereoReprojectError when Blender cannot render.
+    """
     for view in scene.render.views:
         view.use = view.name in views
     path = folder / "render.exr"
@@ -58,6 +59,7 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
 
 
 def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
+    """Set the output to an EXR file at this path that holds all passes and views as 32-bit floats."""
     settings = render.image_settings
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE"
@@ -72,25 +74,31 @@ def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:
 
 
 def call_render(scene: bpy.types.Scene, **how: bool) -> set[str]:
-    """Call Blender's render operator for this scene, with write_still or animation by `how`; returns its result."""
+    """Call Blender's render operator for this scene and return its result, {"FINISHED"} if all went well. how may be
+    `write_still=True` or `animation=True`, as the operator has them.
+    """
     # Told a scene by name it would take the local one where a linked one has the same, and the context's frame.
     with bpy.context.temp_override(scene=scene):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
         return set(bpy.ops.render.render(**how))
 
 
 def output_path(path: Path) -> str:
-    """Return the path as an output path of Blender's, which takes {...} for a template."""
+    """Return a path as Blender's output path must have it: {...} would be a template there, and is escaped."""
     return str(path).replace("{", "{{").replace("}", "}}")
 
 
 def written_to(render: bpy.types.RenderSettings, path: str) -> dict[str, Any]:
-    """Return render settings with which files are written to an output path, whatever is there or switched off."""
+    """Return render settings, as values by name, with which Blender writes files to an output path; existing files are
+    replaced, and saving is on even where the user has switched it off.
+    """
     files = {"filepath": path, "use_overwrite": True, "use_placeholder": False}
     return {**files, "save_output": True} if hasattr(render, "save_output") else files
 
 
 def cycles_seconds(attributes: Mapping[str, str], layer: str, part: str) -> float:
-    """Return the seconds that Cycles spent on a layer's part, "render" or "synchronization", by a file's texts."""
+    """Return the seconds that Cycles spent on a view layer in one part of its work, "render" or "synchronization".
+    attributes are the texts in the header of the file; 0 where they do not tell.
+    """
     return _seconds(attributes.get(f"cycles.{layer}.{part}_time", ""))
 
 

@@ -49,17 +49,18 @@ TRACE_SEED_STEP = 1_000_003
 
 
 class BlenderRenderer:
-    """Renders a scene that `working.working_scene` made; `folder` is private and takes the files between the stages.
+    """Renderer of a working scene for the pipeline; its subclasses differ in engine or source.
 
-    user_scene is what the working scene is a copy of; `plan` says what the scene calls for. views are cameras by name
-    that pixels may be traced of besides those of Blender's two eyes, packed alone.
+    scene is a working scene and user_scene the one that it is a copy of; folder is private and takes the files between
+    the stages. `plan` says which effects the scene calls for. views are further cameras by name, besides Blender's two
+    eyes: their pixels can be traced, by the packed method alone.
     """
 
     gpu = staticmethod(gpu_warper)
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the scene for being rendered this way, a line each."""
+        """Warnings about parts of the scene that this way of rendering shows differently, a line each; none here."""
         return []
 
     def __init__(
@@ -96,20 +97,29 @@ class BlenderRenderer:
 
     @property
     def view_dependent(self) -> tuple[str, ...]:
-        """Things that may look different from each eye, in words."""
+        """Names of what may look different from each eye, in words."""
         return self.plan.view_dependent
 
     def _noisy(self) -> AbstractContextManager[None]:
+        """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards; else one
+        that does nothing.
+        """
         return nullcontext() if self.denoise is None else left_noisy(self.scene)
 
     def _guided(self, passes: Passes) -> Passes:
+        """Return the passes of a render without those that only we have switched on, and with those that denoising
+        needs.
+        """
         passes = without_added_positions(self.scene, passes)
         if self._rays is None:
             return passes
         return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Render the source eye, whole, with passes of effects and materials if eyes may see any differently."""
+        """Render the source eye whole; return its passes and its cost. If anything may look different from each eye,
+        passes of the effects and materials of each pixel are added. Counts the samples where the scene has a time
+        limit.
+        """
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
@@ -136,18 +146,23 @@ class BlenderRenderer:
         return {**self._as_asked_for(passes), **known}, cost_of(rendered)
 
     def _as_asked_for(self, passes: Passes) -> Passes:
-        """Return the passes without the materials' cryptomatte, if the user has not asked for it."""
+        """Return the passes without the materials' cryptomatte, unless the user has asked for it."""
         if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
             return passes
         return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        """Return for each fill method but "full" why the scene cannot be traced by it, in words, or None if it can.
+        deepest is the greatest finite depth that was seen, in scene units; 0 before anything was rendered.
+        """
         if self.scene.render.engine != CYCLES:
             return dict.fromkeys(("packed", "card"), "the scene renders with EEVEE")
         return self.cycles_blockers(deepest)
 
     def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
-        """Return why Cycles cannot trace the scene by a method, or None, by method; deepest as for `fill_blockers`."""
+        """Return for each fill method but "full" why Cycles cannot trace the scene by it, in words, or None if it can;
+        deepest is as for `fill_blockers`.
+        """
         return {
             "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": self.uncounted or card_blocker(self.scene),
@@ -162,9 +177,8 @@ class BlenderRenderer:
         return None
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
-        """Trace all requests by one method, as `Tracer` describes.
-
-        Packed pixels of several views are traced in as few renders as is exact, others view by view.
+        """Trace all requests by one method, as `trace.requests.Tracer` says. Packed pixels of several views are traced
+        in as few renders as is exact; the other methods render view by view.
         """
         # A whole render of the eye is one as the user asks for, with the limit.
         enough = has_time_limit(self.scene) and method != "full"
@@ -178,10 +192,15 @@ class BlenderRenderer:
     def _traced_together(
         self, scene: bpy.types.Scene, requests: Sequence[TraceRequest]
     ) -> tuple[list[Rendered], list[Passes]]:
+        """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C).
+        scene is the one that Cycles renders.
+        """
         return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
-        """Return the passes (N, C) of a request, by a render as large as the view for each of its masks."""
+        """Return the passes (N, C) of a request, by the method "card" or "full". Each of its masks takes a render as
+        large as the view.
+        """
         check_blenders(request.view)
         trace = {"card": trace_card, "full": trace_full}[method]
         apart = [
@@ -190,17 +209,20 @@ class BlenderRenderer:
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
 
     def _next_seed(self) -> int:
-        """Return a seed that no render of this frame has had: noise that is there already must not come twice."""
+        """Return a seed that no render of this frame has had, so that no noise comes twice. Each call returns
+        another.
+        """
         self._traces += 1
         return shifted_seed(self.seed, TRACE_SEED_STEP * self._traces)
 
 
 def cost_of(rendered: Rendered) -> SourceCost:
+    """Return the cost of a render, in seconds of the whole call and of Cycles' sync, as the pipeline has it."""
     return SourceCost(rendered.seconds, rendered.sync_seconds)
 
 
 def check_blenders(view: str) -> None:
-    """Raise BadInputError where the view is not one that Blender renders itself: an eye."""
+    """Raise BadInputError unless the view is an eye: only those can Blender render by itself."""
     if view not in EYES:
         raise BadInputError(f"view {view!r} is none of Blender's: it can be traced packed alone")
 
@@ -208,11 +230,13 @@ def check_blenders(view: str) -> None:
 def trace_full(
     scene: bpy.types.Scene, view: str, pixels: NDArray[np.bool_], folder: Path, *, seed: int
 ) -> tuple[Rendered, Passes]:
-    """Render the view whole; returns the render, and the passes (N, C) of the pixels set in `pixels` (H, W)."""
+    """Render a view whole. Return the render, and the passes (N, C) of the pixels set in `pixels` (H, W), row by
+    row.
+    """
     rendered = render_views(scene, (view,), folder, seed=seed)
     return rendered, {name: image[pixels] for name, image in rendered.views[view].items()}
 
 
 def shifted_seed(seed: int, by: int) -> int:
-    """Return another seed, from 0 to 2^31 - 1 as Blender's property takes it."""
+    """Return the seed moved on by so much, kept from 0 to 2^31 - 1 as Blender's property takes it."""
     return (seed + by) % (1 << 31)

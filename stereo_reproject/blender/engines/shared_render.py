@@ -43,10 +43,12 @@ def trace_together(
     folder: Path,
     next_seed: Callable[[], int],
 ) -> tuple[list[Rendered], list[Passes]]:
-    """Trace all requests packed, in as few renders as is exact; returns the renders, and each request's passes (N, C).
+    """Trace all requests packed, in as few renders as is exact. Return the renders, and each request's passes (N, C),
+    in the order of the requests.
 
-    cameras has those of the requests' views by name, both eyes included; volumes are the corners (8, 3) of
-    boxes around the scene's. Raises BadInputError for a view that is not Blender's where it could not be right.
+    cameras has those of the requests' views by name, both eyes included. volumes has, for each volume of the scene, the
+    corners (8, 3) of a box around it. next_seed returns a new seed for each render. Raises BadInputError for a view
+    that is no eye where its pixels could not be right.
     """
     renders: list[Rendered] = []
     answers: dict[int, Passes] = {}
@@ -59,6 +61,7 @@ def trace_together(
 
 
 def _pixels_of(request: TraceRequest, cameras: Mapping[str, Camera]) -> PackedPixels:
+    """Return the camera and the pixels that a request asks for, those of its second mask after those of the first."""
     camera = cameras[request.view]
     assert isinstance(camera, PerspectiveCamera)
     return PackedPixels(camera, np.concatenate([np.argwhere(mask) for mask in request.masks]))
@@ -70,7 +73,9 @@ def _renders(
     volumes: Sequence[NDArray[np.float64]],
     asked: Sequence[str],
 ) -> list[tuple[str, list[int]]]:
-    """Return the renders that it takes: the view that Blender renders, and the numbers of the requests traced in it."""
+    """Return the renders that it takes for requests of these views, in their order: for each render the view that
+    Blender renders, and the numbers of the requests that are traced in it.
+    """
     rendered = next((view for view in asked if view in EYES), EYES[0])
     if not asked or set(asked) == {rendered}:
         return [(rendered, list(range(len(asked))))] if asked else []
@@ -90,9 +95,11 @@ def _renders(
 def why_apart(
     scene: bpy.types.Scene, rendered: Camera, views: Sequence[Camera], volumes: Sequence[NDArray[np.float64]]
 ) -> str | None:
-    """Say why pixels of these views cannot be traced by Cycles' camera of the rendered one, or return None.
+    """Return why pixels of these views cannot be traced in a render of the camera `rendered`, in words; None if they
+    can.
 
-    Rays do not depend on that camera, but some of what is made of them does. volumes are boxes' corners (8, 3).
+    The rays themselves do not depend on Cycles' camera, but some of what Cycles makes of them does. volumes are as for
+    `trace_together`.
     """
     layer = rendered_layer(scene).cycles
     follows = getattr(layer, "denoising_pass_follow_reflections", True)
@@ -111,25 +118,29 @@ def why_apart(
 
 
 def _may_read_camera(node: bpy.types.Node) -> bool:
+    """Return whether a shader node may tell where Cycles' camera is, whichever of its outputs is used."""
     if node.bl_idname == "ShaderNodeVectorTransform":
         return "CAMERA" in (node.convert_from, node.convert_to)  # pyright: ignore[reportAttributeAccessIssue]
     return node.bl_idname == "ShaderNodeScript"
 
 
 def _reach(scene: bpy.types.Scene) -> float:
-    """Return how far from a view's place its rays may begin, in scene units."""
+    """Return how far from a view's centre its rays may begin, in scene units."""
     camera = evaluated(scene.camera, scene).data
     return camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
 
 
 def _surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
+    """Return whether the camera is certainly in one of these boxes (8, 3); an infinite box tells nothing."""
     place = camera.world_from_camera[:3, 3]
     finite = (box for box in boxes if np.isfinite(box).all())
     return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)
 
 
 def _maybe_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]], reach: float) -> bool:
-    """True where a box, or one around it along the world's axes, is nearer than `reach`; an infinite one always is."""
+    """Return whether the camera may be in one of the boxes (8, 3), or nearer to one than `reach`. An infinite box may
+    be anywhere. Boxes count as large as those around them along the world's axes.
+    """
     place = camera.world_from_camera[:3, 3]
     return any(
         not np.isfinite(box).all()
@@ -141,8 +152,8 @@ def _maybe_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]], reach: f
 def turns_in_shutter(scene: bpy.types.Scene) -> bool:
     """Return whether the camera turns while the shutter is open.
 
-    Cycles moves each view's camera along a straight line and turns it besides: views that do not turn keep their places
-    to each other, others do not. The scene visits the times in question and comes back.
+    Cycles moves each view's camera along a straight line and turns it besides, so only views that do not turn keep
+    their places to each other. The scene is set to the times in question, and then to its own frame again.
     """
     render = scene.render
     if not render.use_motion_blur or not _may_turn(scene.camera):
@@ -161,7 +172,7 @@ def turns_in_shutter(scene: bpy.types.Scene) -> bool:
 
 
 def _may_turn(item: bpy.types.Object | None) -> bool:
-    """Return whether anything could turn the object, or one that it hangs on, with time."""
+    """Return whether the object, or one that it hangs on, could turn with time; None cannot."""
     while item is not None:
         if is_animated(item) or item.constraints or item.rigid_body or item.parent_type not in ("OBJECT", ""):
             return True

@@ -36,11 +36,14 @@ TILED = "the time limit ends each tile of a large picture after samples of its o
 
 
 def has_time_limit(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene is rendered by Cycles with a time limit."""
     return scene.render.engine == CYCLES and scene.cycles.time_limit > 0.0
 
 
 def count_samples(scene: bpy.types.Scene) -> None:
-    """Have a working scene rendered with what `samples_rendered` asks for, from now on."""
+    """Switch on the passes from which `samples_rendered` tells the number of samples, for all later renders of a
+    working scene.
+    """
     switch_on_cryptomatte(scene)
     layer = rendered_layer(scene)
     if scene.cycles.use_adaptive_sampling and not layer.cycles.pass_debug_sample_count:
@@ -48,15 +51,14 @@ def count_samples(scene: bpy.types.Scene) -> None:
 
 
 def without_counts(scene: bpy.types.Scene, passes: Passes) -> Passes:
-    """Return the passes without the sample count, if the user has not asked for it."""
+    """Return the passes of a render without the sample count, unless the user has asked for it."""
     added = ADDED_COUNTS in rendered_layer(scene)
     return {name: image for name, image in passes.items() if not (added and name == COUNTS)}
 
 
 def samples_rendered(scene: bpy.types.Scene, rendered: Rendered, view: str) -> int | None:
-    """Return the samples that a render with a time limit came to: those that were asked for where it was not reached.
-
-    None where they cannot be told.
+    """Return the samples per pixel that a render with a time limit came to; None where they cannot be told. If the
+    limit was not reached, they are those that were asked for.
     """
     name = rendered_layer(scene).name
     asked = _of_subset(scene.cycles, int(rendered.attributes.get(f"cycles.{name}.samples", scene.cycles.samples)))
@@ -70,17 +72,18 @@ def samples_rendered(scene: bpy.types.Scene, rendered: Rendered, view: str) -> i
 
 
 def is_tiled(scene: bpy.types.Scene) -> bool:
-    """Return whether Cycles renders the picture in several tiles."""
+    """Return whether Cycles renders the scene's picture in several tiles, which it does beyond its tile size."""
     region = frame_region(scene.render)
     return scene.cycles.use_auto_tile and max(region.width, region.height) > scene.cycles.tile_size
 
 
 def why_uncounted(scene: bpy.types.Scene) -> str:
+    """Return why the samples of a render that its time limit has ended cannot be told, in words."""
     return TILED if is_tiled(scene) else UNCOUNTED
 
 
 def _of_subset(cycles: bpy.types.PropertyGroup, samples: int) -> int:
-    """Return how many of so many samples are rendered: all, or those of the subset that the user has chosen."""
+    """Return how many of `samples` are rendered: all, or as many as the user's sample subset has of them."""
     if not cycles.use_sample_subset:
         return samples
     return max(min(cycles.sample_offset + cycles.sample_subset_length, samples) - cycles.sample_offset, 0)
@@ -88,9 +91,11 @@ def _of_subset(cycles: bpy.types.PropertyGroup, samples: int) -> int:
 
 @contextmanager
 def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[None]:
-    """Have a scene rendered without its time limit, but with so many samples: the first of those that it asks for.
+    """Have a scene rendered without its time limit but with so many samples, for the time of a `with` block; its
+    settings are restored afterwards. None leaves the number as it is.
 
-    So a pixel has the samples that it would have had if the limit had ended it then, to the bit.
+    They are the first of the samples that the scene asks for: a pixel gets, to the bit, what it would have if the limit
+    had ended the render then.
     """
     cycles = scene.cycles
     values: dict[str, float | int | bool] = {"time_limit": 0.0}
@@ -103,7 +108,7 @@ def without_time_limit(scene: bpy.types.Scene, samples: int | None) -> Iterator[
 
 
 def _samples_asked_for(scene: bpy.types.Scene) -> int:
-    """Return the samples of the rendered view layer, which may have a number of its own."""
+    """Return the samples that the rendered view layer asks for: its own number where it counts, else the scene's."""
     cycles, own = scene.cycles, rendered_layer(scene).samples
     if own <= 0 or cycles.use_layer_samples == "IGNORE":
         return cycles.samples
@@ -111,9 +116,9 @@ def _samples_asked_for(scene: bpy.types.Scene) -> int:
 
 
 def _threshold(cycles: bpy.types.PropertyGroup, asked: int, samples: int) -> float:
-    """Return the threshold of adaptive sampling that makes a subset of so many samples stop where all of them would.
-
-    Cycles lowers it for a subset by the root of its share of the samples.
+    """Return a threshold of adaptive sampling with which a subset of so many samples stops a pixel where the whole
+    number `asked` would. Cycles lowers the threshold for a subset, by the root of its share of the samples; this makes
+    up for it.
     """
     threshold = cycles.adaptive_threshold or max(MIN_ADAPTIVE_THRESHOLD, 1.0 / asked)
     before = max(_of_subset(cycles, asked), 1)

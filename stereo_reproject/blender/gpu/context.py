@@ -21,10 +21,12 @@ CONTEXT_ATTRIBUTES = (0x3098, 4, 0x30FB, 3, 0x30FD, 0x0001, EGL_NONE)
 
 
 def started() -> bool:
-    """Return whether the gpu module can be used in this thread, the main one; without a window that takes Blender 5.2.
+    """Start the GPU if need be, and return whether the gpu module can be used in this thread, which must be the main
+    one.
 
-    It cannot where a driver that is amiss would end the process, nor where nobody has tried. Raises SystemError where
-    Blender has no GPU.
+    With a window that is so on any backend but Metal; without one it takes Blender 5.2 on Linux with OpenGL. It returns
+    False where a broken driver would end the process, and where nobody has tried it. Raises SystemError where Blender
+    has no GPU.
     """
     if not bpy.app.background:
         # Metal counts in textures only if they are made for it, which the gpu module does not do.
@@ -36,13 +38,14 @@ def started() -> bool:
 
 
 def _prefers_another_backend() -> bool:
+    """Return whether the preferences name another backend than OpenGL."""
     return getattr(bpy.context.preferences.system, "gpu_backend", "OPENGL") != "OPENGL"
 
 
 def _makes_contexts() -> bool:
-    """Return whether OpenGL works without a window. Where it does not, Blender 5.2's gpu.init() ends the process.
+    """Return whether OpenGL works without a window: where it does not, Blender 5.2's gpu.init() would end the process.
 
-    The display that is opened here stays open: the process has one, and someone else may be drawing with it.
+    The display that is opened for the trial stays open: the process has but one, and others may be drawing with it.
     """
     try:
         egl = ctypes.CDLL("libEGL.so.1")
@@ -56,6 +59,9 @@ def _makes_contexts() -> bool:
 
 
 def _makes_context(egl: ctypes.CDLL, address: int | None) -> bool:
+    """Return whether a context of OpenGL can be made on an EGL display, given by its address (None: no display). The
+    context is destroyed again.
+    """
     display, config, found = ctypes.c_void_p(address), ctypes.c_void_p(), ctypes.c_int()
     if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(EGL_OPENGL_API):
         return False
@@ -69,12 +75,15 @@ def _makes_context(egl: ctypes.CDLL, address: int | None) -> bool:
 
 
 def _numbers(values: tuple[int, ...]) -> ctypes.Array[ctypes.c_int]:
+    """Return the values as an array of C integers."""
     return (ctypes.c_int * len(values))(*values)
 
 
 @contextlib.contextmanager
 def in_silence() -> Iterator[None]:
-    """Keep stdout and stderr silent, Python's and those of Blender and drivers, which report what does not work."""
+    """Keep stdout and stderr silent, for the time of a `with` block: Python's, and those of Blender and of drivers,
+    which would print what does not work. Both are restored afterwards, also after an error.
+    """
     kept = {}
     with tempfile.TemporaryFile() as said, contextlib.ExitStack() as restored:
         for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):

@@ -81,7 +81,10 @@ CONSTANTS = {
 
 @dataclass(frozen=True)
 class Program:
-    """A compute shader: its source, the names of its resources, and the size of its groups."""
+    """A compute shader before it is compiled: its source, the names of the samplers, images and constants that it uses,
+    and the size of its groups. taps and lanes are of those that look a picture up: pixels along each axis, and channels
+    at once.
+    """
 
     source: str
     samplers: tuple[str, ...]
@@ -98,6 +101,9 @@ _LOOKUP_CONSTANTS = ("source_size", "target_size", "texel_count", "source_fold",
 
 
 def _lookup(taps: int, lanes: int) -> Program:
+    """Return the program that looks a picture up at the places of the map, with 1, 2 or 4 pixels (taps) along each
+    axis, and 1 or 4 channels (lanes) at once.
+    """
     source, result = LOOKUP + BLENDED + LOOKED_UP, "result_image" if lanes == 1 else f"result{lanes}_image"
     samplers = ("picture_map", "x_map", "y_map")
     return Program(source, samplers, (result,), _LOOKUP_CONSTANTS, taps=taps, lanes=lanes)
@@ -151,7 +157,9 @@ PROGRAMS = {
 
 
 def compile_program(program: Program) -> gpu.types.GPUShader:
-    """Return the shader, ready to be dispatched. Raises what the gpu module raises where it does not compile."""
+    """Return the compiled shader of a program, ready to be run. Raises whatever the gpu module raises for one that does
+    not compile.
+    """
     info = gpu.types.GPUShaderCreateInfo()
     for slot, name in enumerate(program.samplers):
         info.sampler(slot, SAMPLERS[name], name)

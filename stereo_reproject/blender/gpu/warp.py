@@ -48,15 +48,16 @@ MAX_TRIAL_DIFFERENCE, MAX_TRIAL_SHARE = 1e-3, 0.01
 
 
 def usable() -> str | None:
-    """Return the GPU's name; None where there is none that warps as NumPy does. Tried once per process, in silence.
-
-    None in any thread but the main one, whose GPU it is.
+    """Return the GPU's name; None where there is none that warps as NumPy does. It is tried once per process, in
+    silence. None in any thread but the main one, and once the GPU has failed.
     """
     return None if _given_up or threading.current_thread() is not threading.main_thread() else _tried()
 
 
 def gpu_warper() -> Warper | None:
-    """Return the GPU as a warper; None where none can be used. To find that out takes a while, once per process."""
+    """Return the warp on the GPU for the pipeline; None where no GPU can be used. The first call in a process takes a
+    while.
+    """
     device = usable()
     return None if device is None else Warper(warp_view, device)
 
@@ -67,6 +68,7 @@ _given_up: list[str] = []
 
 @cache
 def _tried() -> str | None:
+    """Return the GPU's name if it passes two small trials against NumPy; None if it does not, or if anything fails."""
     try:
         with in_silence():
             if started() and _agrees(0.0, "linear") and _agrees(0.02, "cubic"):
@@ -78,7 +80,10 @@ def _tried() -> str | None:
 
 
 def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
-    """Return what `warper.warp_view` does, from the GPU; from NumPy where there is none, or the pictures do not fit."""
+    """Return what `warper.warp_view` returns, made by the GPU; by NumPy where there is none, where the pictures do not
+    fit, or where the GPU fails. After a failure other than a lack of room, the GPU is not used in this process any
+    more.
+    """
     if usable() is not None and _fits(source, target):
         try:
             return _warp_on_gpu(source, target, options)
@@ -92,7 +97,7 @@ def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULT
 
 
 def _fits(source: RenderedView, target: View) -> bool:
-    """Return whether the shaders know these cameras, and textures are large enough."""
+    """Return whether the shaders know these cameras, and the pictures are not too large for textures."""
     cameras = (source.camera, target.camera)
     kind = type(source.camera)
     if kind is not type(target.camera) or kind not in (PerspectiveCamera, OrthographicCamera):
@@ -104,7 +109,9 @@ def _fits(source: RenderedView, target: View) -> bool:
 
 
 def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> WarpedView:
-    """Return the warped view. Raises NoRoomError where something does not fit, and what a driver raises."""
+    """Return the warped view, made by the GPU, without any way out: raises NoRoomError where something does not fit,
+    and whatever a driver raises. The GPU must be usable.
+    """
     camera, other = source.camera, target.camera
     grid = build_grid(source.depth, camera, other, threshold=options.grid_threshold, most=WARP_TUNING.tear_pixels)
     shaders = _shader_run(source.passes[DEPTH_PASS], camera, other, grid)
@@ -125,11 +132,14 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
 
 
 def _size(camera: Camera) -> tuple[int, int]:
+    """Return the camera's size (width, height) in pixels."""
     return camera.width, camera.height
 
 
 def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid: Grid) -> ShaderRun:
-    """Return the resources of all shaders of one warp: constants, the source's depth (H, W, 1) and the grid."""
+    """Return the run of all shaders of one warp: with its constants, the source's depth (H, W, 1) and the grid as
+    textures.
+    """
     rows, columns = grid.subdivided.shape
     constants: dict[str, Constant] = {
         "source_size": _size(source),
@@ -143,7 +153,7 @@ def _shader_run(depth: NDArray[np.float32], source: Camera, target: Camera, grid
 
 
 def _warped(shaders: ShaderRun, source: Camera, target: Camera) -> Warp:
-    """Return the map; its textures stay in the run for later shaders: "x", "y" and "near"."""
+    """Return the map from target to source. Its textures "x", "y" and "near" stay in the run for later shaders."""
     disparity = row_disparity_of(source, target)
     for name in ("x", "y", "near"):
         shaders.create(name, _size(target))
@@ -168,9 +178,10 @@ def _along_rows(shaders: ShaderRun, source: Camera, target: Camera, disparity: R
 
 
 def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
-    """Draw the quads into the textures of the map, as `quads.draw_quads` does.
+    """Draw the grid's quads into the textures of the map, as `quads.draw_quads` does. Raises NoRoomError where a quad
+    is too broad.
 
-    The depth test is the shaders': the GPU's own would round corners to 1/256 pixel.
+    The shaders do their own depth test: the GPU's would round corners to 1/256 pixel.
     """
     width, height = _size(source)
     moves = _moves(source, target)
@@ -194,7 +205,9 @@ def _draw(shaders: ShaderRun, source: Camera, target: Camera) -> None:
 
 
 def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uint16]:
-    """Return (H, W) the flags that `empty.empty_reasons` returns."""
+    """Return the `Reason` flags (H, W) of target pixels that the warp cannot answer for, as `empty.empty_reasons` does.
+    Textures that only this step needs are dropped.
+    """
     for name in ("before", "after"):
         shaders.create(name, _size(target))
     shaders.run("neighbours", (target.height, 1))
@@ -205,7 +218,7 @@ def _empty(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.uin
 
 
 def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray[np.float32]:
-    """Return (H, W) the depth that the target sees, as `composite.warp_passes` computes it."""
+    """Return the depth (H, W) that the target sees at each pixel, as `composite.warp_passes` computes it."""
     result = shaders.create("result", _size(target))
     shaders.run("depth", _size(target), **_moves(source, target))
     shaders.drop("depth", "result")
@@ -213,12 +226,14 @@ def _target_depth(shaders: ShaderRun, source: Camera, target: Camera) -> NDArray
 
 
 def _lanes(image: NDArray) -> int:
-    """Return the number of channels of a pass that are looked up at once."""
+    """Return how many channels of a pass are looked up at once: 4 if it has 4, else 1."""
     return 4 if image.shape[-1] == 4 else 1
 
 
 def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target: Camera) -> NDArray[np.float32]:
-    """Return (h, w, C) a pass (H, W, C) as `images.lookup.lookup` looks it up. Raises NoRoomError."""
+    """Return a pass (H, W, C) of the source as the target sees it (h, w, C), as `images.lookup.lookup` does it by the
+    map. how is "nearest", "linear" or "cubic". Raises NoRoomError.
+    """
     height, width, channels = image.shape
     lanes = _lanes(image)
     texels = channels // lanes
@@ -235,11 +250,11 @@ def _looked_up(shaders: ShaderRun, image: NDArray[np.float32], how: str, target:
 
 
 def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
-    """Return the coefficients by which `warp_source.MOVE` computes how a point of the source moves.
+    """Return the coefficients by which the shaders compute how a point of the source moves on its way into the target.
 
-    They are those of (x, y, 1, nearness or depth), x and y in pixels from the middle of the picture. A place in the
-    target is a quotient; the place in the source is subtracted before the division, so that small numbers are divided,
-    and errors are small.
+    They are those of (x, y, 1, nearness or depth), with x and y in pixels from the middle of the picture. A place in
+    the target is a quotient; the place in the source is subtracted before the division, so that small numbers are
+    divided and float32 errors are small.
     """
     parallel = isinstance(source, OrthographicCamera)
     plane, other = source.plane, target.plane
@@ -262,7 +277,9 @@ def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
 
 
 def _agrees(yaw: float, interpolation: str) -> bool:
-    """Return whether a small picture comes out as it does with NumPy; yaw turns the target's camera, in radians."""
+    """Return whether the GPU warps a small picture as NumPy does. yaw turns the target's camera, in radians, so that
+    rows are not enough.
+    """
     source, target = _trial(yaw)
     options = WarpOptions(interpolation=interpolation, colour_interpolation="cubic")
     ours, numpys = (warp(source, target, options) for warp in (_warp_on_gpu, warper.warp_view))
@@ -272,7 +289,9 @@ def _agrees(yaw: float, interpolation: str) -> bool:
 
 
 def _trial(yaw: float) -> tuple[RenderedView, View]:
-    """Return a small picture with passes of every kind, and the view to warp it to."""
+    """Return a small made-up source with passes of every kind, and the view to warp it to. yaw turns the target's
+    camera, in radians.
+    """
     width, height = 45, 34
     plane = ViewPlane(-0.5, 0.5, -0.4, 0.4)
     x, y = np.meshgrid(np.arange(width) / width, np.arange(height) / height)

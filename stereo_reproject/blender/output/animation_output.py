@@ -29,8 +29,10 @@ from .output_paths import check_file_outputs, output_files, output_stem
 
 @dataclass(frozen=True)
 class Output:
-    """The output of an animation: the folder, what their names have in common, their files, their layout and that of
-    a movie of them, all settings of the format by value, and whether it is one of half floats."""
+    """The output of an animation. name is what the files' names begin with; files are each frame's, by its number: one,
+    or one for each eye. layout is the frames', movie_layout that of a movie made of them (None: one that we have no
+    name for). values are all settings of the format; half_floats is True for an EXR of 16 bits.
+    """
 
     folder: Path
     name: str
@@ -43,14 +45,15 @@ class Output:
 
     @property
     def all_files(self) -> list[Path]:
+        """Files of all frames, in the frames' order."""
         return [path for of_frame in self.files.values() for path in of_frame]
 
 
 def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, Output]:
-    """Return the options with all that follows from the scene, and the output of their frames.
+    """Return the options completed by what the scene says, and the output of their frames.
 
-    A scene whose own format is a movie has its frames in pictures first, in a folder beside it. Raises BadInputError
-    when they cannot be written.
+    A scene whose own format is a movie first has its frames in pictures, in a folder beside the movie. Raises
+    BadInputError when files cannot be written.
     """
     frames = tuple(scene_frames(scene)) if options.frames is None else options.frames
     asked, options = options, replace(options, frames=frames)
@@ -78,7 +81,9 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
 
 
 def _longest_names(output: Output, options: AnimationSettings) -> Iterator[str]:
-    """The longest names of files that an animation makes in the end or meanwhile."""
+    """Yield the longest names of the files that an animation makes in the end or meanwhile, to find out whether the
+    drive takes them.
+    """
     frame = max(output.files)
     yield from (path.name for path in output.files[frame])
     journal = Journal(output.folder, output.name)
@@ -89,8 +94,9 @@ def _longest_names(output: Output, options: AnimationSettings) -> Iterator[str]:
 
 
 def _of_movie(layout: str | None, own_movies: bool) -> str | None:
-    """The layout of a movie of frames in this one. Eyes that lie apart are put side by side in it, unless each is to
-    have a movie of its own."""
+    """Return the layout of a movie whose frames have this layout. Eyes in files of their own are put side by side,
+    unless own_movies says that each eye is to have its own movie.
+    """
     apart = layout == "multi-view" or (layout == "individual" and not own_movies)
     return "side-by-side" if apart else layout
 
@@ -98,7 +104,9 @@ def _of_movie(layout: str | None, own_movies: bool) -> str | None:
 def _with_movie(
     scene: bpy.types.Scene, options: AnimationSettings, asked: AnimationSettings, frames: Sequence[int]
 ) -> AnimationSettings:
-    """Return the options with the movie of the scene's own output settings, and pictures of 16 bits until then."""
+    """Return the options for a scene whose own format is a movie: with that movie, and pictures of 16 bits until then.
+    asked are the options as they were given, before frames were filled in.
+    """
     span = range(frames[0], frames[-1] + 1)
     with as_ordered(scene, options.output, None, None):
         movie = output_files(scene, frames[:1], folder=options.output, span=span)[frames[0]][0]
@@ -117,6 +125,9 @@ def _with_movie(
 
 
 def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
+    """Return the path of the movie: `asked` itself, or, where that is empty or a folder, a name in it that tells the
+    layout. Raises BadInputError where no movie can be written there.
+    """
     path = Path(asked) if asked else output.folder
     if not asked or asked.endswith(("/", os.sep)) or path.is_dir():
         stem = output.name.rstrip("#_-. ") or Path(bpy.data.filepath).stem or scene.name
@@ -127,12 +138,16 @@ def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
 
 
 def existing_as_set(scene: bpy.types.Scene) -> str:
-    """Return what to do with frames that are there, by the scene's own Overwrite."""
+    """Return what is to be done with frames that are there already, by the scene's own Overwrite: "overwrite" or
+    "keep".
+    """
     return "overwrite" if scene.render.use_overwrite else "keep"
 
 
 def _check_can_be_written(path: Path) -> None:
-    """Raises BadInputError when something is in the way of a file, or holds it."""
+    """Raise BadInputError when something other than a file is at this path, or when the file there cannot be
+    written.
+    """
     if path.is_dir():
         raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
     if path.exists() and not path.is_file():
@@ -147,5 +162,5 @@ def _check_can_be_written(path: Path) -> None:
 
 
 def folders_of(output: Output) -> list[Path]:
-    """The folders that the frames' files lie in, each once."""
+    """Return the folders that the frames' files lie in, each once."""
     return list(dict.fromkeys(of_frame[0].parent for of_frame in output.files.values()))

@@ -45,7 +45,12 @@ EyesAt = Callable[[int], Eyes]
 
 @dataclass
 class _Delivery:
-    """The source of the eyes, and those views and layers that Blender has taken."""
+    """A delivery that is under way: where its eyes come from, and what Blender has taken of them. The engine finds it
+    in `_under_way`, since Blender makes the engine's object itself.
+
+    eyes_at returns the eyes of a frame; metadata are texts for the header of a file; taken has the (view, layer) pairs
+    that Blender has; failed is the first error.
+    """
 
     eyes_at: EyesAt
     wired: Mapping[str, Mapping[str, str]]
@@ -55,7 +60,9 @@ class _Delivery:
     failed: StereoReprojectError | None = None
 
     def eyes(self, frame: int) -> Eyes:
-        """Blender goes on with the next frame whatever is raised here, so that is kept."""
+        """Return the eyes of a frame. An error is raised and also kept in `failed`, since Blender swallows it and goes
+        on with the next frame.
+        """
         try:
             return self.eyes_at(frame)
         except Exception as error:
@@ -68,16 +75,19 @@ _under_way: list[_Delivery] = []
 
 
 class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - Blender's naming rule
-    """Fills a render result with finished passes; the scene is not looked at."""
+    """Render engine that renders nothing: it fills a render result with finished passes, those of the delivery under
+    way. The scene is not looked at.
+    """
 
     bl_idname = ENGINE
     bl_label = "Stereo Reproject Delivery"
 
     def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Declare the passes that are delivered: without this, the compositor's Render Layers nodes have no sockets.
+        """Declare the passes that are delivered; Blender calls this before a render. Without it, the compositor's
+        Render Layers nodes would have no sockets.
 
-        What is wired and not delivered has to be there too, and stays empty: a socket that vanishes takes its link away
-        while the compositor runs.
+        Passes that nodes use and that are not delivered are declared too, and stay empty: a socket that vanishes would
+        take its link away while the compositor runs.
         """
         delivery, layer = _under_way[-1], renderlayer.name
         wired = delivery.wired.get(layer, {})
@@ -90,6 +100,9 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
 
     # The stubs say that there may be no depsgraph; Blender always hands one over.
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Hand the finished eyes of the present frame over as the result of a render; Blender calls this for each view
+        layer. An error is raised and also kept for `_hand_over`, since Blender goes on with the next frame.
+        """
         delivery = _under_way[-1]
         try:
             self._fill(depsgraph, delivery)
@@ -99,6 +112,9 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
             raise
 
     def _fill(self, depsgraph: bpy.types.Depsgraph, delivery: _Delivery) -> None:
+        """Fill the results of both views with the passes of the view layer that the depsgraph is for, and note that it
+        was taken.
+        """
         layer = depsgraph.view_layer.name
         for view, layers in delivery.eyes(depsgraph.scene.frame_current).items():
             passes = layers[layer]
@@ -116,16 +132,18 @@ class STEREO_REPROJECT_engine_delivery(bpy.types.RenderEngine):  # noqa: N801 - 
 
 
 def _channels(eyes: Eyes, layer: str) -> dict[str, int]:
-    """The passes of a view layer that either eye has, and how many channels each has."""
+    """Return the names of a view layer's passes that either eye has, and how many channels each pass has."""
     layers = [of_view[layer] for of_view in eyes.values() if layer in of_view]
     return {name: image.shape[2] for passes in layers for name, image in passes.items()}
 
 
 @contextmanager
 def _registered(delivery: _Delivery) -> Iterator[None]:
-    """The engine, with what it delivers.
+    """Have the delivery engine registered with Blender, with this delivery under way, for the time of a `with` block;
+    it is unregistered afterwards, also after an error.
 
-    Blender 4.5 does not come to its end while a Python engine is registered, so it is there only while needed."""
+    It is not left registered because Blender 4.5 would not come to its end with a Python engine.
+    """
     _under_way.append(delivery)
     bpy.utils.register_class(STEREO_REPROJECT_engine_delivery)
     try:
@@ -138,11 +156,12 @@ def _registered(delivery: _Delivery) -> Iterator[None]:
 def deliver_side_by_side(
     scene: bpy.types.Scene, pictures: Mapping[str, NDArray[np.float32]], path: Path, *, frame: int | None = None
 ) -> None:
-    """Write both pictures, (H, W, 4) scene-linear, as one PNG through the scene's view transform at `frame`.
+    """Write the pictures of both views, (H, W, 4) scene-linear, side by side into one PNG, through the scene's view
+    transform. frame is the one at which the scene's settings count; None is the present one.
 
-    `scene` is the user's; an empty one with its settings is what the engine is set on: the scene's own engine keeps its
-    data, and nothing that the scene holds is evaluated for a picture that is there. The compositor is left out, and
-    what image settings say of colour as well.
+    The compositor is not run, and colour settings of the output are not used. An empty scene with the settings of
+    `scene` does it, so that nothing is evaluated and the scene's own engine keeps its data. Raises
+    StereoReprojectError.
     """
     frame = scene.frame_current if frame is None else frame
     with _empty_scene_like(scene, frame) as empty:
@@ -155,7 +174,9 @@ def deliver_side_by_side(
 
 @contextmanager
 def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
-    """A scene without objects, with another's settings of render and colour at a frame, for a while."""
+    """Have a scene without objects, with the render and colour settings that `scene` has at a frame, for the time of a
+    `with` block. It is removed afterwards, and what is animated is back at the scene's own frame.
+    """
     name = bpy.data.scenes.new(scene.name).name
     try:
         empty = bpy.data.scenes[name]
@@ -176,6 +197,7 @@ def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.
 
 @contextmanager
 def _copy_at(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
+    """Have a copy of the scene that stands at a frame, for the time of a `with` block; it is removed afterwards."""
     name = scene.copy().name
     try:
         bpy.data.scenes[name].frame_set(frame)
@@ -192,11 +214,13 @@ def deliver_composited(
     frame: int | None = None,
     metadata: Mapping[str, str] = NOTHING,
 ) -> None:
-    """Write both eyes as one PNG as they are after the scene's compositor, through its view transform at `frame`.
+    """Write both eyes as they are after the scene's compositor, side by side into one PNG, through the scene's view
+    transform.
 
-    Its File Output nodes write their files. The nodes show the scene itself and no copy of it, so it is the scene that
-    the engine is set on for a moment, and its Render Result shows the pair. It is afterwards as it was. metadata are
-    the texts that say what cryptomattes hold, as Blender writes them into an EXR's header.
+    frame is the one at which nodes and settings are evaluated; None is the present one. The compositor's File Output
+    nodes write their files. Its nodes show the scene itself, so it is the scene itself, no copy, that is rendered with
+    our engine: its Render Result is the pair, and all else is restored afterwards. metadata are the texts of an EXR's
+    header that say what cryptomattes hold. Raises StereoReprojectError.
     """
     with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
         _hand_over(scene, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
@@ -212,12 +236,13 @@ def deliver_to_result(
     metadata: Mapping[str, str] = NOTHING,
     layers_then: Sequence[str] | None = None,
 ) -> list[str]:
-    """Make both eyes the scene's Render Result, with its views, as after a render of `frame` with multiview.
+    """Make both eyes the scene's Render Result, as after Blender's multiview render of `frame` (None: the present one).
+    The scene's compositor is run; with to_look_at its File Output nodes write nothing. All else in the scene is
+    restored afterwards.
 
-    The scene's compositor is run; its File Output nodes write nothing where the result is only `to_look_at`. The scene
-    is afterwards as it was. It may have been changed since the eyes were rendered, when its view layers were called
-    `layers_then`: nothing that was rendered is left out, and the names of those layers that are gone are returned. Such
-    a scene's compositor is not run: it would show nothing in their place. Raises StereoReprojectError.
+    layers_then are the names of the scene's view layers when the eyes were rendered, if they may have changed since.
+    Renamed layers are recognized. Names of layers that are gone are returned: they are delivered too, but then no
+    compositor is run, which could not show them. Raises StereoReprojectError.
     """
     now = [layer.name for layer in scene.view_layers]
     names = new_names(list(next(iter(eyes.values()))), now if layers_then is None else layers_then, now)
@@ -240,7 +265,8 @@ def deliver_frames(
     """Have Blender write the eyes of `frames` into a folder as it writes an animation: in the scene's own format,
     layout and naming, movies too.
 
-    The scene's compositor is run on each. The scene is afterwards as it was. Raises StereoReprojectError.
+    eyes_at returns the eyes of a frame; the scene's compositor is run on each. The scene's settings are restored
+    afterwards. Raises StereoReprojectError.
     """
     span = {"frame_start": frames.start, "frame_end": frames.stop - 1, "frame_step": frames.step}
     files = written_to(scene.render, f"{output_path(folder)}/{output_name(scene)}")
@@ -256,9 +282,8 @@ def deliver_frames(
 def deliver_movie(
     scene: bpy.types.Scene, picture_at: Callable[[int], NDArray[np.float32]], folder: Path, *, frames: range
 ) -> None:
-    """Have Blender write pictures (H, W, 4), one for each of `frames`, as a movie by the scene's own settings.
-
-    Each holds both eyes already, in whatever layout. Nothing of the scene is shown. Raises StereoReprojectError.
+    """Have Blender write pictures (H, W, 4), one for each of `frames`, as a movie by the scene's own settings. Each
+    picture holds both eyes already, in whatever layout. The compositor is not run. Raises StereoReprojectError.
     """
     layer = main_layer(scene)
 
@@ -278,7 +303,9 @@ def deliver_movie(
 
 @contextmanager
 def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
-    """The scene at a frame, and then again where it stood; None stays there."""
+    """Have the scene stand at a frame, for the time of a `with` block, and then again where it stood. None leaves it
+    where it is.
+    """
     stood_at = scene.frame_current, scene.frame_subframe
     try:
         if frame not in (None, stood_at[0]):
@@ -291,7 +318,9 @@ def _at_frame(scene: bpy.types.Scene, frame: int | None) -> Iterator[None]:
 
 @contextmanager
 def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = True) -> Iterator[None]:
-    """The scene set so that nothing but the eyes goes into its result."""
+    """Have the scene set so that nothing but these eyes goes into its result, for the time of a `with` block; the
+    settings are restored afterwards. With compositing, the scene's compositor is run, if it has one that can be.
+    """
     delivered = next(iter(eyes.values()))
     compositing = compositing and is_composited(scene)
     with ExitStack() as changes:
@@ -305,8 +334,9 @@ def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = Tru
 
 
 def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Mapping[str, str], **how: bool) -> None:
-    """Have Blender render with the engine that has the eyes already, `how` as `call_render` has it; what it is for is
-    said where that fails."""
+    """Have Blender render the scene with the engine that has the eyes already. what says in an error's message what
+    failed, as in "write the movie"; how is as for `call_render`. Raises StereoReprojectError.
+    """
     eyes = eyes_at(scene.frame_current)
     height, width = next(iter(next(iter(eyes.values())).values()))[COLOUR_PASS].shape[:2]
     composited = scene.render.use_compositing
@@ -326,7 +356,7 @@ def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Map
 
 
 def _as_it_is() -> dict[str, Any]:
-    """Render settings with which nothing but what is delivered goes into the result."""
+    """Return render settings, as values by name, with which a result holds the delivered passes and nothing else."""
     return {
         "use_border": False,
         "use_sequencer": False,

@@ -42,7 +42,9 @@ FULL_DRIVE_BYTES = 1 << 16
 
 
 class FrameWriter:
-    """Opens the file of a `WriterJob` (as a dict), and writes its frames. Raises BadInputError."""
+    """Writer of an animation's frames, in the writer process. It is made with the fields of a `WriterJob`, whose .blend
+    it opens. Raises BadInputError.
+    """
 
     def __init__(self, job: Mapping[str, Any]) -> None:
         self._job = WriterJob(**{**job, "session": Session(**job["session"])})
@@ -54,9 +56,9 @@ class FrameWriter:
         self._journal = Journal(Path(self._job.folder), self._job.name)
 
     def write(self, fields: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Write a frame (a `WrittenFrame` as a dict), and return its record; None where it was left to another run.
-
-        Raises StereoReprojectError.
+        """Write a frame's files in their final place, and remove the folder that it was handed over in. fields are
+        those of a `WrittenFrame`. Return the fields of its record; None where the frame was left to another run. Raises
+        StereoReprojectError.
         """
         frame = WrittenFrame(**fields)
         start = time.perf_counter()
@@ -71,7 +73,9 @@ class FrameWriter:
         return None if record is None else asdict(record)
 
     def _deliver(self, frame: WrittenFrame, folder: Path) -> dict[str, Path]:
-        """The frame's files by where they belong in the frames' folder."""
+        """Have Blender write the frame's files into its private folder. Return their paths, by the paths that they are
+        to have in the frames' folder.
+        """
         out, number = folder / "out", frame.frame
         deliver = deliver_anaglyph if is_our_own(self._job.layout) else deliver_frames
         try:
@@ -89,7 +93,9 @@ class FrameWriter:
         return made
 
     def _check_whole(self, files: Collection[Path], number: int) -> None:
-        """Blender says nothing when a full disk cuts a file off. Raises StereoReprojectError."""
+        """Raise StereoReprojectError unless the files of the frame of this number are there and whole. Blender says
+        nothing when a full disk cuts a file off.
+        """
         if not files:
             raise StereoReprojectError(f"Blender wrote no file for frame {number}: check the output settings")
         place = self._journal.frames_folder
@@ -103,8 +109,10 @@ class FrameWriter:
 
 
 def strip(scene: bpy.types.Scene) -> None:
-    """Take out of a scene, and of the open file, what delivered pictures do not need: all that would be evaluated or
-    kept in memory for nothing. Cameras stay: Blender asks for one, and markers switch between them."""
+    """Take out of a scene, and of the open file, what the delivery of finished pictures does not need: all that would
+    be evaluated or kept in memory for nothing. Cameras stay, since Blender asks for one and markers switch between
+    them. For processes that only write.
+    """
     for_compositor = scene.render.use_compositing and compositor_tree(scene) is not None
     driven = scene.animation_data is not None and len(scene.animation_data.drivers) > 0
     cameras = {scene.camera, *(marker.camera for marker in scene.timeline_markers)} - {None}

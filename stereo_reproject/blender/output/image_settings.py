@@ -22,7 +22,9 @@ Values = dict[str, Any]
 
 @contextmanager
 def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
-    """The scene's output set to a PNG of 8 bits with both views beside each other, in the scene's own colours."""
+    """Have the scene's output set to a PNG of 8 bits at `path`, with both views side by side in the scene's own
+    colours, for the time of a `with` block; the settings are restored afterwards.
+    """
     render, settings = scene.render, scene.render.image_settings
     files = written_to(render, output_path(path))
     with (
@@ -39,6 +41,9 @@ def side_by_side_png(scene: bpy.types.Scene, path: Path) -> Iterator[None]:
 
 @contextmanager
 def format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
+    """Restore the format, the views format and the colour override of the output after a `with` block, whatever it
+    changes of them, also after an error.
+    """
     values = {name: getattr(settings, name) for name in FORMAT if hasattr(settings, name)}
     views = _views_format(settings)
     override = _override(settings) if settings.color_management == "OVERRIDE" else None
@@ -55,6 +60,7 @@ def format_kept(settings: bpy.types.ImageFormatSettings) -> Iterator[None]:
 
 
 def _set_views_format(settings: bpy.types.ImageFormatSettings, views: str) -> None:
+    """Set how views are stored, where need be by way of a format that can: not every file format takes each value."""
     try:
         settings.views_format = views
     except TypeError:
@@ -66,7 +72,9 @@ def _set_views_format(settings: bpy.types.ImageFormatSettings, views: str) -> No
 
 
 def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
-    """Return how views are stored, also where another format was chosen since and hides it."""
+    """Return how views are stored. Where the present file format hides that, it is the value that the hidden setting
+    must have.
+    """
     hidden = "STEREO_3D" if settings.file_format == "OPEN_EXR_MULTILAYER" else "MULTIVIEW"
     return settings.views_format or hidden
 
@@ -75,17 +83,22 @@ def _views_format(settings: bpy.types.ImageFormatSettings) -> str:
 
 
 def _override(settings: bpy.types.ImageFormatSettings) -> tuple[list[Values], Values | None]:
-    """The override by value: its settings, and its curves where it has any."""
+    """Return the values of the output's own colour settings, to be restored by `_restore_override`: those of each of
+    `_owners`, and those of the curves (None where there are none).
+    """
     curves = settings.view_settings.curve_mapping
     return [_values(owner) for owner in _owners(settings)], None if curves is None else _curves(curves)
 
 
 def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
+    """Return the three structs that hold the output's own colour settings."""
     return [settings.display_settings, settings.view_settings, settings.linear_colorspace_settings]
 
 
 def _values(owner: bpy.types.bpy_struct) -> Values:
-    """Return the properties that can be set, in Blender's order, after the one that decides which looks there are."""
+    """Return the values of a struct's properties that can be set, by name, in an order in which they can be set
+    again.
+    """
     settable = [prop for prop in owner.bl_rna.properties if not prop.is_readonly and prop.type != "POINTER"]
     settable.sort(key=lambda prop: prop.identifier != "view_transform")
     values = ((prop, getattr(owner, prop.identifier)) for prop in settable)
@@ -93,6 +106,7 @@ def _values(owner: bpy.types.bpy_struct) -> Values:
 
 
 def _curves(mapping: bpy.types.CurveMapping) -> Values:
+    """Return the values of colour curves: their points, levels and options."""
     points = [[(tuple(p.location), p.handle_type) for p in curve.points] for curve in mapping.curves]
     levels = {"black_level": tuple(mapping.black_level), "white_level": tuple(mapping.white_level)}
     plain = ("tone", "extend", "use_clip", "clip_min_x", "clip_min_y", "clip_max_x", "clip_max_y")
@@ -100,6 +114,9 @@ def _curves(mapping: bpy.types.CurveMapping) -> Values:
 
 
 def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[list[Values], Values | None]) -> None:
+    """Set the output's own colour settings to the values of `_override`. Blender replaces them by the scene's when they
+    are switched on.
+    """
     settings.color_management = "OVERRIDE"
     values, curves = override
     for owner, kept in zip(_owners(settings), values, strict=True):
@@ -113,7 +130,9 @@ def _restore_override(settings: bpy.types.ImageFormatSettings, override: tuple[l
 
 
 def set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
-    """Set what differs: a format that is set anew may set more than itself."""
+    """Set the properties that differ from these values, and only those: setting a format again may change others with
+    it.
+    """
     for name, value in values.items():
         now = getattr(owner, name)
         if (tuple(now) if isinstance(value, tuple) else now) != value:
@@ -121,6 +140,7 @@ def set_changed(owner: bpy.types.bpy_struct, values: Values) -> None:
 
 
 def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
+    """Set colour curves to the values of `_curves`."""
     for name, value in curves.items():
         if name != "points":
             setattr(mapping, name, value)
@@ -138,7 +158,7 @@ def _restore_curves(mapping: bpy.types.CurveMapping, curves: Values) -> None:
 
 
 def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
-    """Give another scene a scene's render settings and its view transform, curves included."""
+    """Give the scene `other` the render settings and the view transform of `scene`, curves included."""
     for name in ("render", "display_settings", "view_settings"):
         set_changed(getattr(other, name), _values(getattr(scene, name)))
     other.render.image_settings.compression = scene.render.image_settings.compression
@@ -148,13 +168,13 @@ def copy_settings(scene: bpy.types.Scene, other: bpy.types.Scene) -> None:
 
 
 def writes_half_floats(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene's output is of half floats."""
+    """Return whether the scene's output is an EXR of half floats (16 bits)."""
     settings = scene.render.image_settings
     return settings.file_format in ("OPEN_EXR", "OPEN_EXR_MULTILAYER") and settings.color_depth == "16"
 
 
 def format_values(scene: bpy.types.Scene) -> dict[str, Any]:
-    """All that the scene's output settings say of how pictures are written, as JSON has it."""
+    """Return all that the scene's output settings say of how pictures are written, as values that JSON takes."""
     settings = scene.render.image_settings
     owners = {"image": settings, "stereo": settings.stereo_3d_format}
     if settings.color_management == "OVERRIDE":

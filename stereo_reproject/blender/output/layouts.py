@@ -51,12 +51,14 @@ VIEWS_FORMATS = {"individual": "INDIVIDUAL", "multi-view": "MULTIVIEW"}
 
 
 def is_our_own(layout: str | None) -> bool:
-    """Return whether Blender has no such layout."""
+    """Return whether the layout is one that Blender does not have and that we make ourselves."""
     return layout == DUBOIS
 
 
 def layout_of(scene: bpy.types.Scene) -> str | None:
-    """The layout of a scene's own output settings; None where `delivery.layouts` has no name for it."""
+    """Return the name, as in `delivery.layouts`, of the layout in which the scene's own output settings store both
+    views; None where the layout has no name there.
+    """
     settings = scene.render.image_settings
     for name, views_format in VIEWS_FORMATS.items():
         if settings.views_format == views_format:
@@ -70,11 +72,12 @@ def layout_of(scene: bpy.types.Scene) -> str | None:
 def as_ordered(
     scene: bpy.types.Scene, output: str | None, layout: str | None, file_format: str | None
 ) -> Iterator[None]:
-    """The scene's output path, layout and format for a while as they are ordered; each may be the scene's own (None).
+    """Have the scene's output path, layout and format as they are ordered, for the time of a `with` block; they are
+    restored afterwards. None leaves each as the scene has it.
 
-    Of the scene's own path the last part alone is kept with another folder, as the beginning of the files' names. Where
-    Blender would read that folder's path otherwise, the names are right, and the folder is none.
-    Raises BadInputError when they do not go together.
+    output is a folder: of the scene's own path, the last part stays as the beginning of the files' names. Where Blender
+    would take the folder's path for something else, the names are right, and the folder is a placeholder. Raises
+    BadInputError when layout and format do not go together.
     """
     render = scene.render
     with ExitStack() as changes:
@@ -92,7 +95,9 @@ def as_ordered(
 
 
 def set_format(settings: bpy.types.ImageFormatSettings, name: str) -> None:
-    """Raises BadInputError when Blender has no such format for pictures."""
+    """Set the output to a format of pictures, by Blender's name of it or `PNG16`. Raises BadInputError when Blender has
+    none of this name.
+    """
     wanted, depth = ("PNG", "16") if name == PNG16 else (name, None)
     known = _formats(settings)
     if wanted not in known:
@@ -105,12 +110,16 @@ def set_format(settings: bpy.types.ImageFormatSettings, name: str) -> None:
 
 
 def _formats(settings: bpy.types.ImageFormatSettings) -> list[str]:
+    """Return Blender's names of the formats for pictures."""
     movies = {"AVI_JPEG", "AVI_RAW", "FFMPEG"}
     known = settings.bl_rna.properties["file_format"].enum_items  # pyright: ignore[reportAttributeAccessIssue]
     return [item.identifier for item in known if item.identifier not in movies]
 
 
 def _set_layout(scene: bpy.types.Scene, layout: str, changes: ExitStack) -> None:
+    """Set the scene's output to a layout; what is to be restored later goes into `changes`. Raises BadInputError where
+    the file format cannot hold it.
+    """
     settings = scene.render.image_settings
     if layout == DUBOIS and settings.file_format in LINEAR:
         raise BadInputError(
@@ -130,7 +139,9 @@ def _set_layout(scene: bpy.types.Scene, layout: str, changes: ExitStack) -> None
 
 @contextmanager
 def display_values(scene: bpy.types.Scene) -> Iterator[None]:
-    """A scene whose pictures are written as they are, without a view transform."""
+    """Have the scene's pictures written with their values as they are, without a view transform, for the time of a
+    `with` block; its settings are restored afterwards.
+    """
     settings = scene.render.image_settings
     view = {"view_transform": "Raw", "look": "None", "exposure": 0.0, "gamma": 1.0, "use_curve_mapping": False}
     if hasattr(scene.view_settings, "use_white_balance"):
@@ -146,9 +157,11 @@ def display_values(scene: bpy.types.Scene) -> Iterator[None]:
 def deliver_anaglyph(
     scene: bpy.types.Scene, eyes_at: EyesAt, folder: Path, *, frames: range, metadata: Mapping[str, str] = NOTHING
 ) -> None:
-    """Dubois' anaglyph of the eyes of `frames`, otherwise as `delivery.deliver_frames` has it.
+    """Write Dubois' anaglyph of the eyes of `frames` into a folder; parameters and naming are as for
+    `delivery.deliver_frames`.
 
-    It is made of the eyes as screens show them: after the compositor and the view transform.
+    It is made of the eyes as screens show them, after the compositor and the view transform. Raises
+    StereoReprojectError.
     """
     sides = folder.with_name(f"{folder.name}-sides")
     with as_ordered(scene, None, "side-by-side", PNG16):
@@ -161,12 +174,15 @@ def deliver_anaglyph(
 
 
 def _frame_path(scene: bpy.types.Scene, folder: Path, frame: int) -> str:
+    """Return the path that Blender gives a frame in this folder, by the scene's output name and format."""
     with changed(scene.render, filepath=f"{output_path(folder)}/{output_name(scene)}", use_multiview=False):
         return scene.render.frame_path(frame=frame)
 
 
 def save_display_values(scene: bpy.types.Scene, picture: NDArray[np.float32], path: Path) -> None:
-    """Write a picture (H, W, 3), as screens show it, in the scene's own format. Raises StereoReprojectError."""
+    """Write a picture (H, W, 3), whose values are those that a screen shows, to `path` in the scene's own format.
+    Raises StereoReprojectError.
+    """
     height, width = picture.shape[:2]
     image = bpy.data.images.new(path.stem, width, height, alpha=False, float_buffer=True, is_data=True)
     try:

@@ -44,7 +44,9 @@ ONLY_CODECS = {"WEBM": ("WEBM", "AV1"), "OGG": ("THEORA",)}
 
 
 def check_movie(path: Path) -> None:
-    """Raises BadInputError when a movie cannot be written under that name."""
+    """Raise BadInputError when a movie cannot be written to this path: the extension is none of `CONTAINERS`, or a
+    folder is there.
+    """
     if path.suffix.lower() not in CONTAINERS:
         raise BadInputError(f"{path} must end in one of {', '.join(CONTAINERS)}")
     if path.is_dir():
@@ -52,12 +54,14 @@ def check_movie(path: Path) -> None:
 
 
 def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
-    """Return the paths of the movies that `write_movie` makes."""
+    """Return the paths of the movies that `write_movie` makes of frames in this layout: one, or one for each eye."""
     return [path.with_stem(f"{path.stem}{suffix}") for suffix, _ in _parts(scene, layout)]
 
 
 def movie_warnings(path: Path, layout: str | None) -> list[str]:
-    """Return a warning where players would take the movie for another layout, or cannot know it."""
+    """Return a warning where players would take the movie for one of another layout, or cannot know its layout; else an
+    empty list.
+    """
     if layout is None:
         return []
     tag = contradicting_tag(path, LAYOUTS[layout])
@@ -79,11 +83,11 @@ def write_movie(
     *,
     file_format: str,
 ) -> list[Path]:
-    """Write the movie of these frames' files beside where it belongs, in `folder`, called as it is to be; with the
-    layout "individual" one for each eye, called so with the eyes' suffixes.
+    """Write a movie of these frames' files into `folder`, under the name that `path` has, and return what was made.
+    With the layout "individual" there is one movie for each eye, and its name ends in the eye's suffix.
 
-    Eyes that the files hold apart are put side by side. file_format is the pictures' own. Raises BadInputError and
-    StereoReprojectError.
+    pictures are the files of each frame, by its number. Eyes in files of their own are put side by side. file_format is
+    that of the pictures. The movie's header tells players the layout. Raises BadInputError and StereoReprojectError.
     """
     folder.mkdir(exist_ok=True)
     finished = []
@@ -97,7 +101,7 @@ def write_movie(
 
 
 def _parts(scene: bpy.types.Scene, layout: str | None) -> list[tuple[str, slice]]:
-    """Return for each movie the ending of its name, and which of a frame's files go into it."""
+    """Return for each movie the ending of its name, and a slice that says which of a frame's files go into it."""
     if layout != "individual":
         return [("", slice(2))]
     views = [view for name in VIEWS for view in scene.render.views if view.name == name]
@@ -105,7 +109,9 @@ def _parts(scene: bpy.types.Scene, layout: str | None) -> list[tuple[str, slice]
 
 
 def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folder: Path) -> None:
-    """Raises BadInputError unless the scene's encoder makes a movie of that size: better known before than after."""
+    """Raise BadInputError unless the scene's encoder can make a movie of this size, so that it is known before frames
+    are rendered. A movie of one black frame is written into `folder`.
+    """
     folder.mkdir(exist_ok=True)
     black = np.zeros((height, width, 4), np.float32)
     try:
@@ -121,7 +127,10 @@ def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folde
 
 @contextmanager
 def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scene]:
-    """A copy of the scene that writes movies, with nothing in it that would be evaluated."""
+    """Have a copy of the scene that is set to write movies, without the collections of its objects, so that none is
+    evaluated, for the time of a `with` block; the copy is removed afterwards. suffix is the extension of the movie,
+    such as ".mp4".
+    """
     copy = scene.copy()
     name = copy.name
     try:
@@ -150,8 +159,9 @@ def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scen
 def _encode(
     copy: bpy.types.Scene, pictures: Mapping[int, Sequence[Path]], folder: Path, file_format: str
 ) -> tuple[Path, int]:
-    """One movie of what the files hold, and its height in pixels. Linear pictures go through the scene's view
-    transform, others have it behind them."""
+    """Write one movie of the pictures in these files, and return its path and its height in pixels. Pictures of a
+    linear format go through the scene's view transform; others have gone through it already.
+    """
     frames = _span(list(pictures))
     by_frame = dict(zip(frames, pictures.values(), strict=True))
     linear = file_format in LINEAR
@@ -165,21 +175,27 @@ def _encode(
 
 
 def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:
-    """Return (H, W, 4) the pictures of these files from left to right, or those of both views of an EXR that holds
-    both."""
+    """Return the pictures (H, W, 4) of these files as one, from left to right; or the two views of a single EXR that
+    holds both. linear is as for `_read`.
+    """
     views = read_colours(files[0], main=layer) if linear and files[0].suffix == ".exr" and len(files) == 1 else {}
     pictures = list(views.values()) or [_read(path, linear=linear) for path in files]
     return np.concatenate(pictures, axis=1)
 
 
 def _span(numbers: list[int]) -> range:
-    """The frames as they are where they have one step, for the sound to fit; else one after the other."""
+    """Return the numbers under which Blender renders the frames as a movie. They are the frames' own where these have
+    one step, so that the sound fits; else they are numbered one after the other.
+    """
     step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
     regular = range(numbers[0], numbers[-1] + 1, step)
     return regular if list(regular) == numbers else range(numbers[0], numbers[0] + len(numbers))
 
 
 def _only_file(folder: Path) -> Path:
+    """Return the one file in the folder. Raises StereoReprojectError where there is none, more than one, or an empty
+    one.
+    """
     made = made_in(folder) if folder.is_dir() else []
     if len(made) != 1 or not made[0].stat().st_size:
         raise StereoReprojectError("Blender wrote no movie: does its container take the codec that is set in Output?")
@@ -187,7 +203,10 @@ def _only_file(folder: Path) -> Path:
 
 
 def _read(path: Path, *, linear: bool) -> NDArray[np.float32]:
-    """Return the pixels (H, W, 4) of a picture file: its values as they are, or scene-linear."""
+    """Return the pixels (H, W, 4) of a picture file, row 0 at the top and alpha 1. With linear they are scene-linear;
+    without, the values that the file holds, over black where it is transparent. Raises StereoReprojectError if it
+    cannot be read.
+    """
     stored = read_pixels(path, linear=linear)
     if not stored.size:
         raise StereoReprojectError(f"{path} cannot be read: render it anew")

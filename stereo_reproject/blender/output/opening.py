@@ -14,7 +14,9 @@ from .output_paths import write_beside
 
 
 def open_session(blend: Path, session: Session) -> bpy.types.Scene:
-    """The session's scene of the .blend, which is loaded. Raises BadInputError."""
+    """Open a .blend as the session has it open: with its devices, view layers and output folders. Return the session's
+    scene. Raises BadInputError.
+    """
     _check_regular(blend)
     scene = open_blend(blend, session.scene, scripts=session.scripts)
     if session.devices is not None:
@@ -28,7 +30,9 @@ def open_session(blend: Path, session: Session) -> bpy.types.Scene:
 
 
 def _check_regular(blend: Path) -> None:
-    """Raises BadInputError when the file is gone, or is something by now that Blender would wait for without an end."""
+    """Raise BadInputError when the file is gone, or is no regular file any more: Blender might wait for another kind of
+    file for ever.
+    """
     try:
         regular = blend.is_file()
     except OSError as error:

@@ -19,7 +19,9 @@ BLEND_FOLDER = "{blend_dir}"
 
 
 def write_beside(scene: bpy.types.Scene, original: Path) -> None:
-    """Have the open file, a copy of `original`, write where that would."""
+    """Have the open file, which is a copy of `original`, write where that would: its output path and File Output nodes
+    that are relative to the file now point to the folder of the original.
+    """
     scene.render.filepath = _beside(scene.render.filepath, original)
     for node in file_outputs(scene):
         for name in ("base_path", "directory"):
@@ -28,6 +30,7 @@ def write_beside(scene: bpy.types.Scene, original: Path) -> None:
 
 
 def _beside(path: str, original: Path) -> str:
+    """Return an output path in which the original's folder stands in place of // and of the .blend's folder."""
     folder = output_path(original.parent)
     if path.startswith("//"):
         path = f"{folder}/{path[2:]}"
@@ -35,7 +38,7 @@ def _beside(path: str, original: Path) -> str:
 
 
 def check_file_outputs(scene: bpy.types.Scene) -> None:
-    """Raises BadInputError when a File Output node would write beside a file that was never saved."""
+    """Raise BadInputError when a File Output node of the scene would write beside a file that was never saved."""
     if not scene.render.use_compositing:
         return
     for node in file_outputs(scene):
@@ -47,12 +50,15 @@ def check_file_outputs(scene: bpy.types.Scene) -> None:
 
 
 def _needs_a_saved_file(path: str) -> bool:
+    """Return whether an output path is relative to the .blend, and the open file was never saved."""
     return not bpy.data.filepath and (path.startswith("//") or BLEND_FOLDER in path)
 
 
 def output_name(scene: bpy.types.Scene) -> str:
-    """The last part of the scene's output path, to which Blender adds frame, view and extension: the beginning of a
-    file's name and nothing else, whatever the path's templates stand for."""
+    """Return the last part of the scene's output path: what the names of its files begin with, before Blender adds
+    frame, view and extension. Templates stay for Blender to fill in; of one that stands for folders, only the last part
+    counts.
+    """
     last = SEPARATOR.split(scene.render.filepath)[-1]
     name = ""
     for part in TEMPLATE.split(last):
@@ -72,7 +78,9 @@ NOWHERE = "/frames"
 
 
 def _filled_in(scene: bpy.types.Scene, template: str) -> str:
-    """The text that a template of the output path stands for; the template itself where Blender knows none."""
+    """Return the text that a template of the output path, such as {blend_name}, stands for; the template itself where
+    Blender does not know it.
+    """
     bare = {"use_multiview": False, "use_file_extension": False}
     try:
         with changed(scene.render, filepath=f"{NOWHERE}/{template}", **bare):
@@ -84,6 +92,7 @@ def _filled_in(scene: bpy.types.Scene, template: str) -> str:
 
 
 def _literal(text: str) -> str:
+    """Return the text with its braces doubled, so that Blender does not take them for a template."""
     return text.replace("{", "{{").replace("}", "}}")
 
 
@@ -91,15 +100,14 @@ MOVIE_EXTENSION = re.compile(r"\.(mp4|m4v|mov|mkv|webm|avi|ogv|ogg|mpg|mpeg|flv|
 
 
 def without_movie_extension(scene: bpy.types.Scene) -> str:
-    """`output_name`, in which the name of a movie may have its extension already."""
+    """Return `output_name`, without the extension if it is the name of a movie and already has one."""
     name = output_name(scene)
     return MOVIE_EXTENSION.sub("", name) if scene.render.is_movie_format else name
 
 
 def output_stem(scene: bpy.types.Scene) -> str:
-    """Return the path as the names of frames begin: its templates filled in, and without the # for the frame's number.
-
-    The scene's format is one of pictures, and `output_files` have been found.
+    """Return the text that the names of the frames' files begin with: templates filled in, and without the # that stand
+    for the frame's number. The scene's format must be one of pictures, and its path must have passed `output_files`.
     """
     unnumbered = f"{NOWHERE}/{output_name(scene).replace('#', '')}"
     with changed(scene.render, filepath=unnumbered, use_multiview=False, use_file_extension=False):
@@ -109,10 +117,12 @@ def output_stem(scene: bpy.types.Scene) -> str:
 def output_files(
     scene: bpy.types.Scene, frames: Iterable[int], *, folder: str | None = None, span: range | None = None
 ) -> dict[int, list[Path]]:
-    """The files that the pair of each frame is written to by the scene's own settings. A movie's are the same for all
-    frames of its span, and named by that. They lie in `folder`, wherever the scene would write them, unless it is None.
+    """Return, by frame number, the files that each frame's pair is written to by the scene's own settings: one, or one
+    for each eye.
 
-    Raises BadInputError when the output path cannot be used, and when two eyes would go into one file.
+    folder, if given, replaces the scene's own folder. span is given for a movie: the range of frames that Blender puts
+    into its name; each frame then has the movie's path. Raises BadInputError when the output path cannot be used, and
+    when two eyes would go into one file.
     """
     render = scene.render
     if not getattr(render, "save_output", True):
@@ -139,10 +149,9 @@ def output_files(
 
 
 def _check_apart(files: Mapping[int, list[Path]]) -> None:
-    """Raises BadInputError where two eyes have one file: by equal suffixes, or by a suffix of digits, with which a
-    frame's name is that of another frame.
-
-    Names that differ in case alone count as one wherever the files go: on many drives they are, and frames are copied.
+    """Raise BadInputError where two eyes would go into one file: because views have the same suffix, or because a
+    suffix of digits makes a name that of another frame. Names that differ in case alone count as one, since on many
+    drives they are.
     """
     owners: dict[str, str] = {}
     for frame, paths in files.items():
@@ -157,7 +166,7 @@ def _check_apart(files: Mapping[int, list[Path]]) -> None:
 
 
 def _check_suffixes(render: bpy.types.RenderSettings) -> None:
-    """Raises BadInputError where the end of an eye's file name is not part of a name but leads to another folder."""
+    """Raise BadInputError where the suffix of a view's file names has a slash, which would lead into another folder."""
     for view in render.views:
         if view.name in VIEWS and SEPARATOR.search(view.file_suffix):
             raise BadInputError(

@@ -52,12 +52,16 @@ FONT = 0
 
 
 def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Scene-linear (H, W, 4) as (H, W, 3) bytes, tone-mapped plainly: a backdrop, not the scene's view transform."""
+    """Return a scene-linear picture (H, W, 4) as bytes (H, W, 3) to look at. The tone mapping is a plain one, not the
+    scene's view transform.
+    """
     return (255.0 * np.sqrt(tone(colour))).astype(np.uint8)
 
 
 def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
-    """The target eye, dimmed, with every traced pixel in the colour of its reason and a legend below."""
+    """Write a PNG of the target eye, dimmed, in which every traced pixel has the colour of its reason, with a legend
+    below. target (H, W, 4) is scene-linear; reasons (H, W) are `Reason` flags.
+    """
     picture, shares = _holes(target, reasons)
     _write_with_legend(
         path, picture, [(f"{reason.label} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
@@ -65,12 +69,12 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
-    """Write the picture of traced pixels without its legend, as one of a sequence: of the target's size."""
+    """Write the picture of `write_holes` without its legend: as a frame of an animation it has the target's size."""
     _write_png(path, _holes(target, reasons)[0])
 
 
 def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
-    """The picture, (H, W, 3), and the share of the pixels that have each reason shown in it."""
+    """Return the picture (H, W, 3) of traced pixels, as bytes, and the share of all pixels that have each reason."""
     picture = (display(target) * 0.35 + 20).astype(np.uint8)
     shown = np.zeros(reasons.shape, bool)
     shares: dict[Reason, float] = {}
@@ -87,9 +91,11 @@ def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[ND
 def write_estimate(
     path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32], *, why_none: str | None = None
 ) -> None:
-    """The target eye, dimmed, with the tiles in colour whose noise ratio is above 1 beyond chance, and how far.
+    """Write a PNG of the target eye, dimmed, in which tiles are coloured whose noise ratio is above 1 beyond chance,
+    with a legend below.
 
-    estimates (H, W, 3) as `estimates.estimate_map` gives them; why_none is why there are none, if so.
+    target (H, W, 4) is scene-linear; estimates (H, W, 3) are those of `estimates.estimate_map`. why_none says in words
+    why there is no estimate, if there is none.
     """
     backdrop = (display(target) * 0.35 + 20).astype(np.uint8)
     picture = backdrop.copy()
@@ -111,9 +117,8 @@ def write_estimate(
 
 
 def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:
-    """Write the difference of the target eye to multiview's, both (H, W, 4), tone-mapped and brightened.
-
-    Two renders differ by their noise already; what stands out of that is wrong.
+    """Write a PNG of the difference between the target eye and multiview's, both (H, W, 4) scene-linear, tone-mapped
+    and brightened. Two renders always differ by their noise; only what stands out of that is wrong.
     """
     difference = np.abs(tone(target) - tone(reference))
     picture = (255.0 * np.minimum(DIFFERENCE_GAIN * difference, 1.0)).astype(np.uint8)
@@ -122,7 +127,9 @@ def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray
 
 
 def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
-    """The subdivided grid as a wireframe over the source eye (paper, figure 4), enlarged where that is small."""
+    """Write a PNG of the warp's grid as a wireframe over the source eye (H, W, 4), enlarged where that is small (paper,
+    figure 4). Subdivided cells show single pixels, coarse ones their two triangles.
+    """
     scale = max(1, min(3, GRID_WIDTH_PIXELS // grid.width))
     picture = np.repeat(np.repeat(display(source), scale, axis=0), scale, axis=1)
     strength = np.full(picture.shape[:2], 0, np.uint8)
@@ -138,16 +145,18 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
 
 
 def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) of the enlarged picture that lie in a subdivided cell. Vertices stand at pixel
-    centres."""
+    """Return the pixels (H, W) of the picture enlarged by `scale` that lie in a subdivided cell. The grid's vertices
+    stand at the centres of source pixels.
+    """
     rows = (np.arange(grid.height * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
     columns = (np.arange(grid.width * scale) / scale + 0.5).astype(np.intp) // CELL_QUADS
     return grid.subdivided[np.ix_(rows, columns)]
 
 
 def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) on the sides of quads of `step` source pixels, and the diagonals along which they are
-    cut."""
+    """Return the pixels (H, W) of an enlarged picture that lie on a side of a quad, `step` source pixels long; with
+    diagonals also those on the diagonals that cut quads into triangles.
+    """
     period = step * scale
     y, x = (np.arange(size) + scale // 2 for size in shape)
     lines = (y % period == 0)[:, None] | (x % period == 0)[None, :]
@@ -157,6 +166,9 @@ def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) ->
 
 
 def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tuple[str, tuple[int, int, int]]]) -> None:
+    """Write a PNG of the picture (H, W, 3), in bytes, with a legend below: texts, each after a square in its colour.
+    Raises BadInputError.
+    """
     size = 16.0
     blf.size(FONT, size)
     height, width = picture.shape[:2]
@@ -189,7 +201,7 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
 
 
 def _wrapped(text: str, room: int) -> list[str]:
-    """The text in lines of at most so many pixels, as far as its words are short enough."""
+    """Return the text in lines of at most `room` pixels; a single word that is longer has a line of its own."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".lstrip()
@@ -201,12 +213,12 @@ def _wrapped(text: str, room: int) -> list[str]:
 
 
 def _length(text: str) -> float:
-    """In pixels, as the font is set."""
+    """Return the width of a text in pixels, in the font and size that are set."""
     return blf.dimensions(FONT, text)[0]
 
 
 def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write bytes (H, W, 3) as they are. Raises BadInputError when Blender cannot write."""
+    """Write a PNG of these bytes (H, W, 3). Raises BadInputError when Blender cannot write it."""
     height, width = picture.shape[:2]
     image = bpy.data.images.new(path.stem, width, height, alpha=False)
     try:
@@ -224,19 +236,20 @@ def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def check_png(path: Path) -> None:
-    """Raises BadInputError unless the PNG is there to its end: Blender says nothing when a full disk cuts one off."""
+    """Raise BadInputError unless the PNG is there to its end: Blender says nothing when a full disk cuts a file off."""
     if not path.exists() or not path.read_bytes().endswith(PNG_END):
         raise BadInputError(f"cannot write {path.name}: is the disk full?")
 
 
 def read_png(path: Path) -> NDArray[np.float32]:
-    """A PNG's display values, (H, W, 3) from 0 to 1."""
+    """Return the values (H, W, 3) of a PNG as a screen shows them, from 0 to 1."""
     return read_pixels(path)[..., :3]
 
 
 def read_pixels(path: Path, *, linear: bool = False) -> NDArray[np.float32]:
-    """Return the pixels (H, W, channels) of a picture file: its values as they are, or scene-linear. Empty where it
-    cannot be read."""
+    """Return the pixels (H, W, channels) of a picture file, row 0 at the top: scene-linear, or without linear the
+    values that the file holds. Empty (0, 0, 4) where it cannot be read.
+    """
     with plain_path(path.parent) as folder:
         try:
             image = bpy.data.images.load(str(folder / path.name))
@@ -246,7 +259,9 @@ def read_pixels(path: Path, *, linear: bool = False) -> NDArray[np.float32]:
 
 
 def _pixels(image: bpy.types.Image, *, linear: bool) -> NDArray[np.float32]:
-    """An image's values, which is removed then."""
+    """Return the values of an image (H, W, channels), as `read_pixels` says, and remove the image from the open
+    file.
+    """
     try:
         if not linear:
             image.colorspace_settings.name = "Non-Color"

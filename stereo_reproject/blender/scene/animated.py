@@ -15,7 +15,9 @@ LAST = re.compile(r'(?:^|\.|(?=\["))(\w+|\["(?:[^"\\]|\\.)*"\])$')
 
 
 def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
-    """Return the paths that curves and drivers write to, with their array indices (0 where there is no array)."""
+    """Return the properties of a datablock that curves and drivers write to, each with the indices of the array's items
+    that they write; {0} where it is no array.
+    """
     found: dict[Place, set[int]] = {}
     animation = getattr(block, "animation_data", None)
     for curve in _curves(animation) if animation is not None else ():
@@ -30,7 +32,9 @@ def animated_values(block: bpy.types.ID) -> dict[Place, set[int]]:
 
 
 def _place(block: bpy.types.ID, path: str) -> Place | None:
-    """None where there is nothing: such a curve changes nothing."""
+    """Return the struct and the property that a curve's path means in a datablock; None where there is no such thing,
+    and the curve changes nothing.
+    """
     last = LAST.search(path)
     try:
         owner = block.path_resolve(path, False).data
@@ -40,7 +44,9 @@ def _place(block: bpy.types.ID, path: str) -> Place | None:
 
 
 def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
-    """Return the curves that are in use; a muted one leaves its value as the user set it."""
+    """Yield the curves and drivers that are in use. Muted ones are left out: they leave a value as the user has set
+    it.
+    """
     curves = [*animation.drivers, *_of_slot(animation.action, animation.action_slot_handle)]
     if animation.use_nla:
         for strip in _strips(animation.nla_tracks):
@@ -52,6 +58,7 @@ def _curves(animation: bpy.types.AnimData) -> Iterator[bpy.types.FCurve]:
 
 
 def _of_slot(action: bpy.types.Action | None, handle: int) -> Iterator[bpy.types.FCurve]:
+    """Yield the curves of an action that belong to the slot of this handle; none without an action."""
     for layer in action.layers if action is not None else ():
         for strip in layer.strips:
             for bag in strip.channelbags:
@@ -60,7 +67,7 @@ def _of_slot(action: bpy.types.Action | None, handle: int) -> Iterator[bpy.types
 
 
 def _strips(holders: Iterable[bpy.types.NlaTrack | bpy.types.NlaStrip]) -> Iterator[bpy.types.NlaStrip]:
-    """Return the strips of the tracks, and those within other strips."""
+    """Yield the strips of these tracks, and those within other strips; muted tracks and strips are passed over."""
     for holder in holders:
         if not holder.mute:
             yield from holder.strips

@@ -27,21 +27,23 @@ OUTPUTS = ("CompositorNodeComposite", "NodeGroupOutput")
 
 
 def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """Return the scene's compositing nodes, of Blender 5 or 4.5; None where it has none."""
     if hasattr(scene, "compositing_node_group"):
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
 
 
 def has_compositor(scene: bpy.types.Scene) -> bool:
-    """Return whether the compositing nodes do more than pass the render through."""
+    """Return whether the scene has compositing nodes that do more than pass the render through. Whether they are
+    switched on in the render settings does not count.
+    """
     tree = compositor_tree(scene)
     return tree is not None and any(node.bl_idname not in PASSIVE for node in tree.nodes)
 
 
 def compositor_blocker(scene: bpy.types.Scene) -> str | None:
-    """Return why the pair cannot go through the scene's compositor, or None.
-
-    A node that shows a view layer that is switched off shows nothing, as after any render.
+    """Return why the pair cannot go through the scene's compositor, in words; None if it can, or if there is none. A
+    node that shows a view layer that is switched off is no reason: it shows nothing, as after any render.
     """
     if compositor_tree(scene) is None or not scene.render.use_compositing:
         return None
@@ -55,7 +57,7 @@ def compositor_blocker(scene: bpy.types.Scene) -> str | None:
 
 
 def is_composited(scene: bpy.types.Scene) -> bool:
-    """Return whether the pair goes through the scene's compositor."""
+    """Return whether the pair goes through the scene's compositor: it has one that is switched on and not blocked."""
     there = scene.render.use_compositing and compositor_tree(scene) is not None
     return there and compositor_blocker(scene) is None
 
@@ -68,17 +70,19 @@ def gives_a_picture(scene: bpy.types.Scene) -> bool:
 
 
 def shows_a_render(scene: bpy.types.Scene) -> bool:
-    """Return whether any node of the scene's compositor shows a scene's render."""
+    """Return whether any node of the scene's compositor, unless muted, shows what a scene has rendered."""
     return any(_shows_a_render(node) for node in compositor_nodes(scene) if not node.mute)
 
 
 def _shows_a_render(node: bpy.types.Node) -> bool:
+    """Return whether a node of the compositor shows what a scene has rendered."""
     return node.bl_idname in OF_A_SCENE and getattr(node, "source", "RENDER") == "RENDER"
 
 
 def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
-    """By view layer, the passes of which the scene's compositor makes use, and of what type each is, as Blender's
-    render engines have it."""
+    """Return the passes that linked sockets of the compositor show, by view layer: each pass's name with its type
+    ("VALUE", "VECTOR" or "COLOR") as Blender's render engines have it.
+    """
     wired: dict[str, dict[str, str]] = {}
     for node in compositor_nodes(scene):
         if node.bl_idname == RENDER_LAYERS:
@@ -90,7 +94,7 @@ def wired_passes(scene: bpy.types.Scene) -> dict[str, dict[str, str]]:
 
 
 def compositor_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
-    """All nodes of the scene's compositor, those in groups too."""
+    """Yield all nodes of the scene's compositor, those within groups too."""
     trees, seen = [compositor_tree(scene)], set()
     while trees:
         tree = trees.pop()
@@ -104,13 +108,15 @@ def compositor_nodes(scene: bpy.types.Scene) -> Iterator[bpy.types.Node]:
 
 
 def file_outputs(scene: bpy.types.Scene) -> list[bpy.types.Node]:
-    """The nodes that write files."""
+    """Return the File Output nodes of the scene's compositor, which write files of their own."""
     return [node for node in compositor_nodes(scene) if node.bl_idname == FILE_OUTPUT]
 
 
 @contextmanager
 def file_outputs_muted(scene: bpy.types.Scene) -> Iterator[None]:
-    """Nothing is written but the result: for what is rendered to be looked at."""
+    """Mute the compositor's File Output nodes, for the time of a `with` block, so that only the result itself is made;
+    those that were not muted before are on again afterwards, also after an error.
+    """
     muted = [(node.id_data, node.name) for node in file_outputs(scene) if not node.mute]
     try:
         for tree, name in muted:

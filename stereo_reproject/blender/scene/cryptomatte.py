@@ -14,16 +14,16 @@ OURS = "stereo_reproject_cryptomatte"
 
 
 def cryptomatte_asked_for(scene: bpy.types.Scene) -> bool:
-    """Return whether the user wants the materials' cryptomatte."""
+    """Return whether the user has asked for the materials' cryptomatte. It does not count if `switch_on_cryptomatte`
+    has switched it on.
+    """
     layer = rendered_layer(scene)
     return layer.use_pass_cryptomatte_material and OURS not in layer
 
 
 def switch_on_cryptomatte(scene: bpy.types.Scene) -> None:
-    """Have the materials' cryptomatte rendered, from now on in every render.
-
-    It is never switched off: with persistent data, the render after the last one with it damages Blender's memory
-    (5.2.3).
+    """Have the materials' cryptomatte rendered, from now on in every render of a working scene. It is never switched
+    off: with persistent data, the render after the last one with it damages Blender's memory (5.2.3).
     """
     layer = rendered_layer(scene)
     if layer.use_pass_cryptomatte_material:

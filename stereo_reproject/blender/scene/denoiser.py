@@ -8,12 +8,15 @@ from .working import CYCLES, rendered_layer
 
 
 def denoises(scene: bpy.types.Scene) -> bool:
-    """Return whether a working scene's layer comes out of a render denoised."""
+    """Return whether the renders of a working scene are to be denoised: Cycles, its settings and its view layer ask for
+    it, and this Blender can.
+    """
     asked = scene.render.engine == CYCLES and scene.cycles.use_denoising and rendered_layer(scene).cycles.use_denoising
     return asked and has_denoiser(scene)
 
 
 def has_denoiser(scene: bpy.types.Scene) -> bool:
-    """Return whether this Blender has a denoiser: one that was built without renders noisy pictures, and has no name
-    for it."""
+    """Return whether this Blender has a denoiser. One that was built without has no name for it, and renders noisy
+    pictures.
+    """
     return bool(scene.cycles.denoiser)

@@ -9,8 +9,9 @@ import bpy
 
 
 def devices_in_use() -> dict[str, Any] | None:
-    """The compute device type that the preferences name, the ids of the devices that are ticked there, and what is
-    switched on for them; None in a Blender without Cycles."""
+    """Return the devices that Cycles computes on, by the preferences: type, ids, and what is switched on for them.
+    `use_devices` takes it in another process. None in a Blender without Cycles.
+    """
     preferences = _preferences()
     if preferences is None:
         return None
@@ -20,7 +21,9 @@ def devices_in_use() -> dict[str, Any] | None:
 
 
 def use_devices(devices: Mapping[str, Any]) -> None:
-    """Set this process's preferences to what `devices_in_use` said; devices that are not there are passed over."""
+    """Set this process's preferences to what `devices_in_use` has returned in another; devices that are not here are
+    passed over.
+    """
     preferences = _preferences()
     if preferences is None:
         return
@@ -36,10 +39,11 @@ def use_devices(devices: Mapping[str, Any]) -> None:
 
 
 def _switches(preferences: Any) -> list[str]:
-    """Hardware ray tracing, peer memory and whatever else can be switched on for devices."""
+    """Return the names of Cycles' preferences that are switches, such as hardware ray tracing."""
     return [prop.identifier for prop in preferences.bl_rna.properties if prop.type == "BOOLEAN"]
 
 
 def _preferences() -> Any:
+    """Return Cycles' preferences; None in a Blender without Cycles."""
     addon = bpy.context.preferences.addons.get("cycles")
     return None if addon is None else addon.preferences

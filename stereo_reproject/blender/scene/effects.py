@@ -57,9 +57,10 @@ MOVING_DATA = (
 
 
 def plan_effects(scene: bpy.types.Scene, *, user_scene: bpy.types.Scene | None = None) -> EffectsPlan:
-    """The plan for a working scene. user_scene is what it is a copy of: the copy has one view layer.
+    """Return the effects plan of a working scene: which effects what the cameras see calls for, and what is done about
+    each.
 
-    Nothing is rendered, and nothing of the scene is changed.
+    user_scene is the one that it is a copy of, which has all view layers. Nothing is rendered or changed.
     """
     claims = _Claims(scene)
     cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
@@ -80,7 +81,7 @@ def plan_effects(scene: bpy.types.Scene, *, user_scene: bpy.types.Scene | None =
 
 
 class _Claims:
-    """By what each effect is called for, gathered."""
+    """A collection, made while a scene is gone through, of the things that call for each effect."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.shadings = Shadings(scene.render.engine)
@@ -91,12 +92,15 @@ class _Claims:
         self._materials: dict[str, Effect] = {}
 
     def add(self, effects: Effect, *by: str, kind: str = "") -> None:
-        """`by` calls for the effects; of those of one kind, one comes before all others' second."""
+        """Note that the things named in `by` call for the effects. kind groups names: in the plan, one of each kind
+        comes first, before the second of any.
+        """
         for effect in _each(effects):
             for text in by:
                 self._by[effect].setdefault(kind or text, []).append(text)
 
     def add_object(self, seen: Seen) -> None:
+        """Note the effects of an object that may be seen, of its materials and of its hair."""
         own = _own_effects(seen)
         self.add(own, f"{seen.kind.lower()} {seen.name!r}", kind=seen.kind)
         if seen.hair:
@@ -107,6 +111,9 @@ class _Claims:
             self._add_material(material, seen, own | Effect.HAIR)
 
     def _add_material(self, material: bpy.types.Material | None, seen: Seen, own: Effect) -> None:
+        """Note the effects of a material on an object; own are the effects of the object itself. None is a slot without
+        a material.
+        """
         name = DEFAULT_SURFACE if material is None else material.name
         if material is not None:
             shading = self.shadings.of(material)
@@ -120,10 +127,12 @@ class _Claims:
             self._materials[name] = own if known is None else known | own
 
     def plan(self) -> EffectsPlan:
+        """Return the effects plan of all that was noted."""
         findings = (self._finding(effect, _one_of_each_first(by.values())) for effect, by in self._by.items())
         return EffectsPlan(tuple(findings), self._materials)
 
     def _finding(self, effect: Effect, by: tuple[str, ...]) -> Finding:
+        """Return the plan's finding about an effect, by the names of what calls for it."""
         if not by:
             return Finding(effect, by, NOT_CALLED_FOR)
         probed = self._cycles or not effect & SEEN_DIFFERENTLY
@@ -132,16 +141,18 @@ class _Claims:
 
 @cache
 def _each(effects: Effect) -> tuple[Effect, ...]:
+    """Return the single effects of a combination."""
     return tuple(effects)
 
 
 def _one_of_each_first(kinds: Iterable[list[str]]) -> tuple[str, ...]:
+    """Return all texts once: first one of each kind, then the second of each, and so on."""
     rounds = zip_longest(*kinds)
     return tuple(dict.fromkeys(text for row in rounds for text in row if text is not None))
 
 
 def _own_effects(seen: Seen) -> Effect:
-    """Return the effects of an object by itself, whatever its materials are."""
+    """Return the effects that an object has by itself, whatever its materials are."""
     effects = Effect(0)
     if seen.kind == "VOLUME":
         effects |= Effect.VOLUME
@@ -156,7 +167,9 @@ def _own_effects(seen: Seen) -> Effect:
 
 
 def _caustics(scene: bpy.types.Scene, sharp: dict[Effect, list[str]]) -> list[str]:
-    """Return the sources of caustics: smooth surfaces, by paths or, where a lamp asks for it, by shadow caustics."""
+    """Return the names of what makes caustics: smooth surfaces, where the scene has caustics switched on, and lights of
+    shadow caustics. sharp has the names of smooth surfaces by effect.
+    """
     if scene.render.engine != CYCLES:
         return []
     by = [*sharp[Effect.GLOSSY]] if scene.cycles.caustics_reflective else []
@@ -167,20 +180,22 @@ def _caustics(scene: bpy.types.Scene, sharp: dict[Effect, list[str]]) -> list[st
 
 
 def _more_layers(scene: bpy.types.Scene) -> list[str]:
+    """Return the names, in words, of the view layers that are rendered besides the first."""
     return [f"view layer {layer!r}" for layer in layers_to_render(scene)[1:]]
 
 
 def _denoising(scene: bpy.types.Scene) -> list[str]:
+    """Return what has pictures denoised, in words; empty if they are not."""
     if not denoises(scene):
         return []
     return [f"the render settings: {scene.cycles.denoiser}"]
 
 
 def what_moves(scene: bpy.types.Scene) -> list[str]:
-    """Return what may move while the shutter is open, in words: too much rather than too little.
+    """Return in words what may move while the shutter is open: rather too much than too little.
 
-    Objects that a collection instance shows are in none of the scene's own collections, and instances of geometry nodes
-    count by the objects that make them.
+    Objects that only a collection instance shows are counted. Instances of geometry nodes count by the objects that
+    make them.
     """
     moving = []
     for item in brought_along(scene.objects, parents=True):
@@ -198,13 +213,14 @@ def what_moves(scene: bpy.types.Scene) -> list[str]:
 
 
 def _moves(item: bpy.types.Object) -> bool:
+    """Return whether an object may move or change its shape with time."""
     if is_animated(item) or item.constraints or item.rigid_body or item.particle_systems:
         return True
     return any(modifier.show_render and modifier.type in MOVING_MODIFIERS for modifier in item.modifiers)
 
 
 def is_animated(owner: bpy.types.ID) -> bool:
-    """Return whether anything of the datablock changes with time."""
+    """Return whether curves, drivers or NLA tracks may change anything of the datablock with time."""
     # Not every kind has any: collections have none.
     animation = getattr(owner, "animation_data", None)
     return animation is not None and (
@@ -213,11 +229,12 @@ def is_animated(owner: bpy.types.ID) -> bool:
 
 
 def has_grease_pencil(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene renders any Grease Pencil."""
     return any(item.type == "GREASEPENCIL" and not item.hide_render for item in scene.objects)
 
 
 def uses_output(node_type: str, output: str) -> bool:
-    """Return whether any shader of the file uses this output of a node of this type."""
+    """Return whether any shader of the file has a node of this type whose output of this name is linked."""
     return any(node.outputs[output].is_linked for node in shader_nodes() if node.bl_idname == node_type)
 
 

@@ -39,9 +39,8 @@ NOT_IN_CYCLES: dict[str, str] = {
 
 
 def engine_warnings(scene: bpy.types.Scene) -> list[str]:
-    """A line for each material, light and world that EEVEE and Cycles show differently because one does not know it.
-
-    scene is a working scene.
+    """Return a line for each material, light and world of a working scene that EEVEE and Cycles show differently,
+    because one of them does not know what it uses.
     """
     cameras = stereo_cameras(evaluated(scene.camera, scene), scene.render)
     warnings = [
@@ -59,7 +58,8 @@ def engine_warnings(scene: bpy.types.Scene) -> list[str]:
 
 
 def unmatched_materials(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> str | None:
-    """Return why what EEVEE shows cannot be warped or matched to what Cycles does, or None.
+    """Return why what EEVEE shows of a material cannot be warped, or matched to what Cycles shows, in words; None if
+    all can.
 
     EEVEE draws a blended material over the picture and gives it no depth: it would be warped with what lies behind it.
     """
@@ -74,17 +74,23 @@ def unmatched_materials(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> st
 def _visible_materials(
     scene: bpy.types.Scene, cameras: Iterable[Camera], shadings: Shadings | None = None
 ) -> list[bpy.types.Material]:
+    """Return the materials that these cameras may see, sorted by name. shadings, if given, already knows the effects of
+    materials and need not find them out again.
+    """
     seen = visible_objects(scene, cameras, shadings or Shadings(scene.render.engine))
     found = {material.name: material for item in seen for material in _materials_of(item)}
     return [found[name] for name in sorted(found)]
 
 
 def _materials_of(item: Seen) -> Iterator[bpy.types.Material]:
+    """Yield the materials of an object and of its hair."""
     yield from (material for material in (*item.materials, *item.hair) if material is not None)
 
 
 def _of_shader(owner: bpy.types.Material | bpy.types.World, kind: str) -> Iterator[str]:
-    """The lines for a material or a world, which each engine reads from an output of its own, if there is one."""
+    """Yield the warnings about a material or a world. Each engine reads a shader from an output node of its own, if
+    there is one.
+    """
     if not uses_nodes(owner):
         return
     outputs = {engine: owner.node_tree.get_output_node(engine) for engine in (EEVEE_TARGET, CYCLES)}
@@ -99,6 +105,9 @@ def _of_shader(owner: bpy.types.Material | bpy.types.World, kind: str) -> Iterat
 
 
 def _unknown_nodes(output: bpy.types.Node, unknown: dict[str, str], what: str, engine: str) -> Iterator[str]:
+    """Yield a warning for each kind of node that feeds the output and that the engine does not know. unknown says by
+    the type of node what is shown instead; what names the material or world.
+    """
     met = {source.node.bl_idname: source.node.bl_label for source, _ in upstream(list(output.inputs))}
     for name, label in sorted(met.items()):
         if name in unknown:
@@ -106,7 +115,9 @@ def _unknown_nodes(output: bpy.types.Node, unknown: dict[str, str], what: str, e
 
 
 def _of_light(lamp: bpy.types.Light) -> Iterator[str]:
-    """EEVEE takes a light's colour and power, and nothing of its nodes; Cycles makes some area lights portals."""
+    """Yield the warnings about a light. EEVEE takes its colour and power and ignores its nodes, and has it shine even
+    where Cycles makes a portal of it.
+    """
     if lamp.type == "AREA" and lamp.cycles.is_portal:
         yield f"light {lamp.name!r} is a portal in Cycles, and EEVEE has it shine"
     if uses_nodes(lamp):
@@ -116,7 +127,7 @@ def _of_light(lamp: bpy.types.Light) -> Iterator[str]:
 
 
 def _is_plain(output: bpy.types.Node) -> bool:
-    """Return whether the light's nodes change nothing: only a white emission of strength 1 feeds its output."""
+    """Return whether a light's nodes change nothing: its output is fed only by a white emission of strength 1."""
     sources = [source.node for source, _ in upstream([output.inputs["Surface"]])]
     if len(sources) != 1 or sources[0].bl_idname != "ShaderNodeEmission":
         return False

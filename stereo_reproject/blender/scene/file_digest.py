@@ -17,7 +17,9 @@ MISSING = "missing"
 
 
 def file_digest(path: Path, *, block: int = BLOCK_BYTES, samples: int = SAMPLED_BLOCKS) -> str:
-    """Return the digest of a file's size and of samples of its content, all of it where it is small; or MISSING."""
+    """Return the digest of a file by its size and samples of its content, `samples` blocks of `block` bytes; the
+    content is read whole where it is not larger. `MISSING` if it cannot be read.
+    """
     digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
@@ -37,7 +39,9 @@ def file_digest(path: Path, *, block: int = BLOCK_BYTES, samples: int = SAMPLED_
 
 
 def sequence_digest(path: Path) -> str:
-    """Return the digest of all files numbered as `path` is, with their numbers; without a number, of the file."""
+    """Return the digest of all files numbered as `path` is, with their numbers; of the file alone where its name has no
+    number. `MISSING` if there are none.
+    """
     found = numbered_like(path)
     if found is None:
         return file_digest(path)
@@ -45,7 +49,9 @@ def sequence_digest(path: Path) -> str:
 
 
 def numbered_like(path: Path) -> dict[str, Path] | None:
-    """Return the files beside `path` that are numbered as it is, by their numbers; None for a path without a number."""
+    """Return the files beside `path` whose names differ from its name only in the number, by their numbers as text.
+    None where its name has no number; empty where the folder cannot be read.
+    """
     numbered = re.fullmatch(r"(.*?)(\d+)(\D*)", path.name)
     if numbered is None:
         return None
@@ -57,6 +63,8 @@ def numbered_like(path: Path) -> dict[str, Path] | None:
 
 
 def files_digest(files: dict[str, Path]) -> str:
-    """Return the digest of files that belong together, each with a name that does not depend on its path."""
+    """Return the digest of files that belong together. Each has a name, such as its number, that counts in place of its
+    path.
+    """
     lines = (f"{name} {file_digest(files[name], block=SMALL_BLOCK_BYTES, samples=2)}" for name in sorted(files))
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()

@@ -20,15 +20,14 @@ FILES = "files"
 
 
 def scene_fingerprint(scene: bpy.types.Scene) -> str:
-    """A hexadecimal SHA-256 of all that can change the scene's pictures, in whichever frame the scene stands.
-
-    Not of where its pictures are saved, nor of which frames are rendered; and neither of what only a window shows.
+    """Return a hexadecimal SHA-256 of all that can change the scene's pictures, in whichever frame the scene stands.
+    Where pictures are saved, which frames are rendered, and what only windows show do not count.
     """
     return fingerprint_of(scene_fingerprints(scene))
 
 
 def fingerprint_of(digests: dict[str, str]) -> str:
-    """Return one digest of all that `scene_fingerprints` returns."""
+    """Return one digest, a hexadecimal SHA-256, of all the digests that `scene_fingerprints` returns."""
     return hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
 
 
@@ -51,10 +50,11 @@ def scene_fingerprints(scene: bpy.types.Scene) -> dict[str, str]:
 
 
 def what_changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """The kinds of datablock that two results of `scene_fingerprints` differ in, sorted."""
+    """Return the kinds of datablock in which two results of `scene_fingerprints` differ, sorted."""
     return sorted(kind for kind in before.keys() | after.keys() if before.get(kind) != after.get(kind))
 
 
 def _digest(lines: list[str]) -> str:
+    """Return the hexadecimal SHA-256 of these lines."""
     # A name may hold what is no valid Unicode.
     return hashlib.sha256("\n".join(lines).encode("utf-8", "surrogateescape")).hexdigest()

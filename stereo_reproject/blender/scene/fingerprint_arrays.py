@@ -44,12 +44,15 @@ TOPOLOGY = (".edge_verts", ".corner_vert", ".corner_edge")
 
 
 def digest_of(values: NDArray | bytes) -> str:
+    """Return the hexadecimal SHA-256 of the values, as they lie in memory."""
     data = np.ascontiguousarray(values) if isinstance(values, np.ndarray) else values
     return hashlib.sha256(data).hexdigest()
 
 
 def flat_lines(items: bpy.types.bpy_prop_collection, kind: str) -> Iterator[str]:
-    """Yield the lines of a collection whose items are of a FLAT kind."""
+    """Yield a fingerprint's lines for a collection whose items are of a kind in `FLAT`: the number of items, and a
+    digest of each of their properties.
+    """
     count = len(items)
     yield f"{count} {kind}"
     for name in FLAT[kind] if count else ():
@@ -61,7 +64,9 @@ def flat_lines(items: bpy.types.bpy_prop_collection, kind: str) -> Iterator[str]
 
 
 def attribute_lines(block: bpy.types.bpy_struct) -> Iterator[str]:
-    """Yield the lines of the attributes of a mesh, hair curves, a point cloud or a grease pencil drawing."""
+    """Yield a fingerprint's line for each attribute of a mesh, hair curves, a point cloud or a grease pencil drawing.
+    Blender's own that tell of selection or hiding are left out.
+    """
     for attribute in sorted(block.attributes, key=lambda attribute: attribute.name):
         if attribute.name.startswith(".") and attribute.name not in TOPOLOGY:
             continue
@@ -69,6 +74,7 @@ def attribute_lines(block: bpy.types.bpy_struct) -> Iterator[str]:
 
 
 def _attribute_digest(attribute: bpy.types.Attribute) -> str:
+    """Return the digest of the values of an attribute."""
     if attribute.data_type not in ATTRIBUTES:
         return digest_of(repr([item.value for item in attribute.data]).encode())
     name, length, dtype = ATTRIBUTES[attribute.data_type]
@@ -78,7 +84,7 @@ def _attribute_digest(attribute: bpy.types.Attribute) -> str:
 
 
 def mesh_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
-    """Yield the lines of a mesh besides its attributes."""
+    """Yield a fingerprint's lines for a mesh besides its attributes: faces, active layers, weights and skin."""
     starts = np.zeros(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
     yield f"polygons {len(starts)} {digest_of(starts)} {len(mesh.loops)} {len(mesh.edges)} {len(mesh.vertices)}"
@@ -89,6 +95,7 @@ def mesh_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
 
 
 def _skin_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
+    """Yield a fingerprint's lines for a mesh's skin vertices: radii and roots."""
     for layer in mesh.skin_vertices:
         radii, roots = np.zeros(len(layer.data) * 2, np.float32), np.zeros(len(layer.data), np.bool_)
         layer.data.foreach_get("radius", radii)
@@ -97,18 +104,21 @@ def _skin_lines(mesh: bpy.types.Mesh) -> Iterator[str]:
 
 
 def _weights(points: bpy.types.bpy_prop_collection) -> NDArray[np.float64]:
-    """Return the weights of the vertex groups (N, 3): vertex, group, weight. Blender gives them one by one only."""
+    """Return the weights of vertex groups, a row (vertex, group, weight) for each."""
     found = [(point.index, one.group, one.weight) for point in points for one in point.groups]
     return np.array(found, np.float64)
 
 
 def lattice_lines(lattice: bpy.types.Lattice) -> Iterator[str]:
+    """Yield a fingerprint's line for the weights of a lattice's points."""
     groups = [(place, one.group, one.weight) for place, point in enumerate(lattice.points) for one in point.groups]
     yield f"weights {digest_of(np.array(groups, np.float64))}"
 
 
 def hair_lines(system: bpy.types.ParticleSystem) -> Iterator[str]:
-    """Yield the lines of hair that was combed; other hair, and particles, follow from their settings."""
+    """Yield a fingerprint's lines for hair that was combed. Other hair, and particles, follow from their settings and
+    have none.
+    """
     for particle in system.particles if system.is_edited else ():
         keys = np.zeros((len(particle.hair_keys), 3), np.float32)
         particle.hair_keys.foreach_get("co_local", keys.ravel())
@@ -116,6 +126,7 @@ def hair_lines(system: bpy.types.ParticleSystem) -> Iterator[str]:
 
 
 def pixels_digest(image: bpy.types.Image) -> str:
+    """Return the digest of the image's pixels; an image that is not loaded yet is loaded for it."""
     pixels = np.zeros(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     return digest_of(pixels)

@@ -16,14 +16,18 @@ BUILTIN = "<builtin>"
 
 
 class Files:
-    """Each file is read once, however many datablocks use it."""
+    """The files that datablocks use, as lines for a fingerprint (`lines`). Each file is read once, however many
+    datablocks use it.
+    """
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self._known: dict[tuple[Path, str], str] = {}
 
     def add(self, owner: str, block: bpy.types.ID, path: str) -> None:
-        """Add the file that `path` of a datablock points to; `owner` names the datablock."""
+        """Add a line for the file that the property `path` of a datablock points to; owner names the datablock in it.
+        Nothing is added for an empty path, a builtin, or a packed file.
+        """
         if not path or path == BUILTIN or getattr(block, "packed_file", None):
             return
         numbered = getattr(block, "is_sequence", False) or getattr(block, "source", "") == "SEQUENCE"
@@ -31,6 +35,9 @@ class Files:
         self.lines.append(f"{owner} {self._digest(found, 'sequence' if numbered else 'file')}")
 
     def add_image(self, owner: str, image: bpy.types.Image) -> None:
+        """Add a line for the file of an image, its sequence or its tiles; owner names the image in it. Nothing is added
+        for a packed or generated image.
+        """
         if image.source == "TILED" and not image.packed_files:
             found = Path(bpy.path.abspath(image.filepath, library=image.library))
             numbers = [str(tile.number) for tile in image.tiles]
@@ -40,13 +47,16 @@ class Files:
             self.add(owner, image, image.filepath)
 
     def _digest(self, path: Path, kind: str) -> str:
+        """Return the digest of a file, or of all files of its sequence if kind is "sequence"."""
         if (path, kind) not in self._known:
             self._known[path, kind] = sequence_digest(path) if kind == "sequence" else file_digest(path)
         return self._known[path, kind]
 
 
 def image_lines(image: bpy.types.Image) -> Iterator[str]:
-    """Yield the lines of an image's own values; asking for more of an image that is not loaded would load it."""
+    """Yield a fingerprint's lines for what an image itself holds: packed files, what it is generated from, unsaved
+    pixels. No image is loaded for it.
+    """
     for packed in image.packed_files:
         yield f"packed {packed.view} {packed.tile_number} {packed_digest(packed.packed_file)}"
     if image.source == "GENERATED":
@@ -57,4 +67,5 @@ def image_lines(image: bpy.types.Image) -> Iterator[str]:
 
 
 def packed_digest(packed: bpy.types.PackedFile | None) -> str:
+    """Return the digest of a packed file's content; "" for None."""
     return "" if packed is None else digest_of(packed.data)

@@ -27,7 +27,7 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Plan:
-    """Properties to read of a type of struct, found once."""
+    """The properties of a type of struct that count in a fingerprint, found once for all structs of the type."""
 
     name: str
     scalars: tuple[str, ...]
@@ -45,6 +45,7 @@ class Plan:
 
 
 def plan_of(struct: bpy.types.bpy_struct) -> Plan:
+    """Return the plan for structs of this one's type."""
     props = [prop for prop in struct.bl_rna.properties if counts(struct, prop)]
     plain = [prop for prop in props if prop.type not in ("POINTER", "COLLECTION")]
     paths = [prop.identifier for prop in plain if prop.type == "STRING" and prop.subtype == "FILE_PATH"]
@@ -65,7 +66,9 @@ def plan_of(struct: bpy.types.bpy_struct) -> Plan:
 
 
 class Reader:
-    """Reads one datablock after the other; `files` gathers what they keep in files."""
+    """Reader of datablocks as lines of text for a fingerprint, one after the other; `files` gathers the files that they
+    use.
+    """
 
     def __init__(self) -> None:
         self.files = Files()
@@ -76,12 +79,17 @@ class Reader:
         self._plans: dict[int, Plan] = {}
 
     def read(self, block: bpy.types.ID) -> tuple[list[str], list[bpy.types.ID]]:
-        """Return the lines of a datablock, and the datablocks that it points to."""
+        """Return the lines of a datablock for a fingerprint, and the datablocks that it points to, which are to be read
+        too.
+        """
         reading = _Reading(self, block)
         reading.embedded("", block)
         return reading.lines, reading.references
 
     def key(self, block: bpy.types.ID) -> Key:
+        """Return the identity of a datablock in its file: its kind, its name, and the name of its library ("" without
+        one).
+        """
         kind = block.bl_rna
         while kind.identifier not in self._kinds and kind.base is not None:
             kind = kind.base
@@ -89,6 +97,7 @@ class Reader:
         return name, block.name, (block.library.name or "") if block.library else ""
 
     def plan(self, struct: bpy.types.bpy_struct) -> Plan:
+        """Return the plan for a struct's type, made at the first call."""
         address = struct.bl_rna.as_pointer()
         if address not in self._plans:
             self._plans[address] = plan_of(struct)
@@ -96,6 +105,8 @@ class Reader:
 
 
 class _Reading:
+    """The reading of one datablock: the lines of what it holds, and the datablocks that it points to (`references`)."""
+
     def __init__(self, reader: Reader, block: bpy.types.ID) -> None:
         self.lines: list[str] = []
         self.references: list[bpy.types.ID] = []
@@ -105,12 +116,15 @@ class _Reading:
         self._met: set[tuple[int, str]] = set()
 
     def embedded(self, path: str, block: bpy.types.ID) -> None:
-        """A datablock, or one that is within it, with curves of its own."""
+        """Read a datablock, or one that is embedded in it (a node tree, say), which has curves of its own. path is
+        where it was found, for the lines.
+        """
         self._animated |= animated_values(block)
         self._moving = {address for address, _ in self._animated}
         self._struct(path, block)
 
     def _struct(self, path: str, struct: bpy.types.bpy_struct) -> None:
+        """Read a struct and all that belongs to it; nothing if it was read already. path is where it was found."""
         plan = self._reader.plan(struct)
         address = struct.as_pointer()
         if (address, plan.name) in self._met:
@@ -133,6 +147,7 @@ class _Reading:
             self._collection(f"{path}.{name}", getattr(struct, name), kind, name in SORTED)
 
     def _values(self, plan: Plan, struct: bpy.types.bpy_struct, address: int) -> list[Any]:
+        """Return the values of a struct's plain properties; those that curves or drivers set are replaced by a mark."""
         values: list[Any] = [getattr(struct, name) for name in plan.scalars]
         values += [_listed(getattr(struct, name)) for name in plan.arrays]
         if address in self._moving:
@@ -143,14 +158,19 @@ class _Reading:
         return values
 
     def _path(self, path: str, value: str) -> None:
+        """Read a property that is the path of a file. In the fingerprint the file counts by its content, not by its
+        path.
+        """
         self.lines.append(f"{path} {bool(value)}")
         self._reader.files.add(f"{self._key}{path}", self._block, value)
 
     def _refer(self, path: str, block: bpy.types.ID) -> None:
+        """Note that the datablock read here points to another one, which is read on its own. path says from where."""
         self.lines.append(f"{path} {self._reader.key(block)}")
         self.references.append(block)
 
     def _pointer(self, path: str, value: Any, owned: bool) -> None:
+        """Read what a property points to: a struct that is `owned` is read as a part, anything else by its name."""
         if value is None:
             self.lines.append(f"{path} None")
         elif isinstance(value, OF_THE_WINDOW):
@@ -166,6 +186,7 @@ class _Reading:
             self.lines.append(f"{path} {getattr(value, 'name', '')!r}")
 
     def _collection(self, path: str, items: bpy.types.bpy_prop_collection, kind: str, in_any_order: bool) -> None:
+        """Read the items of a collection of this kind; in_any_order: True where their order says nothing."""
         if kind in FLAT and not any(item.as_pointer() in self._moving for item in (items if self._moving else ())):
             self.lines.append(path)
             self.lines.extend(flat_lines(items, kind))
@@ -179,7 +200,9 @@ class _Reading:
             self._pointer(f"{path}[{index}]", item, True)
 
     def _custom(self, path: str, struct: bpy.types.bpy_struct, address: int) -> None:
-        """Custom properties, and before Blender 5 the inputs of a geometry nodes modifier."""
+        """Read the custom properties of a struct; before Blender 5 the inputs of a geometry nodes modifier are among
+        them. Properties of add-ons are left out.
+        """
         before_5 = bpy.app.version < (5, 0)
         for name in sorted(struct.keys()):
             value = struct[name]
@@ -195,7 +218,7 @@ class _Reading:
 
 
 def _links(tree: bpy.types.NodeTree) -> list[str]:
-    """Sorted, for their order is that of the nodes'."""
+    """Return a line for each link of a node tree, sorted, since their order says nothing."""
     return sorted(
         f"{link.from_node.name!r} {link.from_socket.identifier!r} {link.to_node.name!r} {link.to_socket.identifier!r}"
         f" {link.is_muted} {link.multi_input_sort_id}"
@@ -204,6 +227,7 @@ def _links(tree: bpy.types.NodeTree) -> list[str]:
 
 
 def _shown_of_image_node(node: bpy.types.CompositorNodeImage) -> list[str]:
+    """Return a line with the layer and the view that a compositor's image node shows."""
     # Of another image Blender prints a complaint that there are none.
     return [f"{node.layer if node.has_layers else ''} {node.view if node.has_views else ''}"]
 
@@ -221,7 +245,9 @@ EXTRA: dict[type, Callable[[Any], Iterable[str]]] = {
 
 
 def _listed(value: Any) -> Any:
-    """A vector, a matrix, an array or a set as what is written in one way only."""
+    """Return a vector, matrix, array or set as a list, so that equal values are written equally; other values as they
+    are.
+    """
     if isinstance(value, set):
         return sorted(value)
     if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
@@ -232,7 +258,9 @@ def _listed(value: Any) -> Any:
 
 
 def _without(value: Any, indices: set[int]) -> Any:
-    """A value, with what curves set in it left out."""
+    """Return a value with a mark in place of the items of these indices, which curves set; a plain value becomes the
+    mark itself.
+    """
     if not isinstance(value, list):
         return BY_CURVES
     return [BY_CURVES if index in indices else item for index, item in enumerate(value)]

@@ -116,7 +116,9 @@ EXTENDED = (bpy.types.ID, bpy.types.ViewLayer, bpy.types.Bone, bpy.types.PoseBon
 
 
 def counts(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
-    """Return whether a property of a struct may be seen in a picture."""
+    """Return whether a property of a struct may change a picture, so that a fingerprint must have it. False also for
+    one that only repeats what others say.
+    """
     name = prop.identifier
     if OF_NO_PICTURE.fullmatch(name) or getattr(prop, "is_deprecated", False):
         return False
@@ -133,6 +135,7 @@ def counts(struct: bpy.types.bpy_struct, prop: bpy.types.Property) -> bool:
 
 
 def _lineage(kind: bpy.types.Struct | None):
+    """Yield the name of a type of struct, and of those that it is made from."""
     while kind is not None:
         yield kind.identifier
         kind = kind.base

@@ -9,10 +9,10 @@ import bpy
 
 
 def brought_along(items: Iterable[bpy.types.Object], *, parents: bool = False) -> Iterator[bpy.types.Object]:
-    """Yield the objects and what their instancing and their particles show, however nested, each once.
+    """Yield these objects and those that their instancing and particles show, however nested, each once.
 
-    With parents also the objects that these hang on, which move them wherever they are themselves. What geometry nodes
-    instance is left out.
+    With parents, objects that any of them hangs on are yielded too, since those move it. Objects that only geometry
+    nodes instance are left out.
     """
     waiting = deque(items)
     met: set[int] = set()
@@ -28,6 +28,7 @@ def brought_along(items: Iterable[bpy.types.Object], *, parents: bool = False) -
 
 
 def _shown_by(item: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Yield the objects that an object's instancing and particles show directly."""
     collections = [item.instance_collection] if item.instance_type == "COLLECTION" else []
     for system in item.particle_systems:
         if system.settings is not None:

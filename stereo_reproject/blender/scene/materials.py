@@ -48,9 +48,8 @@ VOLUME_SOURCES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Shading:
-    """Effects of a shader; sharp: those of GLOSSY and TRANSMISSION that are smooth enough to throw caustics.
-
-    displaced: True where the shader moves the surface, out of the bounds that Blender knows.
+    """Effects of a shader. sharp: those of GLOSSY and TRANSMISSION that are smooth enough to throw caustics. displaced:
+    True where the shader moves the surface, so that it may leave the bounds that Blender knows.
     """
 
     effects: Effect = NOTHING
@@ -62,8 +61,9 @@ class Shading:
 
 
 def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shading:
-    """Return the effects of a material. Without nodes Cycles renders it plainly diffuse, EEVEE with its metal and
-    gloss."""
+    """Return the effects of a material. Without nodes, Cycles renders it plainly diffuse, and EEVEE with its metallic
+    and specular settings.
+    """
     if not uses_nodes(material):
         glossy = engine != CYCLES and (material.metallic > 0.0 or material.specular_intensity > 0.0)
         return Shading(Effect.GLOSSY if glossy else NOTHING)
@@ -78,13 +78,14 @@ def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shad
 
 
 class Shadings:
-    """`material_shading` of each material, found out once."""
+    """The shadings of materials for one engine, each found out once."""
 
     def __init__(self, engine: str) -> None:
         self._engine = engine
         self._known: dict[int, Shading] = {}
 
     def of(self, material: bpy.types.Material) -> Shading:
+        """Return `material_shading` of the material, from memory after the first call."""
         key = material.as_pointer()
         if key not in self._known:
             self._known[key] = material_shading(material, self._engine)
@@ -92,7 +93,9 @@ class Shadings:
 
 
 def world_shading(world: bpy.types.World, engine: str = CYCLES) -> Effect:
-    """Return the effects of the world: both eyes see the same in one direction, unless the shader knows the camera."""
+    """Return the effects of the world. Eyes that look in the same direction see the same of it, unless its shader knows
+    the camera or it has a volume.
+    """
     output = _output(world, engine) if uses_nodes(world) else None
     if output is None:
         return NOTHING
@@ -101,20 +104,25 @@ def world_shading(world: bpy.types.World, engine: str = CYCLES) -> Effect:
 
 
 def uses_nodes(owner: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bool:
-    """Return whether the look of the datablock comes from its nodes."""
+    """Return whether the look of a material, world or light comes from its nodes, rather than from its plain
+    settings.
+    """
     # From 5.0 on nodes are always used, and asking is deprecated.
     return owner.node_tree is not None and (bpy.app.version >= (5, 0) or owner.use_nodes)
 
 
 def _output(owner: bpy.types.Material | bpy.types.World, engine: str) -> bpy.types.Node | None:
+    """Return the output node that the engine reads; None where there is none for it."""
     return owner.node_tree.get_output_node(CYCLES if engine == CYCLES else "EEVEE")
 
 
 def _displaces(material: bpy.types.Material) -> bool:
+    """Return whether the material's displacement moves the surface itself, rather than only its shading."""
     return material.displacement_method != "BUMP"
 
 
 def _has_bump(output: bpy.types.Node) -> bool:
+    """Return whether a Bump node with a height has any part in the surface that feeds this output node."""
     for source, inside in upstream([output.inputs["Surface"]]):
         node = source.node
         if node.bl_idname == "ShaderNodeBump" and not is_constant(node.inputs["Strength"], inside, 0.0):
@@ -125,7 +133,9 @@ def _has_bump(output: bpy.types.Node) -> bool:
 
 
 def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: bool = False) -> Shading:
-    """Return the effects of the shader that feeds a socket; weighted: True where its share depends on the camera."""
+    """Return the effects of the shader that feeds a socket. groups are the group nodes that the socket is inside of;
+    weighted is True where the shader's share in a mix depends on the camera.
+    """
     source, groups = origin(socket, groups)
     if source is None or not source.is_output:
         return Shading()
@@ -143,6 +153,7 @@ def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: boo
 
 
 def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
+    """Return the effects of a Mix Shader node: of one side where the factor is always 0 or 1, else of both."""
     factor, first, second = node.inputs[:3]
     if is_constant(factor, groups, 0.0):
         return _closure(first, groups, weighted=weighted)
@@ -155,6 +166,9 @@ def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
 
 
 def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
+    """Return the effects of a single closure node that is no Principled BSDF. An unknown node counts as depending on
+    the camera.
+    """
     if node.bl_idname in ("ShaderNodeEmission", "ShaderNodeScript"):
         return Shading()
     if node.bl_idname == "ShaderNodeBsdfDiffuse":
@@ -172,11 +186,14 @@ def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
 
 
 def _rough_diffuse(roughness: bpy.types.NodeSocket, groups: Groups) -> Shading:
-    """Oren and Nayar's rough surface throws more light back to where it comes from: that depends on the view."""
+    """Return the effects of a diffuse surface of this roughness: GLOSSY unless it is 0, since Oren and Nayar's rough
+    surface throws more light back to where it comes from.
+    """
     return Shading(NOTHING if is_constant(roughness, groups, 0.0) else Effect.GLOSSY)
 
 
 def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
+    """Return whether a closure is smooth enough to throw caustics; a roughness from a texture may be."""
     roughness = next((socket for socket in node.inputs if socket.name == "Roughness"), None)
     if roughness is None or is_fed(roughness, groups):
         return True
@@ -185,7 +202,7 @@ def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
 
 
 def _principled(node: bpy.types.Node, groups: Groups) -> Shading:
-    """Return the effects of its layers, from the outermost inwards, as Cycles evaluates them."""
+    """Return the effects of a Principled BSDF, by its layers from the outermost inwards, as Cycles evaluates them."""
 
     def is_value(name: str, wanted: float) -> bool:
         return name in node.inputs and is_constant(node.inputs[name], groups, wanted)
@@ -208,7 +225,9 @@ def _principled(node: bpy.types.Node, groups: Groups) -> Shading:
 
 
 def _directional_emission(node: bpy.types.Node, groups: Groups, weighted: bool) -> Effect:
-    """DIRECTIONAL_EMISSION if the closure shines, and how much or in which colour depends on the camera."""
+    """Return DIRECTIONAL_EMISSION if the closure shines and its strength, colour or share depends on the camera; else
+    no effect. weighted is as for `_closure`.
+    """
     names = {PRINCIPLED: ("Emission Color", "Emission Strength")}
     names |= dict.fromkeys(EMISSIONS, ("Color", "Strength"))
     if node.bl_idname not in names:
@@ -220,6 +239,7 @@ def _directional_emission(node: bpy.types.Node, groups: Groups, weighted: bool) 
 
 
 def _volume(socket: bpy.types.NodeSocket) -> Effect:
+    """Return VOLUME if a shader that leaves anything of a volume feeds the socket; else no effect."""
     for source, inside in upstream([socket]):
         node = source.node
         if source.type != "SHADER" or node.bl_idname in ("ShaderNodeMixShader", "ShaderNodeAddShader"):

@@ -33,9 +33,8 @@ Block = bpy.types.Image | bpy.types.VectorFont | bpy.types.Sound | bpy.types.Cac
 
 
 def missing_libraries() -> list[str]:
-    """Return a line for each library of which something is missing, those that other libraries link among them.
-
-    Blender keeps the place of each datablock that it does not find, for an object an empty.
+    """Return a line for each library of which something is missing, also for libraries that other libraries link.
+    Blender keeps a placeholder for each datablock that it does not find; for an object that is an empty.
     """
     lacking: dict[bpy.types.Library, list[tuple[Kind, str]]] = {}
     for prop in bpy.data.bl_rna.properties:
@@ -49,6 +48,7 @@ def missing_libraries() -> list[str]:
 
 
 def _library_line(library: bpy.types.Library, blocks: list[tuple[Kind, str]]) -> str:
+    """Return the line about a library that lacks these datablocks, given by kind and name."""
     path = _absolute(library.filepath, None)
     counts = Counter(kind for kind, _ in blocks)
     seen_first = sorted(counts, key=lambda kind: (*(kind[1] != name for name in ("objects", "collections")), kind))
@@ -61,6 +61,7 @@ def _library_line(library: bpy.types.Library, blocks: list[tuple[Kind, str]]) ->
 
 
 def _number_of(kind: Kind, number: int) -> str:
+    """Return words such as "2 objects"."""
     one, several = kind
     # How many objects these held is known to none but the library.
     content = " of objects" if several == "collections" else ""
@@ -68,6 +69,7 @@ def _number_of(kind: Kind, number: int) -> str:
 
 
 def _what_is_wrong(library: bpy.types.Library, path: Path) -> str:
+    """Return the verb part of the line about a library: why its datablocks are missing."""
     if not library.is_missing:
         return "lacks what is linked from it"
     if path.is_dir():
@@ -76,7 +78,9 @@ def _what_is_wrong(library: bpy.types.Library, path: Path) -> str:
 
 
 def missing_files(scene: bpy.types.Scene) -> list[str]:
-    """Return a line for each kind of file that is used and not there."""
+    """Return a line for each kind of file (images, fonts, caches and so on) that the scene uses and that is missing; an
+    empty list if all are there.
+    """
     found = {
         "image file": _rendered(image for image in _used(bpy.data.images) if _lacks_picture(image)),
         "font": [font.name for font in _used(bpy.data.fonts) if _lacks_file(font)],
@@ -92,16 +96,18 @@ def missing_files(scene: bpy.types.Scene) -> list[str]:
 
 
 def _file_line(kind: str, names: list[str]) -> str:
+    """Return the line about missing files of this kind; names are those of the datablocks that use them."""
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"{kind} missing for {names[0]!r}{more}: find it with File > External Data > Find Missing Files"
 
 
 def _used(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Return the datablocks that have users and were found."""
     return (block for block in blocks if block.users and not block.is_missing)
 
 
 def _rendered(images: Iterable[bpy.types.Image]) -> list[str]:
-    """The names of the images that more than windows show."""
+    """Return the names of those of the images that are used by more than what windows show."""
     missing = list(images)
     if not missing:
         return []
@@ -110,11 +116,13 @@ def _rendered(images: Iterable[bpy.types.Image]) -> list[str]:
 
 
 def _is_rendered(user: bpy.types.ID) -> bool:
+    """Return whether a datablock that uses an image may show it in a render."""
     empty = isinstance(user, bpy.types.Object) and user.type == "EMPTY"
     return not empty and not isinstance(user, UNRENDERED_USERS)
 
 
 def _lacks_picture(image: bpy.types.Image) -> bool:
+    """Return whether the image's file, or a tile of it, is missing."""
     if image.source not in ("FILE", "SEQUENCE", "MOVIE", "TILED") or image.packed_files:
         return False
     if image.source != "TILED":
@@ -125,7 +133,7 @@ def _lacks_picture(image: bpy.types.Image) -> bool:
 
 
 def _lacks_file(block: Block) -> bool:
-    """Return whether the file is missing, or all of a sequence of files."""
+    """Return whether the file of a datablock is missing; of a sequence, whether all of its files are."""
     if not block.filepath or block.filepath == BUILTIN or getattr(block, "packed_file", None):
         return False
     path = _absolute(block.filepath, block.library)
@@ -136,6 +144,7 @@ def _lacks_file(block: Block) -> bool:
 
 
 def _without_mesh_cache(scene: bpy.types.Scene) -> Iterator[str]:
+    """Yield the names of the scene's objects with a Mesh Cache modifier whose file is missing."""
     for item in brought_along(scene.objects):
         for modifier in item.modifiers:
             rendered = modifier.type == "MESH_CACHE" and modifier.show_render and modifier.filepath
@@ -144,6 +153,7 @@ def _without_mesh_cache(scene: bpy.types.Scene) -> Iterator[str]:
 
 
 def _nodes_without_file() -> Iterator[str]:
+    """Yield the names of shader nodes whose external file is missing."""
     owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
     trees = [owner.node_tree for owner in owners if owner.users and owner.node_tree is not None]
     for tree in [*trees, *(group for group in bpy.data.node_groups if group.users)]:
@@ -154,11 +164,12 @@ def _nodes_without_file() -> Iterator[str]:
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether a file is there; under a name that no drive can have there is none."""
+    """Return whether there is a file of this path; False also for a path that the drive refuses."""
     with contextlib.suppress(OSError):
         return path.is_file()
     return False
 
 
 def _absolute(path: str, library: bpy.types.Library | None) -> Path:
+    """Return a path, as a datablock of this library has it (None: of the open file), as an absolute one."""
     return Path(os.path.abspath(bpy.path.abspath(path, library=library)))  # noqa: PTH100 - links stay

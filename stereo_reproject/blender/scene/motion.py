@@ -13,14 +13,15 @@ from .working import evaluated, rendered_layer
 
 
 def vector_pass_asked_for(scene: bpy.types.Scene) -> bool:
-    """Return whether a working scene's layer has the Vector pass; with motion blur on Blender renders none."""
+    """Return whether a working scene's layer renders the Vector pass. With motion blur Blender renders none."""
     return rendered_layer(scene).use_pass_vector and not scene.render.use_motion_blur
 
 
 def eyes_in_motion(scene: bpy.types.Scene, now: Mapping[str, Camera]) -> dict[str, Moving]:
-    """Both eyes of a working scene, by view name; `now` are their cameras in the frame that it stands at.
+    """Return the motion of both eyes of a working scene, by view name; `now` are their cameras in its present frame.
 
-    The scene visits its neighbouring frames, as Cycles makes it do for the pass itself, and comes back.
+    The scene is set to the frames before and after, as Cycles does for the Vector pass itself, and then to its own
+    again.
     """
     frame, subframe = scene.frame_current, scene.frame_subframe
     try:
@@ -31,5 +32,6 @@ def eyes_in_motion(scene: bpy.types.Scene, now: Mapping[str, Camera]) -> dict[st
 
 
 def _cameras_at(scene: bpy.types.Scene, frame: int, subframe: float) -> dict[str, Camera]:
+    """Set the scene to a frame, and return its eyes' cameras there."""
     scene.frame_set(frame, subframe=subframe)
     return stereo_cameras(evaluated(scene.camera, scene), scene.render)

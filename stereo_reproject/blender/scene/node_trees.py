@@ -55,9 +55,9 @@ GROUPS = (bpy.types.ShaderNodeGroup, bpy.types.ShaderNodeCustomGroup)
 
 def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types.NodeSocket | None, Groups]:
     """Return what feeds an input: an output of the node that does something, or the unlinked input whose own value
-    counts.
+    counts. None where a muted node or an empty group lets nothing through.
 
-    None where a muted node or an empty group lets nothing through. With it come the groups that one is then inside of.
+    groups are the group nodes that the socket is inside of. Those that the result is inside of are returned with it.
     """
     current: bpy.types.NodeSocket | None = socket
     while current is not None:
@@ -84,10 +84,14 @@ def origin(socket: bpy.types.NodeSocket, groups: Groups = ()) -> tuple[bpy.types
 
 
 def _works(link: bpy.types.NodeLink) -> bool:
+    """Return whether a link carries a value: it is valid, not muted, and comes from a socket in use."""
     return link.is_valid and not link.is_muted and link.from_socket.enabled
 
 
 def _group_result(node: bpy.types.Node, identifier: str) -> bpy.types.NodeSocket | None:
+    """Return the input of the group's output node that feeds its output of this identifier; None where there is
+    none.
+    """
     tree = node.node_tree
     if tree is None:
         return None
@@ -97,11 +101,14 @@ def _group_result(node: bpy.types.Node, identifier: str) -> bpy.types.NodeSocket
 
 
 def _by_identifier(sockets: bpy.types.bpy_prop_collection, identifier: str) -> bpy.types.NodeSocket | None:
+    """Return the socket of this identifier; None where there is none."""
     return next((socket for socket in sockets if socket.identifier == identifier), None)
 
 
 def constant(socket: bpy.types.NodeSocket, groups: Groups = ()) -> Value | None:
-    """The socket's value where it is the same all over the surface, as camera rays see it; None where it may vary."""
+    """Return the socket's value, a number or a tuple, where it is the same all over the surface as camera rays see it;
+    None where it may vary. groups is as for `origin`.
+    """
     source, _ = origin(socket, groups)
     if source is None:
         return None
@@ -117,7 +124,9 @@ def constant(socket: bpy.types.NodeSocket, groups: Groups = ()) -> Value | None:
 
 
 def is_constant(socket: bpy.types.NodeSocket, groups: Groups, wanted: float, *, slack: float = 1e-5) -> bool:
-    """Return whether a socket is this number all over the surface (a colour: black for 0); Cycles' slack is 1e-5."""
+    """Return whether a socket has this value all over the surface, within Cycles' own slack. A colour counts only as 0,
+    when it is black. groups is as for `origin`.
+    """
     value = constant(socket, groups)
     if value is None:
         return False
@@ -127,13 +136,15 @@ def is_constant(socket: bpy.types.NodeSocket, groups: Groups, wanted: float, *, 
 
 
 def is_fed(socket: bpy.types.NodeSocket, groups: Groups = ()) -> bool:
-    """Return whether a node feeds the socket."""
+    """Return whether a node feeds the socket, so that its own value does not count. groups is as for `origin`."""
     source, _ = origin(socket, groups)
     return source is not None and source.is_output
 
 
 def upstream(sockets: list[bpy.types.NodeSocket], groups: Groups = ()) -> Iterator[tuple[bpy.types.NodeSocket, Groups]]:
-    """Each output that takes part in feeding the sockets, once, with the groups that its node is inside of."""
+    """Yield each output that takes part in feeding the sockets, once, with the group nodes that its node is inside of.
+    groups are those that the sockets are inside of.
+    """
     waiting = [(socket, groups) for socket in sockets if socket.is_output or socket.is_linked]
     met = set()
     while waiting:
@@ -153,11 +164,14 @@ def depends_on_camera(
     groups: Groups = (),
     outputs: dict[str, tuple[str, ...] | None] = CAMERA_DEPENDENT_OUTPUTS,
 ) -> bool:
-    """Return whether the value of the sockets may differ between the eyes at the same point."""
+    """Return whether the value of any of the sockets may differ between the eyes at the same point. outputs are those
+    of nodes that depend on the camera; groups is as for `origin`.
+    """
     return any(_tells(source, outputs) for source, _ in upstream(sockets, groups))
 
 
 def _tells(source: bpy.types.NodeSocket, outputs: dict[str, tuple[str, ...] | None]) -> bool:
+    """Return whether this output of a node tells the shader where it is seen from."""
     node = source.node
     if node.bl_idname == "ShaderNodeVectorTransform":
         return "CAMERA" in (node.convert_from, node.convert_to)

@@ -16,9 +16,10 @@ CAMERA_INFO = "GeometryNodeCameraInfo"
 
 
 def what_reads(scene: bpy.types.Scene, paths: Collection[str]) -> str | None:
-    """Say what reads one of these properties of a working scene (paths from the scene, as drivers name them), or None.
+    """Return what reads one of these properties of a working scene, in words; None if nothing does. paths are from the
+    scene, as drivers name them, such as "render.resolution_x".
 
-    Geometry nodes and constraints that read the camera or the picture's shape count as reading all.
+    Geometry nodes and constraints that read the camera or the picture's shape count as reading all of them.
     """
     for block, owner in _driven(scene):
         for curve in owner.animation_data.drivers:
@@ -35,13 +36,13 @@ def what_reads(scene: bpy.types.Scene, paths: Collection[str]) -> str | None:
 
 
 def _is_used(node: bpy.types.Node) -> bool:
+    """Return whether a node is on and any of its outputs is linked."""
     return not node.mute and any(output.is_linked for output in node.outputs)
 
 
 def _driven(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.ID, bpy.types.ID]]:
-    """The datablocks that have drivers, each with the node tree of its own that has them, or itself.
-
-    Of scenes, the working scene alone.
+    """Yield the datablocks that have drivers, each with the owner of the drivers: itself or its own node tree. Of
+    scenes, only the working scene is looked at.
     """
     lists = (prop.identifier for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION")
     for name in lists:
@@ -53,6 +54,9 @@ def _driven(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.ID, bpy.types.ID
 
 
 def _reads(driver: bpy.types.Driver, block: bpy.types.ID, scene: bpy.types.Scene, paths: Collection[str]) -> bool:
+    """Return whether a driver of `block` reads any of the scene's properties of these paths. A Python expression counts
+    if it has the name of one.
+    """
     if driver.type == "SCRIPTED" and PYTHON.search(driver.expression):
         names = {path.rpartition(".")[2] for path in paths}
         return any(re.search(rf"\b{name}\b", driver.expression) for name in names)
@@ -64,7 +68,10 @@ def _reads(driver: bpy.types.Driver, block: bpy.types.ID, scene: bpy.types.Scene
 
 
 def _path(target: bpy.types.DriverTarget, kind: str, block: bpy.types.ID, scene: bpy.types.Scene) -> str | None:
-    """Return the path in a working scene that a variable of a driver of `block` reads, or None."""
+    """Return the path, such as "render.resolution_x", of the working scene's property that a variable of a driver
+    reads; None where it reads anything else. target is one of the variable's targets, kind its type, block the
+    datablock that has the driver.
+    """
     if kind == "CONTEXT_PROP" or (kind == "SINGLE_PROP" and target.id == scene):
         return target.data_path
     own = kind == "SINGLE_PROP" and block == scene.camera and target.id == block

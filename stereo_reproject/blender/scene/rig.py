@@ -23,7 +23,9 @@ PIXEL_ROUNDINGS = 64
 
 @dataclass(frozen=True)
 class FrameRegion:
-    """The rendered pixels: the whole frame's size, and the part of it that is rendered (the border, or all)."""
+    """The pixels that are rendered, row 0 at the top: the size of the whole frame, and within it the left, top and size
+    of the part that is rendered (the render border, or all).
+    """
 
     full_width: int
     full_height: int
@@ -34,7 +36,9 @@ class FrameRegion:
 
 
 def frame_region(render: bpy.types.RenderSettings) -> FrameRegion:
-    """Blender's own rounding of resolution percentage and render border, in pixels with row 0 at the top."""
+    """Return the pixels that these settings render, with Blender's own rounding of resolution percentage and render
+    border.
+    """
     full_width = render.resolution_x * render.resolution_percentage // 100
     full_height = render.resolution_y * render.resolution_percentage // 100
     if not render.use_border:
@@ -46,7 +50,7 @@ def frame_region(render: bpy.types.RenderSettings) -> FrameRegion:
 
 
 def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
-    """The camera, if its pair can be made. Raises BadInputError with what is in the way."""
+    """Return the camera if a pair can be made with it. Raises BadInputError that says what is in the way."""
     if camera is None:
         raise BadInputError("the scene has no camera: set one in Scene properties > Camera")
     if camera.is_missing:
@@ -77,7 +81,7 @@ def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -
 
 
 def _is_wide(eye: Camera) -> bool:
-    """Return whether the pixels of its view plane lie apart, as far as numbers have digits."""
+    """Return whether double precision can tell the pixels of the eye's view plane apart."""
     plane = eye.plane
     sides = ((plane.left, plane.right, eye.width), (plane.bottom, plane.top, eye.height))
     return all(
@@ -87,6 +91,7 @@ def _is_wide(eye: Camera) -> bool:
 
 
 def _why_narrow(data: bpy.types.Camera) -> str:
+    """Return which camera setting may be why an eye has no view, in words."""
     if data.type == "ORTHO" and data.ortho_scale == 0.0:
         return "its orthographic scale is 0: raise it in Camera properties > Lens"
     stereo = data.stereo
@@ -97,6 +102,7 @@ def _why_narrow(data: bpy.types.Camera) -> str:
 
 
 def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: FrameRegion, view: str) -> Camera:
+    """Return one eye of an evaluated camera object as a camera in the world, for the pixels of the region."""
     data = camera.data
     world = np.array(camera.matrix_world, np.float64)
     world[:3, :3] /= np.linalg.norm(world[:3, :3], axis=0)
@@ -106,7 +112,7 @@ def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: Fra
 
 
 def camera_from_eye(data: bpy.types.Camera, view: str) -> NDArray[np.float64]:
-    """(4, 4): the eye's place in the camera's own space, scale left out."""
+    """Return the transform (4, 4) from the eye's space to that of the camera object, whose scale is left out."""
     side = _side(data, view)
     result = np.eye(4)
     if side == 0.0:
@@ -126,12 +132,15 @@ def camera_from_eye(data: bpy.types.Camera, view: str) -> NDArray[np.float64]:
 
 
 def _side(data: bpy.types.Camera, view: str) -> float:
-    """Return the place of the eye in interocular distances from the camera, positive to the right."""
+    """Return where the eye stands beside the camera, in interocular distances, positive to the right."""
     by_pivot = {"LEFT": (0.0, 1.0), "RIGHT": (-1.0, 0.0), "CENTER": (-0.5, 0.5)}
     return by_pivot[data.stereo.pivot][view == "right"]
 
 
 def _stereo_shift(data: bpy.types.Camera, view: str) -> float:
+    """Return the lens shift that off-axis convergence gives an eye, in sensor widths as the camera's Shift X; 0 in
+    other modes.
+    """
     stereo = data.stereo
     if stereo.convergence_mode != "OFFAXIS":
         return 0.0
@@ -142,7 +151,9 @@ def _stereo_shift(data: bpy.types.Camera, view: str) -> float:
 def _view_plane(
     data: bpy.types.Camera, render: bpy.types.RenderSettings, region: FrameRegion, shift_x: float
 ) -> ViewPlane:
-    """The whole frame's view plane, after sensor fit, pixel aspect and shift."""
+    """Return the view plane of the whole frame, after sensor fit, pixel aspect and shift. shift_x is the camera's own
+    with that of the eye.
+    """
     wide = region.full_width * render.pixel_aspect_x
     high = region.full_height * render.pixel_aspect_y
     horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and wide > high)
@@ -155,7 +166,7 @@ def _view_plane(
 
 
 def _region_plane(plane: ViewPlane, region: FrameRegion) -> ViewPlane:
-    """The part of the frame's view plane that the region's pixels cover."""
+    """Return the part of the frame's view plane that the region's pixels cover."""
     step_x = (plane.right - plane.left) / region.full_width
     step_y = (plane.top - plane.bottom) / region.full_height
     left = plane.left + step_x * region.left

@@ -11,8 +11,11 @@ from .working import camera_at
 
 
 def new_names(rendered: Sequence[str], then: Sequence[str], now: Sequence[str]) -> dict[str, str]:
-    """Return the present names of the rendered view layers, by their names at the start. A layer that is gone, in whose
-    place among all of the scene's layers there is a new one, was renamed; a deleted one keeps its name."""
+    """Return the present names of the rendered view layers, by their names at the start.
+
+    then and now are the names of all view layers of the scene, at the start and at present. A layer that is gone and
+    has a new one in its place was renamed; any other that is gone was deleted, and keeps its name.
+    """
     names = {name: name for name in rendered}
     for name in rendered:
         place = then.index(name) if name in then else len(now)
@@ -22,7 +25,9 @@ def new_names(rendered: Sequence[str], then: Sequence[str], now: Sequence[str]) 
 
 
 def renamed_metadata(metadata: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
-    """The texts about cryptomattes, each of which names its view layer, with the layers' new names."""
+    """Return the texts that say what cryptomattes hold, with view layers called by their new names. names are the new
+    names by the old ones.
+    """
     result = dict(metadata)
     for key, text in metadata.items():
         layer, _, matte = text.rpartition(".")
@@ -33,7 +38,9 @@ def renamed_metadata(metadata: Mapping[str, str], names: Mapping[str, str]) -> d
 
 @contextmanager
 def stand_ins(scene: bpy.types.Scene, layers: Sequence[str]) -> Iterator[None]:
-    """A camera where the scene has none, and view layers of these names where they are missing; then gone again."""
+    """Have a camera in the scene if it has none, and view layers of these names where they are missing, for the time of
+    a `with` block; what was added is removed afterwards, also after an error.
+    """
     missing = [name for name in layers if name not in scene.view_layers]
     camera = _add_camera(scene) if camera_at(scene, scene.frame_current) is None else None
     try:
@@ -49,7 +56,9 @@ def stand_ins(scene: bpy.types.Scene, layers: Sequence[str]) -> Iterator[None]:
 
 
 def _add_camera(scene: bpy.types.Scene) -> tuple[str, str]:
-    """The names of a camera and of its data. Nothing is seen through it, but Blender renders nothing without one."""
+    """Give the scene a camera that shows nothing, since Blender renders nothing without one. Return the names of its
+    object and of its data.
+    """
     data = bpy.data.cameras.new("Stereo Reproject Delivery")
     item = bpy.data.objects.new(data.name, data)
     scene.camera = item
@@ -57,6 +66,7 @@ def _add_camera(scene: bpy.types.Scene) -> tuple[str, str]:
 
 
 def _remove_camera(scene: bpy.types.Scene, names: tuple[str, str]) -> None:
+    """Remove the camera that `_add_camera` has added, by its names."""
     # By name: a reference does not survive everything that a render may do.
     scene.camera = None
     for blocks, name in zip((bpy.data.objects, bpy.data.cameras), names, strict=True):

@@ -45,7 +45,9 @@ Box = tuple[NDArray, tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Seen:
-    """An object that may be seen: its materials (None: a slot without), and those of its hair, if it has any."""
+    """An object that may be seen: its name and type, its materials (None is a slot without one), and the materials of
+    its particle hair. catcher and holdout: True for a shadow catcher and a holdout.
+    """
 
     name: str
     kind: str
@@ -58,7 +60,7 @@ class Seen:
 
 
 def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings: Shadings) -> list[Seen]:
-    """Return what may be seen, each combination of object and materials once."""
+    """Return what the cameras may see of a working scene, each combination of object and materials once."""
     layer = rendered_layer(scene)
     rendered = set(_rendered_objects(layer.layer_collection))
     # With the shutter open, what is out of view may come into it.
@@ -77,9 +79,8 @@ def visible_objects(scene: bpy.types.Scene, cameras: Iterable[Camera], shadings:
 
 
 def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
-    """Corners (8, 3), in the world, of a box around each volume; infinite where Blender's bounds may not hold it.
-
-    The world's volume is none: far away it looks the same to both eyes.
+    """Return the corners (8, 3), in the world, of a box around each volume of a working scene; infinite where Blender's
+    bounds may not hold it. The world's own volume is left out, since it looks the same to both eyes far away.
     """
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
@@ -95,9 +96,10 @@ def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
 def _rendered_instances(
     layer: bpy.types.ViewLayer, rendered: set[str], shadings: Shadings, met: set[str]
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, Seen]]:
-    """Each instance that cameras may see, wherever it is; `met` takes the names of the objects that are no instances.
+    """Yield each instance that is rendered and shown to cameras, wherever it is, with what may be seen of it.
 
-    There may be a million instances of a few objects.
+    rendered are the names of the objects that the layer renders. Names of objects that are no instances are added to
+    `met`. There may be a million instances of a few objects.
     """
     known: dict[tuple[str, int, str], Seen] = {}
     for instance in layer.depsgraph.object_instances:
@@ -113,13 +115,14 @@ def _rendered_instances(
 
 
 def _box(instance: bpy.types.DepsgraphObjectInstance) -> Box:
+    """Return the bounds of an instance, with its matrix into the world."""
     # All eight corners at once take Blender ten times as long.
     box = instance.object.bound_box
     return np.array(instance.matrix_world), tuple(box[LOWER]), tuple(box[UPPER])
 
 
 def _corners(boxes: Sequence[Box]) -> NDArray[np.float64]:
-    """Return (N, 8, 3): the corners of N boxes in the world."""
+    """Return the corners (N, 8, 3), in the world, of N boxes that are given by matrix and bounds."""
     matrices = np.array([matrix for matrix, _, _ in boxes], np.float64)
     lower, upper = (np.array([box[k] for box in boxes], np.float64) for k in (1, 2))
     corners = np.where(AT_UPPER, upper[:, None], lower[:, None])
@@ -127,6 +130,7 @@ def _corners(boxes: Sequence[Box]) -> NDArray[np.float64]:
 
 
 def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
+    """Yield the names of the objects that a view layer renders of a collection and those within it."""
     if collection.exclude or collection.collection.hide_render or collection.indirect_only:
         return
     yield from (item.name for item in collection.collection.objects if not item.hide_render)
@@ -137,6 +141,9 @@ def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
 def _is_rendered(
     item: bpy.types.Object, parent: bpy.types.Object | None, rendered: set[str], layer: bpy.types.ViewLayer
 ) -> bool:
+    """Return whether an object, or with parent an instance that the parent makes, is rendered and shown to cameras.
+    rendered are the names of the objects that the layer renders.
+    """
     if item.type not in SHOWN or item.hide_render or not item.visible_camera:
         return False
     if parent is None:
@@ -148,6 +155,7 @@ def _is_rendered(
 def _seen(
     item: bpy.types.Object, parent: bpy.types.Object | None, layer: bpy.types.ViewLayer, shadings: Shadings
 ) -> Seen:
+    """Return what may be seen of an object, or with parent of an instance that the parent makes."""
     owner = parent or item
     override = layer.material_override
     materials = tuple(override or material for material in _materials(item))
@@ -166,7 +174,9 @@ def _seen(
 
 
 def _materials(item: bpy.types.Object) -> list[bpy.types.Material | None]:
-    """The materials that a face of the object has; of what has no faces, or is not evaluated, all of them."""
+    """Return the materials that any face of the object has; all of its slots' where it has no faces or is not
+    evaluated. None is a slot without one.
+    """
     if item.type == "LIGHT":
         return []
     materials: list[bpy.types.Material | None] = [slot.material for slot in item.material_slots] or [None]
@@ -183,7 +193,7 @@ def _materials(item: bpy.types.Object) -> list[bpy.types.Material | None]:
 
 
 def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
-    """The materials of the object's particle hair, as far as it is rendered as strands."""
+    """Return the materials of the object's particle hair that is rendered as strands; None is a slot without one."""
     systems = (system.settings for system in item.particle_systems if system.settings is not None)
     strands = [settings for settings in systems if settings.type == "HAIR" and settings.render_type == "PATH"]
     if not strands:
@@ -193,7 +203,9 @@ def _hair(item: bpy.types.Object) -> list[bpy.types.Material | None]:
 
 
 def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, ...]) -> Iterator[Seen]:
-    """Return the objects whose box meets a view, and those without a box."""
+    """Return those of the objects whose box may meet one of the frustums, and those without a box; all where there are
+    no frustums.
+    """
     inside = np.ones(len(boxes), bool)
     bounded = [index for index, (_, box) in enumerate(boxes) if box is not None]
     if bounded and frustums:
@@ -203,11 +215,12 @@ def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, 
 
 
 def _differs_in_render(item: bpy.types.Object) -> bool:
+    """Return whether the object has a modifier that renders use and the viewport does not."""
     return any(modifier.show_render and not modifier.show_viewport for modifier in item.modifiers)
 
 
 def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:
-    """Return what an object may bring into the picture that the viewport does not show as the render does."""
+    """Yield what an object may bring into the render that the viewport does not show in the same way."""
     for member in brought_along([item]):
         if member.type in SHOWN and member.visible_camera and not member.hide_render:
             yield _seen(member, None, layer, shadings)
@@ -219,7 +232,9 @@ def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shad
 
 
 def lens_of(scene: bpy.types.Scene) -> Lens:
-    """Both eyes' lens."""
+    """Return the lens of the working scene's camera, which both eyes share: clip distances, and with depth of field the
+    aperture's radius and the depth in focus, in scene units.
+    """
     camera = evaluated(scene.camera, scene)
     data = camera.data
     if not data.dof.use_dof:

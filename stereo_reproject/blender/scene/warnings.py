@@ -20,9 +20,9 @@ PLAIN = SceneOverrides()
 
 
 def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict: bool = False) -> list[str]:
-    """Return all that is known before the first render of what its pictures lack: a line each.
+    """Return a line for all that is known, before the first render, to be missing from a pair of this scene.
 
-    Raises BadInputError when nothing may be lacking, and when the scene cannot be rendered as a pair.
+    Raises BadInputError if there is any such line and `strict` is set, and when the scene cannot be rendered as a pair.
     """
     warnings = scene_warnings(scene, overrides)
     if _engine_of(scene, overrides) in EEVEE:
@@ -36,13 +36,15 @@ def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict:
 
 
 def _engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
-    """The source's engine, by a name of the scene's own or of `working.EEVEE`."""
+    """Return Blender's name of the engine that renders the source."""
     by_name = {"cycles": CYCLES, "eevee": EEVEE[0], None: scene.render.engine}
     return by_name[overrides.source_engine]
 
 
 def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) -> list[str]:
-    """Return a line for each part of the scene that a stereo pair does not have yet."""
+    """Return a line for each part of the scene that its pair will lack or have otherwise than Blender's own render:
+    missing files, an unusable compositor, unbaked simulations and so on. Nothing is rendered.
+    """
     warnings = missing_libraries()
     if scene.render.use_compositing and has_compositor(scene):
         blocker = compositor_blocker(scene)
@@ -65,8 +67,9 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
 
 
 def _renders_strips(scene: bpy.types.Scene) -> bool:
-    """Return whether Blender would render the scene's strips in place of the scene, by its own rule
-    (`RE_seq_render_active`)."""
+    """Return whether Blender itself would render the Video Sequencer's strips instead of the scene
+    (`RE_seq_render_active`).
+    """
     editor = scene.sequence_editor
     if not scene.render.use_sequencer or editor is None:
         return False
@@ -76,7 +79,9 @@ def _renders_strips(scene: bpy.types.Scene) -> bool:
 
 
 def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
-    """A line when a render region makes frames smaller, against the scene's own settings."""
+    """Return a warning when a render region makes frames smaller than the scene's own render would be; else an empty
+    list.
+    """
     size = {}
     if overrides.size is not None:
         size = {"resolution_x": overrides.size[0], "resolution_y": overrides.size[1], "resolution_percentage": 100}
@@ -90,14 +95,17 @@ def _cropped(scene: bpy.types.Scene, overrides: SceneOverrides) -> list[str]:
 
 
 def first_layer_alone(scene: bpy.types.Scene, what: str) -> list[str]:
-    """A line when there are several view layers, for what has a look at the first of them only."""
+    """Return a warning when the scene has several view layers, for a command that looks at the first alone; else an
+    empty list. what is the beginning of the sentence: it says what is of the first layer only.
+    """
     layers = layers_to_render(scene)
     return [f"{what} of the first of {len(layers)} view layers, {layers[0]!r}"] if len(layers) > 1 else []
 
 
 def _unbaked(scene: bpy.types.Scene) -> list[str]:
-    """A line when something is simulated and not baked: its state is not part of a file, and frames are visited to
-    and fro."""
+    """Return a warning when a simulation is not baked: its state is not in the file, and frames are not rendered in
+    order. Else an empty list.
+    """
     found = [name for item in brought_along(scene.objects) for name in _unbaked_on(item)]
     world = scene.rigidbody_world
     if world is not None and world.enabled and world.collection and not world.point_cache.is_baked:
@@ -109,6 +117,7 @@ def _unbaked(scene: bpy.types.Scene) -> list[str]:
 
 
 def _unbaked_on(item: bpy.types.Object) -> Iterator[str]:
+    """Yield the names of an object's simulations that are not baked."""
     for modifier in item.modifiers:
         if modifier.type in ("CLOTH", "SOFT_BODY"):
             unbaked = not modifier.point_cache.is_baked
@@ -123,8 +132,10 @@ def _unbaked_on(item: bpy.types.Object) -> Iterator[str]:
 
 
 def _moves(system: bpy.types.ParticleSystem) -> bool:
+    """Return whether a particle system is simulated: it emits particles, or its hair has dynamics."""
     return system.settings.type == "EMITTER" or system.use_hair_dynamics
 
 
 def _has_simulation(tree: bpy.types.NodeTree | None) -> bool:
+    """Return whether geometry nodes simulate anything; None do not."""
     return tree is not None and any(node.bl_idname == "GeometryNodeSimulationInput" for node in tree.nodes)

@@ -28,10 +28,9 @@ MIN_SIDE_PX = 4
 
 
 def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scripts: bool = False) -> bpy.types.Scene:
-    """Load a .blend without its user interface, running its scripts only where `scripts` says so.
-
-    Returns its scene of that name, from the library of that name if it is linked; without a name, the active scene.
-    Raises BadInputError.
+    """Load a .blend without its user interface; its Python scripts run only with `scripts`. Return its scene of this
+    name, from the library of this name if it is linked (None: not linked); without `scene`, the active one. Raises
+    BadInputError.
     """
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
@@ -47,7 +46,9 @@ def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scrip
 
 
 def scene_key(scene: bpy.types.Scene) -> tuple[str, str | None]:
-    """Return the identity of a scene in a file: its name, and the name of the library that it is linked from."""
+    """Return the identity of a scene in a file: its name, and the name of the library that it is linked from (None: not
+    linked).
+    """
     return scene.name, scene.library.name if scene.library else None
 
 
@@ -60,7 +61,7 @@ def check_engine(scene: bpy.types.Scene) -> None:
 
 
 def scene_frames(scene: bpy.types.Scene) -> range:
-    """The frames that Blender would render as an animation. Raises BadInputError when there are none."""
+    """Return the frames that Blender would render as an animation. Raises BadInputError when there are none."""
     frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
     if not frames:
         raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
@@ -68,9 +69,8 @@ def scene_frames(scene: bpy.types.Scene) -> range:
 
 
 def layers_to_render(scene: bpy.types.Scene) -> list[str]:
-    """The names of the view layers that Blender renders, in the scene's order; there may be none.
-
-    Render Single Layer is the window's: without one it is ignored, as Blender itself does.
+    """Return the names of the view layers that Blender renders, in the scene's order; there may be none. Render Single
+    Layer is a setting of windows: without one it is ignored, as by Blender itself.
     """
     if scene.render.use_single_layer and not bpy.app.background and bpy.context.scene == scene:
         return [bpy.context.view_layer.name]
@@ -89,10 +89,11 @@ def check_layers(scene: bpy.types.Scene) -> list[str]:
 def working_scene(
     scene: bpy.types.Scene, overrides: SceneOverrides, *, layer: str | None = None
 ) -> Iterator[bpy.types.Scene]:
-    """A copy of `scene` with a camera of its own, set up to render single stereo views without post-processing.
+    """Have a copy of `scene` with a camera of its own, set up to render single stereo views without post-processing,
+    for the time of a `with` block. The copy is removed afterwards, also after an error.
 
-    It renders one view layer, the first of `layers_to_render` unless another is named. Raises BadInputError when the
-    scene cannot be rendered as a pair.
+    overrides replace settings of the scene, its frame among them. The copy renders one view layer: the first of
+    `layers_to_render`, or the one named. Raises BadInputError when the scene cannot be rendered as a pair.
     """
     engine = _engine(scene, overrides)
     # As Blender has it, a frame that is asked for by its number has no subframe.
@@ -124,7 +125,7 @@ def working_scene(
 
 
 def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
-    """Have a working scene stand at a frame."""
+    """Have a working scene stand at a frame, with the seed and the filter width that are animated for it."""
     stand_at(working, frame, subframe)
     # The fills look at it, and the copy's own value may be that of another frame.
     working.cycles.filter_width = evaluated(working, working).cycles.filter_width
@@ -133,10 +134,11 @@ def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> N
 
 
 class WorkingScenes:
-    """Working scenes for one frame after the other: one that fits the next as well stays, with what Cycles has synced.
+    """Working scenes for one frame after the other. The scene of the last frame stays where it fits the next one too,
+    so that what Cycles has synced is used again.
 
-    A scene of several view layers has one for each of them, made anew each time, so that a layer is freed before the
-    next one's is synced; a camera that a marker binds has one of its own, too.
+    With several view layers, each layer's scene is made anew, and removed before the next layer's is synced. A camera
+    that a timeline marker switches to needs a scene of its own, too.
     """
 
     def __init__(self, scene: bpy.types.Scene) -> None:
@@ -151,12 +153,14 @@ class WorkingScenes:
         self.close()
 
     def close(self) -> None:
-        """Remove what is kept; the next frame's is made anew."""
+        """Remove the scene that is kept; a later frame gets a new one."""
         self._kept = None
         self._open.close()
 
     def at(self, overrides: SceneOverrides, layer: str) -> bpy.types.Scene:
-        """One that stands at the frame of the overrides, which are otherwise always the same. Raises BadInputError."""
+        """Return a working scene for this view layer, which stands at the frame of the overrides. The rest of the
+        overrides should always be the same, else a new scene is made. Raises BadInputError.
+        """
         frame = self._scene.frame_current if overrides.frame is None else overrides.frame
         camera = camera_at(self._scene, frame)
         key = (layer, camera and camera.session_uid, replace(overrides, frame=None))
@@ -172,7 +176,9 @@ class WorkingScenes:
 
 
 def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
-    """Return the engine that is to render the scene. Raises BadInputError."""
+    """Return Blender's name of the engine that is to render the scene. Raises BadInputError where engine or settings
+    cannot be used.
+    """
     if overrides.source_engine is None:
         check_engine(scene)
         engine = scene.render.engine
@@ -191,7 +197,7 @@ def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
 
 
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
-    """The datablock as it is in the frame of a working scene that is rendered: animated, driven and constrained."""
+    """Return a datablock as it is in the present frame of a working scene: animated, driven and constrained."""
     layer = rendered_layer(scene)
     # What was set since then, for a packed render or a frame, counts.
     layer.update()
@@ -200,7 +206,9 @@ def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
 
 @contextmanager
 def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
-    """Change properties of a scene, or of something in it, for the body; then restore them."""
+    """Have properties of a scene, or of something in it, set to these values, for the time of a `with` block; the
+    earlier values are restored afterwards, also after an error.
+    """
     kept = {name: getattr(owner, name) for name in values}
     try:
         for name, value in values.items():
@@ -213,17 +221,17 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 
 
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
-    """The one view layer that a working scene renders."""
+    """Return the one view layer that a working scene renders."""
     return next(layer for layer in scene.view_layers if layer.use)
 
 
 def main_layer(scene: bpy.types.Scene) -> str:
-    """The name of the first view layer that is used, or else of the first."""
+    """Return the name of the first view layer that is used for rendering; the first of all where none is."""
     return next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
 
 
 def focus_distance(scene: bpy.types.Scene) -> float:
-    """The depth in focus of a working scene's camera, in scene units."""
+    """Return the depth in focus of a working scene's camera, in scene units."""
     camera = evaluated(scene.camera, scene)
     focus = camera.data.dof.focus_object
     if focus is None:
@@ -233,9 +241,9 @@ def focus_distance(scene: bpy.types.Scene) -> float:
 
 
 def make_small(working: bpy.types.Scene, width: int) -> float:
-    """Have a working scene rendered so wide in pixels, or half as wide as it was; its width over what it was.
-
-    Neither side of what is rendered becomes smaller than Blender can.
+    """Lower the resolution of a working scene to about this width in pixels, but to no more than half of what it was,
+    and return the new width over the old one. Neither side becomes smaller than Blender can render, even where that is
+    more than half.
     """
     render = working.render
     region = frame_region(render)
@@ -250,23 +258,29 @@ def make_small(working: bpy.types.Scene, width: int) -> float:
 
 
 def return_to_own_frame(scene: bpy.types.Scene, frame: int, subframe: float = 0.0) -> None:
-    """Rendering another frame of a copy moves what is animated, and copies share that with the user's scene."""
+    """Evaluate the scene at its own frame again, if (frame, subframe), at which a copy of it was rendered, is another:
+    what is animated is shared with copies, and moved with them.
+    """
     own = _standing(scene)
     if own != (frame, subframe):
         stand_at(scene, *own)
 
 
 def stand_at(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
-    """Have a scene stand where another does: before frame 0 a subframe is negative, which Blender takes from nobody."""
+    """Have a scene stand at a frame and subframe. Before frame 0 Blender's own subframes are negative, which its
+    function does not take: they are counted from the frame before.
+    """
     before = 1 if subframe < 0.0 else 0
     scene.frame_set(frame - before, subframe=subframe + before)
 
 
 def _standing(scene: bpy.types.Scene) -> tuple[int, float]:
+    """Return the frame and the subframe that the scene stands at."""
     return scene.frame_current, scene.frame_subframe
 
 
 def _check_region(render: bpy.types.RenderSettings) -> None:
+    """Raise BadInputError if fewer pixels are to be rendered than Blender can."""
     region = frame_region(render)
     if min(region.width, region.height) < MIN_SIDE_PX:
         raise BadInputError(
@@ -276,12 +290,16 @@ def _check_region(render: bpy.types.RenderSettings) -> None:
 
 
 def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
-    """The camera that Blender renders a frame with."""
+    """Return the camera that Blender renders a frame with: one that a timeline marker binds, or else the scene's. None
+    where there is neither.
+    """
     return _camera_by_marker(scene, frame) or scene.camera
 
 
 def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
-    """The camera that the last marker up to `frame` binds, or else the first, as Blender switches cameras."""
+    """Return the camera that a timeline marker binds at a frame, as Blender switches cameras: by the last marker up to
+    it, or else by the first. None where no marker binds one.
+    """
     bound = [marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render]
     if not bound:
         return None
@@ -290,6 +308,9 @@ def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | 
 
 
 def _set_up(scene: bpy.types.Scene, layer: str) -> None:
+    """Set a working scene up to render one view layer for stereo: with colour and depth, and without compositor or
+    sequencer.
+    """
     render = scene.render
     render.use_persistent_data = True
     render.use_compositing = False
@@ -309,6 +330,7 @@ def _set_up(scene: bpy.types.Scene, layer: str) -> None:
 
 
 def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
+    """Set seed and denoising of a working scene that Cycles renders as the overrides say."""
     _take_over_seed(scene)
     if overrides.seed is not None:
         scene.pop(DRIVEN_SEED, None)
@@ -320,8 +342,9 @@ def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
 
 
 def _take_over_seed(scene: bpy.types.Scene) -> None:
-    """Each render of a frame has a seed of its own; a driver, of which there is the old idiom #frame, would undo it.
-    What it says for a frame is found in another property."""
+    """Move a driver of the scene's seed to another property, from which `move_to` reads it: each render of a frame
+    needs a seed of its own, which the driver would overwrite.
+    """
     drivers = scene.animation_data.drivers if scene.animation_data else ()
     driver = next((curve for curve in drivers if curve.data_path == "cycles.seed"), None)
     if driver is not None:
@@ -331,6 +354,7 @@ def _take_over_seed(scene: bpy.types.Scene) -> None:
 
 
 def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOverrides) -> None:
+    """Set a working scene and its camera's stereo settings as the overrides say."""
     if overrides.size is not None:
         scene.render.resolution_x, scene.render.resolution_y = overrides.size
         scene.render.resolution_percentage = 100
@@ -354,7 +378,9 @@ def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOve
 
 
 def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
-    """Take the copies out again; by name, because a reference does not survive everything that a render may do."""
+    """Remove the copies of scene, camera object and camera data that `working_scene` has made. They are found by name,
+    since a reference may not survive a render.
+    """
     scene = bpy.data.scenes.get(scene_name)
     if scene is not None:
         # Frees what Cycles keeps between renders.
