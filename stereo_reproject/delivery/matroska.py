@@ -33,7 +33,7 @@ WEBM_MODES = frozenset({0, 1, 2, 3, 11})
 """Values of StereoMode that WebM has (WebM Project, "WebM Container Guidelines")."""
 
 DOUBLED = {**dict.fromkeys((1, 8, 9, 11), (2, 1)), **dict.fromkeys((2, 3, 6, 7), (1, 2))}
-"""By how much libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
+"""Factors by which libavformat takes the frame to be wider and higher than one eye's picture, by StereoMode."""
 
 MAX_HEADER_BYTES = 12
 """Bytes: four of number and eight of size."""

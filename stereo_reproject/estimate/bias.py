@@ -148,9 +148,9 @@ def bias_of(
     weight = known / (nearby + share * contrast[probes.rows, probes.columns] + 1e-6)
     added, without_own = np.zeros_like(residual), np.zeros_like(residual)
     for reach in TUNING.bias_reaches_tiles:
-        left = weight[:, None] * (residual - added)
-        total, certainty = alike.sum(left, reach), alike.sum(weight, reach)
-        without_own += _shrunk_mean(total - left, certainty - weight)
+        residuals = weight[:, None] * (residual - added)
+        total, certainty = alike.sum(residuals, reach), alike.sum(weight, reach)
+        without_own += _shrunk_mean(total - residuals, certainty - weight)
         added += _shrunk_mean(total, certainty)
     return Bias(probes, added, without_own, numbers)
 

@@ -80,7 +80,7 @@ class DenoisedEstimator:
             self.contrast,
             replace(traces, warped=seen.at_probes),
             materials=materials,
-            noise_left=self.denoising.noise_left,
+            remaining_noise=self.denoising.remaining_noise,
             selection=seen.selection,
         )
         return target, evidence

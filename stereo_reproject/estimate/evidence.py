@@ -66,18 +66,18 @@ class TileEvidence:
     """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
     excess: squared error beyond noise, summed over the tile's warped pixels; from its probe, or, for a tile that was
-    traced since (`refined`), from all its pixels. left: the excess that the frame still has in this tile, on average.
-    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise
-    shows. pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess is
-    taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
-    unknown. noise_left: variance of a denoised pixel over that of a traced one. The last two are for denoised pictures,
-    else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by the second
-    traces alone.
+    traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on
+    average. noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own
+    noise shows. pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess
+    is taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None
+    if unknown. remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised
+    pictures, else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by
+    the second traces alone.
     """
 
     probes: Probes
     excess: NDArray[np.float64]
-    left: NDArray[np.float64]
+    remaining: NDArray[np.float64]
     noise: NDArray[np.float64]
     seen_noise: NDArray[np.float64]
     pixels: NDArray[np.float64]
@@ -85,9 +85,9 @@ class TileEvidence:
     refined: NDArray[np.bool_]
     frame_pixels: int
     materials: ShownMaterials | None = None
-    noise_left: float = 1.0
+    remaining_noise: float = 1.0
     selection: NDArray[np.float64] | None = None
-    left_by_second: NDArray[np.float64] | None = None
+    remaining_by_second: NDArray[np.float64] | None = None
 
     @property
     def mean_noise(self) -> float:
@@ -108,7 +108,7 @@ class TileEvidence:
     def traced_noise(self) -> float:
         """Variance of a pixel as it is traced over that of a pixel of the delivered picture: above 1 where that is
         denoised."""
-        return 1.0 / self.noise_left
+        return 1.0 / self.remaining_noise
 
     @property
     def frame_noise(self) -> float:
@@ -124,26 +124,26 @@ def measure_tiles(
     traces: ProbeTraces,
     *,
     materials: NDArray[np.integer] | None = None,
-    noise_left: float = 1.0,
+    remaining_noise: float = 1.0,
     selection: SelectionEvidence | None = None,
 ) -> TileEvidence:
     """Return the evidence of the probes for the pixels of `warped` (H, W), among which the probes' own pixels must be.
 
     contrast is that of the warped picture. materials (H, W) is a number for the materials that each pixel shows, None
-    if unknown. noise_left is the variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
-    selection is the evidence of the first traces alone, if tiles are chosen by it; the error that is left is then told
-    by the second traces alone.
+    if unknown. remaining_noise is the variance of a denoised pixel over that of a traced one, 1 where nothing is
+    denoised. selection is the evidence of the first traces alone, if tiles are chosen by it; the error that is left is
+    then told by the second traces alone.
     """
     w, a, b = traces.toned(traces.finite)
-    noise = noise_left * np.mean((a - b) ** 2, axis=-1) / 2.0
+    noise = remaining_noise * np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard_share(probes, noise)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
     excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
-    by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, noise_left)
+    by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)
     return TileEvidence(
         probes=probes,
         excess=excess,
-        left=excess,
+        remaining=excess,
         noise=share * noise,
         seen_noise=probes.tile_mean(contrast.noise, warped),
         pixels=probes.tile_sum(warped),
@@ -151,14 +151,14 @@ def measure_tiles(
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
         materials=None if materials is None else _materials_in(probes, materials, expected, excess),
-        noise_left=noise_left,
+        remaining_noise=remaining_noise,
         selection=None if selection is None else selection.excess,
-        left_by_second=None if by_second is None else probes.weight * by_second,
+        remaining_by_second=None if by_second is None else probes.weight * by_second,
     )
 
 
 def _excess_by_second(
-    probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, noise_left: float
+    probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, remaining_noise: float
 ) -> NDArray[np.float64]:
     """Return the squared error beyond noise (N,) of the probes' pixels, by their second trace alone; residual (N, 3) is
     the warped colour less the second, after `tone`.
@@ -170,8 +170,8 @@ def _excess_by_second(
     scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
     error = np.mean(residual**2, axis=-1)
     limit = TUNING.max_probe_noise_ratio
-    heard = np.minimum(1.0, limit * scale * local / noise_left / np.maximum(error, 1e-30))
-    return heard * error - (1.0 + 1.0 / noise_left) * scale * local
+    heard = np.minimum(1.0, limit * scale * local / remaining_noise / np.maximum(error, 1e-30))
+    return heard * error - (1.0 + 1.0 / remaining_noise) * scale * local
 
 
 def _materials_in(
@@ -224,7 +224,7 @@ class RefinedTiles:
 
 def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.float64]) -> TileEvidence:
     """Return the evidence after some tiles were traced: their excess is then known from all their pixels, and is gone
-    from `left`.
+    from `remaining`.
 
     noise (N,) is the variance of one pixel of a plain render. For a tile that was chosen by its own probe alone, only
     as much is gone as all its pixels show. Such a probe stood out, so it may have told too much, as the probes of the
@@ -239,12 +239,12 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     counted = (1.0 + evidence.traced_noise) * evidence.probes.tile_sum(known)
     excess = evidence.probes.tile_sum(error) - noise * counted
     found = evidence.probes.tile_sum(error) - evidence.neighbourhood_noise * counted
-    taken = evidence.left if done.outliers is None else np.where(done.outliers, found, evidence.left)
+    taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
     return replace(
         evidence,
         selection=None if evidence.selection is None else _selection_after(evidence, refined, excess),
         excess=np.where(refined, excess, evidence.excess),
-        left=np.where(refined, evidence.left - taken, evidence.left),
+        remaining=np.where(refined, evidence.remaining - taken, evidence.remaining),
         refined=evidence.refined | refined,
     )
 

@@ -87,10 +87,10 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     sums over the same probes (linearized), each tile a stratum.
     """
     noise, weight = evidence.frame_noise, evidence.probes.weight
-    gone = np.concatenate([[0.0], np.cumsum(evidence.left[order])])
-    excess = (evidence.left.sum() - gone) / noise
+    gone = np.concatenate([[0.0], np.cumsum(evidence.remaining[order])])
+    excess = (evidence.remaining.sum() - gone) / noise
     share = 2.0 * evidence.frame_pixels * weight * (evidence.noise - evidence.mean_noise) / weight.sum() / noise
-    own = evidence.left / noise
+    own = evidence.remaining / noise
     # sum over all of (own - excess share)^2, without `own` for the tiles that are traced
     taken = own[order]
     squares = np.sum(own**2) - np.concatenate([[0.0], np.cumsum(taken**2)])

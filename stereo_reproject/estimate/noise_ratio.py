@@ -44,9 +44,11 @@ def estimate(evidence: TileEvidence) -> Estimate:
     """Return the frame's noise ratio with its interval; tiles that were refined count as traced."""
     if not evidence.frame_noise:
         return AS_RENDERED
-    if evidence.left_by_second is not None:
+    if evidence.remaining_by_second is not None:
         # Tiles were chosen by what their own first trace told.
-        evidence = replace(evidence, left=np.where(evidence.refined, evidence.left, evidence.left_by_second))
+        evidence = replace(
+            evidence, remaining=np.where(evidence.refined, evidence.remaining, evidence.remaining_by_second)
+        )
     excess, error = remaining_excess(evidence, np.zeros(0, np.intp))
     return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(evidence, evidence.refined))
 

@@ -21,7 +21,7 @@ class Provenance(IntFlag):
     PROBE = 2
     """Traced twice, to measure how good the warp is there; the pixel is the mean of both."""
     REFINED = 4
-    """In a tile that probes asked to be traced: also the probes in it."""
+    """Pixel of a tile that probes asked to be traced, the tile's own probe included."""
     REFERENCE = 8
     """Traced only to be compared with the warped colour, which the pixel keeps."""
 

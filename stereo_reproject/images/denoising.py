@@ -28,12 +28,12 @@ scene-linear colour (H, W, 3) of each."""
 class Denoising:
     """A denoiser, and how much noise it leaves.
 
-    noise_left is the share of a pixel's variance, from 0 to 1, that is left after denoising; it is 1 as long as it was
-    not measured, which the function `noise_left` does.
+    remaining_noise is the share of a pixel's variance, from 0 to 1, that is left after denoising; it is 1 as long as it
+    was not measured, which the function `remaining_noise` does.
     """
 
     denoise: Denoise
-    noise_left: float = 1.0
+    remaining_noise: float = 1.0
 
     def denoised_colour(self, passes: Passes) -> NDArray[np.float32]:
         """Return the denoised scene-linear colour (H, W, 4) of a picture's NOISY_PASS; alpha is not denoised."""
@@ -73,7 +73,7 @@ def denoise_target(
     return {**target, COLOUR_PASS: blended.astype(np.float32)}
 
 
-def noise_left(source: Passes, denoise: Denoise) -> float:
+def remaining_noise(source: Passes, denoise: Denoise) -> float:
     """Return the share, from 0 to 1, of a traced pixel's variance (after `metrics.tone`) that is left in the denoised
     source.
 
@@ -93,7 +93,7 @@ def noise_left(source: Passes, denoise: Denoise) -> float:
         inner = _inner(clean.shape[:2])
         before += squared_error(picture[NOISY_PASS], clean)[inner].sum()
         after += squared_error(again, clean)[inner].sum()
-    return float(np.clip(after / before, TUNING.min_noise_left, 1.0)) if before > 0.0 else 1.0
+    return float(np.clip(after / before, TUNING.min_remaining_noise, 1.0)) if before > 0.0 else 1.0
 
 
 def _with_random_signs(picture: Passes, coins: np.random.Generator) -> Passes:

@@ -35,7 +35,7 @@ class ImagesTuning:
     window_margin_px: int = 24
     """Pixels along the border of such a part that are not read: the denoiser sees less around them than it does in the
     whole picture. By hand."""
-    min_noise_left: float = 1e-4
+    min_remaining_noise: float = 1e-4
     """Share of the variance that denoising is taken to leave at least. By hand: far below the 2 to 5 % that were
     measured (docs/production.md), so that it only keeps later divisions from zero."""
 

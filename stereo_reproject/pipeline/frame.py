@@ -15,7 +15,7 @@ from ..estimate.target import Provenance, Target
 from ..estimate.tracing import Refinement, TargetTracing, WarpedTarget
 from ..holes.classifier import Optics
 from ..holes.reprojection import Reprojection, reproject
-from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, noise_left
+from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, remaining_noise
 from ..images.effects import Effect, EffectsPlan
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_internal_passes
@@ -279,8 +279,8 @@ def _render_source(
     passes = denoise_source(passes, denoising)
     cost = replace(cost, denoise_seconds=watch.seconds_so_far)
     if needs_probes and accuracy.promise is not None:
-        left = findings.noise_left(partial(noise_left, passes, denoising.denoise))
-        denoising = replace(denoising, noise_left=left)
+        remaining = findings.remaining_noise(partial(remaining_noise, passes, denoising.denoise))
+        denoising = replace(denoising, remaining_noise=remaining)
     rendered = RenderedView(view, passes, invalid, cost)
     return replace(source, rendered=rendered, denoising=denoising, accuracy=for_denoised(accuracy))
 

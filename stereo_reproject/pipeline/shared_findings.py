@@ -19,7 +19,7 @@ class SharedFindings:
         frame."""
         return found
 
-    def noise_left(self, find: Callable[[], float]) -> float:
+    def remaining_noise(self, find: Callable[[], float]) -> float:
         """Return the share, 0 to 1, of a pixel's variance that denoising leaves; `find` measures it on this frame."""
         return find()
 

@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"source": PALE, "tracing": BLUE, "denoising": SKY, REST: PURPLE}
-OURS, PEER = "Stereo Reproject", "multiview"
+OURS, REFERENCE = "Stereo Reproject", "multiview"
 
 MAX_MARKERS = 60
-"""Points of the peer up to which each has a marker; more would hide their line."""
+"""Points of the multiview reference up to which each has a marker; more would hide their line."""
 MAX_VECTOR_FRAMES = 1000
 """Frames up to which the areas are made of lines in an SVG, else of pixels."""
 MAX_NAMED_FRAMES = 12
@@ -78,7 +78,7 @@ def draw_animation(report: Mapping[str, Any]) -> Figure:
     write_texts(figure, _title(report), _details(report, series), notes)
     upper, lower = _add_axes(figure, notes)
     _draw_stages(upper, series)
-    _draw_peer(upper, series)
+    _draw_reference(upper, series)
     _draw_traced(lower, series)
     _scale(upper, lower, series)
     _name_lines(upper, series)
@@ -132,14 +132,14 @@ def _common(rows: Sequence[Mapping[str, Any]], key: str) -> Any:
 def _notes(report: Mapping[str, Any], series: Series) -> str:
     """Return the notes below the chart: what its words mean, and which frames are missing or have failed."""
     compared = int(np.isfinite(series.measured).sum())
-    peer = (
+    reference = (
         f"measured on {compared} of {_counted(len(report['frames']))}"
         if compared
         else "predicted from what the source eye has cost"
     )
     facts = (
-        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {peer}. Traced: the share "
-        "of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
+        f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: the "
+        "share of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
         "else that is done before the next frame begins."
     )
     notes = [facts]
@@ -217,25 +217,25 @@ def _width(series: Series) -> float:
     return 1.6 if len(series.frames) <= 200 else 0.8
 
 
-def _peer(series: Series) -> tuple[str, NDArray]:
+def _reference(series: Series) -> tuple[str, NDArray]:
     """Return "measured" or "predicted", and the seconds (N,) of Blender's multiview known in that way: measured ones if
     any frame was compared."""
     measured = np.isfinite(series.measured).any()
     return ("measured", series.measured) if measured else ("predicted", series.predicted)
 
 
-def _draw_peer(axes: Axes, series: Series) -> None:
+def _draw_reference(axes: Axes, series: Series) -> None:
     """Draw the seconds of multiview as a line: over every frame if they are predicted, else through the frames that
     were compared."""
-    how, seconds = _peer(series)
+    how, seconds = _reference(series)
     if how == "predicted":
-        axes.stairs(seconds, _edges(series), baseline=None, label=PEER, **_look_of_peer(how, seconds))
+        axes.stairs(seconds, _edges(series), baseline=None, label=REFERENCE, **_look_of_reference(how, seconds))
         return
     # The line goes on over frames that were not compared, but not over those that are not there.
     shown = np.isfinite(seconds) | ~series.there
     frames, seconds = series.frames[shown], seconds[shown]
-    look = {**_look_of_peer(how, seconds), "marker": "o"}
-    axes.plot(frames, seconds, markevery=_marked(seconds), label=PEER, **look)
+    look = {**_look_of_reference(how, seconds), "marker": "o"}
+    axes.plot(frames, seconds, markevery=_marked(seconds), label=REFERENCE, **look)
 
 
 def _marked(seconds: NDArray) -> list[int]:
@@ -261,7 +261,7 @@ def _draw_traced(axes: Axes, series: Series) -> None:
 def _draw_reported(upper: Axes, lower: Axes, series: Series, reported: Mapping[str, Any]) -> None:
     """Draw others' published figures: the range of seconds that would follow from their speed-ups over multiview into
     the upper axes, their traced share into the lower ones."""
-    seconds = _peer(series)[1]
+    seconds = _reference(series)[1]
     known = np.isfinite(seconds)
     ends = [seconds[known] / speedup for speedup in reported["speedup"]]
     upper.fill_between(series.frames[known], *ends, color=YELLOW, alpha=0.35, linewidth=0.0, label=reported["name"])
@@ -280,7 +280,7 @@ def _scale(upper: Axes, lower: Axes, series: Series) -> None:
 
     upper.set_ylabel("seconds per frame")
     stacked = np.sum([np.nan_to_num(seconds) for seconds in series.stages.values()], axis=0)
-    known = np.concatenate([stacked, series.seconds, _peer(series)[1]])
+    known = np.concatenate([stacked, series.seconds, _reference(series)[1]])
     upper.set_ylim(0.0, 1.08 * np.nanmax(known) or 1.0)
     traced = 100.0 * series.traced[np.isfinite(series.traced)]
     lower.set_ylim(0.0, 1.15 * traced.max(initial=0.0) or 1.0)
@@ -317,8 +317,8 @@ def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
         entries.append((name, series.stages[name], look, 0.5 * (below + above)))
         below = above
     entries.append((OURS, series.seconds, {"color": VERMILLION, "linewidth": 1.8}, series.seconds))
-    how, seconds = _peer(series)
-    entries.append((f"{PEER}, {how}", seconds, _look_of_peer(how, seconds), seconds))
+    how, seconds = _reference(series)
+    entries.append((f"{REFERENCE}, {how}", seconds, _look_of_reference(how, seconds), seconds))
     return [
         (name, mean, look, float(places[np.isfinite(places)][-1]))
         for name, values, look, places in entries
@@ -326,7 +326,7 @@ def _named(series: Series) -> list[tuple[str, float, dict[str, Any], float]]:
     ]
 
 
-def _look_of_peer(how: str, seconds: NDArray) -> dict[str, Any]:
+def _look_of_reference(how: str, seconds: NDArray) -> dict[str, Any]:
     """Return the look of multiview's line as options of matplotlib; how is "measured" or "predicted", and seconds (N,)
     decide if it has markers."""
     if how == "predicted":

@@ -3,6 +3,7 @@
 A run announces its frames and fingerprints in its file, and then looks at the announcements of the others. Where two
 would render the same frame differently, both may find each other. Then the one with the greater token gives way at
 once; the one with the smaller token waits until the other has gone, or has settled and renders. A settled run stays.
+One that does neither for long (it was stopped, and only its number goes on) counts as settled.
 """
 
 from __future__ import annotations
@@ -74,15 +75,18 @@ def settle(
     the other. waits is called with the frames in question before each wait. Raises OtherRunError where this run has to
     give way, and OSError.
     """
+    runs = journal.runs
+    begun = runs.clock()
     while rivals := _rivals(journal, frames, wanted, token):
+        waited_long = runs.clock() - begun >= runs.stale_seconds
         for rival in rivals:
-            at_work = journal.runs.is_at_work(rival.token)
+            at_work = runs.is_at_work(rival.token)
             common = sorted(rival.frames.intersection(frames))
-            if at_work and (rival.settled or rival.token < token):
+            if at_work and (rival.settled or rival.token < token or waited_long):
                 raise _mixed(journal, f"another run renders frames {spelled(common)} there", wanted, rival.wanted)
             waits(common)
         time.sleep(POLL_SECONDS)
-    journal.runs.mark_settled(token)
+    runs.mark_settled(token)
 
 
 def _rivals(journal: Journal, frames: Collection[int], wanted: Fingerprints, own: str) -> list[LiveRun]:

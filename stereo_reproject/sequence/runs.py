@@ -68,7 +68,9 @@ class LiveRuns:
     def __init__(
         self, folder: Path, *, stale_seconds: float = STALE_SECONDS, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._folder, self._stale, self._clock = folder, stale_seconds, clock
+        self.stale_seconds = stale_seconds
+        self.clock = clock
+        self._folder = folder
         self._seen: dict[str, tuple[bytes, float]] = {}
         self._beating: set[str] = set()
 
@@ -81,13 +83,13 @@ class LiveRuns:
             return False
         if _is_dead_here(content):
             return False
-        now = self._clock()
+        now = self.clock()
         beat = content[-BEAT_DIGITS:]
         if token not in self._seen or self._seen[token][0] != beat:
             if token in self._seen:
                 self._beating.add(token)
             self._seen[token] = beat, now
-        return now - self._seen[token][1] < self._stale
+        return now - self._seen[token][1] < self.stale_seconds
 
     def is_at_work(self, token: str) -> bool | None:
         """Return True for a run whose number was seen to change and that lives, False for a dead one, and None while

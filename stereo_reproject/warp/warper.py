@@ -38,7 +38,10 @@ class Warper:
     device: str | None = None
 
     def warp(self, sources: Sequence[RenderedView], target: View, options: WarpOptions = DEFAULTS) -> WarpedView:
-        """Return the target as one or more sources show it; `merge` says which of several answers for a pixel."""
+        """Return the target as one or more sources show it; `merge` says which of several answers for a pixel.
+
+        Only empty pixels count as unanswered here. A frame's pixels are judged by all hole rules: `holes.reprojection`.
+        """
         views = [_with_untraced(self.warp_view(source, target, options), source, options) for source in sources]
         return merge_views(views, [view.empty for view in views], sources, target)
 

@@ -62,7 +62,7 @@ class Frame:
             contrast,
             replace(traces, warped=seen.at_probes),
             materials=self.shown,
-            noise_left=LEFT,
+            remaining_noise=LEFT,
             selection=seen.selection,
         )
 
@@ -117,7 +117,7 @@ def test_estimates_are_honest_though_tiles_are_chosen_by_their_own_probe(bias):
         chosen = choose_tiles(measured, 1.1, worst=1.8)
         pixels = measured.probes.pixels_of(chosen)
         kept = measured.__class__(
-            **{**measured.__dict__, "refined": chosen, "left": np.where(chosen, 0.0, measured.left)}
+            **{**measured.__dict__, "refined": chosen, "remaining": np.where(chosen, 0.0, measured.remaining)}
         )
         differences.append(estimate(kept).excess - frame.true_excess(pixels))
     error = np.std(differences) / np.sqrt(len(differences))

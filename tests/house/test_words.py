@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = ("stereo_reproject", "operators")
 
-UNCLEAR = re.compile(r"(What|Whether|Where|How|The same|Of|As|Which|Who|When|Why)\b")
+UNCLEAR = re.compile(r"(What|Whether|Where|How|The same|Of|As|Which|Who|When|Why|In|By|For|None|Nothing|Raises)\b")
 """First words that leave open what the thing itself is."""
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.images.contrast import box_sum
-from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target, noise_left
+from stereo_reproject.images.denoising import Denoising, denoise_source, denoise_target, remaining_noise
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.images.tuning import TUNING
 
@@ -51,13 +51,13 @@ def test_the_share_of_noise_that_is_left_is_found_without_another_render(side):
     source = picture()
     clean = source[COLOUR_PASS].copy()
     clean[..., :3] = in_blocks([source], side)[0]
-    left = noise_left({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
+    left = remaining_noise({**source, COLOUR_PASS: clean}, lambda pictures: in_blocks(pictures, side))
     assert left == pytest.approx(side**-2, rel=LEFT_TOLERANCE)
 
 
 def test_a_denoiser_that_does_nothing_leaves_all_of_it():
     source = picture()
-    assert noise_left(source, lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures]) == 1.0
+    assert remaining_noise(source, lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures]) == 1.0
 
 
 @pytest.mark.parametrize("shape", [(300, 520), (128, 160), (9, 11), (1, 1), (2000, 30)])
@@ -68,7 +68,7 @@ def test_a_picture_of_any_size_has_windows(shape):
         sizes.extend(p[NOISY_PASS].shape[:2] for p in pictures)
         return blurred(pictures)
 
-    left = noise_left(picture(shape), denoise)
+    left = remaining_noise(picture(shape), denoise)
     assert 0.0 < left <= 1.0
     assert set(sizes) == {TUNING.denoise_window_px if len(sizes) == int(np.prod(TUNING.denoise_windows)) else shape}
 

@@ -315,17 +315,17 @@ def test_what_another_frame_has_found_is_not_looked_for_again():
             self.found.append(found)
             return found
 
-        def noise_left(self, find):
+        def remaining_noise(self, find):
             return self.left or find()
 
     given, estimates = [], []
-    for precedent in (None, Known(None), Known(0.5)):
+    for findings in (None, Known(None), Known(0.5)):
         renderer = caster(noise=0.1)
         renderer.view_dependent, renderer.denoise = ("a mirror",), Denoiser()
-        frame = render_stereo_frame(renderer, settings(), findings=precedent)
+        frame = render_stereo_frame(renderer, settings(), findings=findings)
         given.append(len(renderer.denoise.given))
         estimates.append(frame.refinement.estimate)
-        assert precedent is None or [cost.seconds for cost in precedent.found] == [renderer.cost.seconds]
+        assert findings is None or [cost.seconds for cost in findings.found] == [renderer.cost.seconds]
     assert given[0] == given[1] == given[2] + 1
     assert estimates[0] == estimates[1] != estimates[2]
 

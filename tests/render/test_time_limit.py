@@ -1,4 +1,4 @@
-"""A scene with a time limit: both eyes have the samples that there was time for, and so has the peer."""
+"""A scene with a time limit: both eyes have the samples that there was time for, and so has multiview."""
 
 import numpy as np
 import pytest

@@ -498,6 +498,21 @@ def test_a_run_that_settles_meanwhile_stays_whatever_its_token(journal):
     assert len(waits) == 3
 
 
+def test_a_run_that_was_stopped_before_it_settled_is_not_waited_for_for_ever(journal, clock):
+    """Its number goes on, for another process counts it."""
+    announce(journal, settled=0)
+    waits = []
+
+    def it_beats(frames):
+        waits.append(frames)
+        clock.now += STALE_SECONDS / 3
+        announce(journal, settled=0, beat=len(waits))
+
+    with pytest.raises(BadInputError, match="another run renders frames 3-4 there"):
+        settle(journal, FRAMES, WANTED, SMALLEST, it_beats)
+    assert len(waits) == 3
+
+
 def is_settled(journal, token):
     (found,) = (run.settled for run in other_runs(journal, OWN) if run.token == token)
     return found

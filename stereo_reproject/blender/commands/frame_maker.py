@@ -88,11 +88,11 @@ class AgreedFindings(SharedFindings):
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
-    def noise_left(self, find: Callable[[], float]) -> float:
+    def remaining_noise(self, find: Callable[[], float]) -> float:
         """Return the agreed share of noise that the denoiser leaves, 0 to 1; `find` is called only if there is none
         yet.
         """
-        return float(np.clip(self._found(self._of_block, "noise_left", find), TUNING.min_noise_left, 1.0))
+        return float(np.clip(self._found(self._of_block, "noise_left", find), TUNING.min_remaining_noise, 1.0))
 
     def gpu_is_faster(self, find: Callable[[], bool]) -> bool:
         """Return whether the GPU is agreed to warp faster than NumPy; `find` is called only if that is not known

@@ -37,7 +37,7 @@ ATTRIBUTES = {
     "INT32_2D": ("value", 2, np.int32),
     "INT16_2D": ("value", 2, np.int16),
 }
-"""By data type: the property that holds the value, its length and its numbers."""
+"""Property that holds an attribute's value, its length and its kind of numbers, by data type."""
 
 TOPOLOGY = (".edge_verts", ".corner_vert", ".corner_edge")
 """The only attributes of Blender's own (they begin with a dot) that are no selection and hide nothing."""

@@ -16,7 +16,7 @@ OF_NO_PICTURE = re.compile(
     r"|annotation\w*|motion_path|animation_visualization|selection_sets|stereo_reproject|last_slot_identifier"
     r"|action_suitable_slots|action_tweak_storage|action_slot_handle_tweak_storage|set_inverse_pending|open_\w+"
 )
-"""In every type."""
+"""Properties of every type on which no picture depends."""
 
 OF_TYPE = {
     "Object": r"dimensions|matrix_(world|local|basis)|bound_box|mode|display|display_\w+"
@@ -92,7 +92,7 @@ OF_TYPE = {
     "Sound": r".*",
     "Library": r".*",
 }
-"""In these types and those made from them, besides."""
+"""Further properties on which no picture depends, of these types and those derived from them."""
 
 READ_ONLY_THAT_COUNT = {
     "Bone": ("head_local", "tail_local", "matrix_local", "use_connect", "length"),

@@ -52,6 +52,6 @@ def test_what_is_another_picture_is_measured_anew(findings, other):
 
 
 def test_it_is_kept_apart_from_what_else_is_found(findings):
-    assert findings("first").noise_left(lambda: 0.5) == 0.5
+    assert findings("first").remaining_noise(lambda: 0.5) == 0.5
     assert findings("first").gpu_is_faster(lambda: False) is False
-    assert findings("second").noise_left(never) == 0.5
+    assert findings("second").remaining_noise(never) == 0.5

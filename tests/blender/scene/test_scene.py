@@ -346,7 +346,7 @@ def test_a_render_that_fails_leaves_the_scene_as_it_was(rich_scene, tmp_path, fi
 
 
 def test_the_working_scene_is_the_users_own_copy(rich_scene):
-    """Two at a time, as when the peer is rendered, each with a camera of its own."""
+    """Two at a time, as when multiview is rendered, each with a camera of its own."""
     before = whole_state(rich_scene)
     with working_scene(rich_scene, SceneOverrides()) as one, working_scene(rich_scene, SceneOverrides()) as other:
         assert len({rich_scene.name, one.name, other.name}) == 3
