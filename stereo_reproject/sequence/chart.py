@@ -139,8 +139,8 @@ def _notes(report: Mapping[str, Any], series: Series) -> str:
     )
     facts = (
         f"Beside the names: the mean over the frames. The seconds of Blender's multiview are {reference}. Traced: the "
-        "share of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and all "
-        "else that is done before the next frame begins."
+        "share of the target eye's pixels. Tracing: pilot, fill and refinement. The rest: the warp, the composite, and "
+        "all else that is done before the next frame begins."
     )
     notes = [facts]
     failed = {int(frame) for frame in report.get("failed") or ()}

@@ -42,6 +42,9 @@ TIMED = ("seconds", "predicted", "reason", "peak_mb", "memory", "rate", "would")
 PICTURES = ("exr", "png")
 """Extensions of the files whose pixels are compared."""
 
+CHART = "animation.png"
+"""File of an animation that shows seconds: those differ."""
+
 MISSING = "nothing"
 """What a report has in place of a key that is gone, as a difference says it."""
 
@@ -156,6 +159,7 @@ def differences_of(before: Path, after: Path) -> Iterator[str]:
         {path.relative_to(folder) for kind in PICTURES for path in folder.rglob(f"*.{kind}")}
         for folder in (before, after)
     )
+    names, others = ({name for name in found if name.name != CHART} for found in (names, others))
     for name in sorted(names ^ others):
         yield f"{name} is missing {'before' if name in others else 'after'}"
     for name in sorted(names & others):
