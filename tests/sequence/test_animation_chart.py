@@ -15,7 +15,7 @@ from stereo_reproject.sequence.series import REST, series_of
 
 pytest.importorskip("matplotlib")
 
-from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, PEER, draw_animation, draw_animation_chart
+from stereo_reproject.sequence.chart import MAX_MARKERS, OURS, REFERENCE, draw_animation, draw_animation_chart
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -142,7 +142,7 @@ def test_without_denoising_it_is_not_named():
 
 def test_what_was_measured_is_drawn_as_points_with_a_line():
     upper = draw_animation(CASES["usual"]).axes[1]
-    line = of(upper, PEER)
+    line = of(upper, REFERENCE)
     rows = [row for row in CASES["usual"]["frames"] if "compare" in row]
     assert line.get_xdata().tolist() == [6, 12, 18, 24]
     assert line.get_ydata().tolist() == [row["compare"]["multiview_seconds"] for row in rows]
@@ -152,11 +152,11 @@ def test_what_was_measured_is_drawn_as_points_with_a_line():
 
 def test_without_a_measure_it_is_predicted_and_called_so():
     figure = draw_animation(CASES["five"])
-    steps = of(figure.axes[1], PEER)
+    steps = of(figure.axes[1], REFERENCE)
     assert known(shown(steps)) == {row["frame"]: row["multiview_seconds"] for row in CASES["five"]["frames"]}
     assert steps.get_linestyle() not in ("-", "solid")
-    assert f"{PEER}, predicted" in texts_in(figure)
-    assert f"{PEER}, measured" in texts_in(draw_animation(CASES["usual"]))
+    assert f"{REFERENCE}, predicted" in texts_in(figure)
+    assert f"{REFERENCE}, measured" in texts_in(draw_animation(CASES["usual"]))
 
 
 def test_the_title_says_how_the_gain_is_known():
@@ -171,7 +171,7 @@ def test_the_title_says_how_the_gain_is_known():
 def test_many_points_have_no_markers_but_for_one_that_is_in_no_line():
     frames = [*range(1, 101), 200]
     many = draw_animation(report([compared(frame) for frame in frames], range(1, 201)))
-    line = of(many.axes[1], PEER)
+    line = of(many.axes[1], REFERENCE)
     assert len(frames) > MAX_MARKERS
     assert [line.get_xdata()[k] for k in line.get_markevery()] == [200]
 
@@ -189,7 +189,7 @@ def test_frames_that_are_not_there_are_gaps():
 
 
 def test_the_line_of_multiview_breaks_where_frames_are_missing():
-    line = of(draw_animation(CASES["gaps"]).axes[1], PEER)
+    line = of(draw_animation(CASES["gaps"]).axes[1], REFERENCE)
     at = dict(zip(line.get_xdata().tolist(), line.get_ydata().tolist(), strict=True))
     assert set(known(at)) == {4, 8, 16, 20, 24}
     assert {9, 10, 12, 13} <= set(at), "they part 8 and 16"
@@ -284,7 +284,7 @@ def test_two_files_are_made_beside_the_report(tmp_path):
     assert (tmp_path / "shot.v1animation.png").read_bytes().startswith(PNG_START)
     svg = ET.parse(tmp_path / "shot.v1animation.svg")
     texts = {"".join(element.itertext()).strip() for element in svg.iter(f"{SVG}text")}
-    assert {OURS, "source", "tracing", "denoising", REST, f"{PEER}, measured", "frame"} <= texts
+    assert {OURS, "source", "tracing", "denoising", REST, f"{REFERENCE}, measured", "frame"} <= texts
 
 
 @pytest.mark.parametrize("name", ["usual", "thousands"])
