@@ -13,7 +13,7 @@ from stereo_reproject.blender.scene.working import open_blend, working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.metrics import border_step, tone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.pipeline import tuning
+from stereo_reproject.pipeline import matched_tracing
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.snapshot import everything
@@ -162,7 +162,7 @@ def test_without_matching_a_seam_would_show(room, tmp_path, monkeypatch):
 
 
 def test_the_second_eye_of_a_simple_scene_is_eevees_own(room, tmp_path, monkeypatch):
-    monkeypatch.setattr(tuning, "TUNING", replace(tuning.TUNING, min_seconds_to_hand_over=1000.0))
+    monkeypatch.setattr(matched_tracing, "TUNING", replace(matched_tracing.TUNING, min_seconds_to_hand_over=1000.0))
     frame, plain = render(room, tmp_path, "auto")
     assert frame.fill.method == "full"
     assert frame.fill.reason.startswith("a second EEVEE render")
