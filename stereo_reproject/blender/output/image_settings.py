@@ -97,12 +97,16 @@ def _owners(settings: bpy.types.ImageFormatSettings) -> list[Any]:
 
 def _values(owner: bpy.types.bpy_struct) -> Values:
     """Return the values of a struct's properties that can be set, by name, in an order in which they can be set
-    again.
+    again. A choice that this Blender does not know, which an old file may hold, has no value: it is left out.
     """
     settable = [prop for prop in owner.bl_rna.properties if not prop.is_readonly and prop.type != "POINTER"]
     settable.sort(key=lambda prop: prop.identifier != "view_transform")
     values = ((prop, getattr(owner, prop.identifier)) for prop in settable)
-    return {prop.identifier: tuple(value) if getattr(prop, "is_array", False) else value for prop, value in values}
+    return {
+        prop.identifier: tuple(value) if getattr(prop, "is_array", False) else value
+        for prop, value in values
+        if prop.type != "ENUM" or value != ""
+    }
 
 
 def _curves(mapping: bpy.types.CurveMapping) -> Values:

@@ -12,8 +12,10 @@ import OpenEXR
 import pytest
 
 from stereo_reproject.blender.output.delivery import ENGINE, deliver_side_by_side, deliver_to_result
+from stereo_reproject.blender.output.image_settings import copy_settings
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.stand_ins import new_names, renamed_metadata
+from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.errors import StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS
 from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image, render_plain
@@ -347,3 +349,13 @@ def test_a_process_that_delivered_comes_to_its_end(tmp_path):
     )
     assert finished.returncode == 0, finished.stderr
     assert path.exists()
+
+
+def test_settings_of_an_old_file_are_copied_though_one_is_a_choice_that_is_gone(shared_scenes):
+    """Its Sequencer Preview Shading, which Blender reads as no choice and does not take back."""
+    scene = open_blend(shared_scenes / "bmw27" / "bmw27.blend")
+    assert scene.render.sequencer_gl_preview == "", "or nothing is shown here"
+    other = bpy.data.scenes.new("other")
+    copy_settings(scene, other)
+    assert other.render.resolution_x == scene.render.resolution_x
+    assert other.view_settings.view_transform == scene.view_settings.view_transform
