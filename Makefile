@@ -46,7 +46,7 @@ demo: $(INSTALLED)
 	@echo "The pictures are in $(CURDIR)/$(DEMO_OUTPUT): stereo.png is the pair, holes.png what was traced again"
 
 test: $(TEST_INSTALLED)
-	@echo "The quick tests: about 8 minutes on two cores (make test-all has them all, in about 25)"
+	@echo "The quick tests: about 9 minutes on two cores (make test-all has them all, in about 25)"
 	@$(VENV)/bin/python -m pytest -m "not slow" $(PYTEST_ARGS) tests
 
 test-all: $(TEST_INSTALLED)
