@@ -40,7 +40,7 @@ class NoisyEstimator:
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""
         materials = materials_of(target.passes)
-        target, expected = self._corrected(target, probes, traces)
+        target, expected = self._corrected(target, probes, traces, materials)
         evidence = measure_tiles(
             probes,
             target.warped | probes.mask,
@@ -50,13 +50,15 @@ class NoisyEstimator:
         )
         return target, evidence
 
-    def _corrected(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, NDArray[np.float32]]:
+    def _corrected(
+        self, target: Target, probes: Probes, traces: ProbeTraces, shown: NDArray[np.integer] | None
+    ) -> tuple[Target, NDArray[np.float32]]:
         """Return the target with slow errors taken away from its warped pixels, in all parts of their light alike.
 
         Returned with it are the colours (N, 3) that the probes' pixels would then have, corrected by what other tiles'
-        probes tell.
+        probes tell. shown (H, W) is a number for the materials of each pixel, None if they are not known.
         """
-        warped, shown = target.warped, materials_of(target.passes)
+        warped = target.warped
         materials = np.zeros(warped.shape, np.intp) if shown is None else shown
         noise = SourceNoise.of_noisy(probes.neighbourhood_mean(probes.tile_mean(self.contrast.noise, warped)))
         place = probes.rows, probes.columns

@@ -238,9 +238,10 @@ class ProbedTracing:
         probes = self._estimator.place(self.target.warped, spacing=spacing, seed=seed)
         pixels = holes | probes.mask
         [traced] = self._tracer.trace(method, [TraceRequest(self.target.view, pixels, probes.mask)])
-        first = {name: image[: int(pixels.sum())] for name, image in traced.items()}
+        count = int(pixels.sum())
+        first = {name: image[:count] for name, image in traced.items()}
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}
-        again = {name: image[int(pixels.sum()) :] for name, image in traced.items()}
+        again = {name: image[count:] for name, image in traced.items()}
         traces = ProbeTraces(self.target.colour[probes.mask], once[COLOUR_PASS], again[COLOUR_PASS])
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
         target = self.target.with_pixels(pixels, first).with_pixels(probes.mask, means)

@@ -32,7 +32,7 @@ class TraceRequest:
 
 
 class Tracer(Protocol):
-    """Whatever traces single pixels of views by rendering them."""
+    """Tracer of single pixels of views: a renderer that answers trace requests."""
 
     def trace(self, method: str, requests: Sequence[TraceRequest]) -> list[Passes]:
         """Trace all requests by one fill method ('packed', 'card' or 'full'), and return the passes (N, C) of each, in

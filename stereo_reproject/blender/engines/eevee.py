@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from ...matching.matching import TracedPixels
 from ...pipeline.matched_tracing import MatchedTracing, foreseen_fill
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
-from ...views.camera import PerspectiveCamera, ray_length_per_depth
+from ...views.camera import ray_length_per_depth
 from ..scene.denoiser import has_denoiser
 from ..scene.engine_support import engine_warnings, unmatched_materials
 from ..scene.working import CYCLES, rendered_layer
@@ -61,22 +61,15 @@ class EeveeRenderer(BlenderRenderer):
     `close` in the end, or `renderer_of`.
     """
 
+    _tracing: str | None = None
+    """Name of the scene copy by which Cycles traces; None before it is made."""
+    _last: Rendered | None = None
+    """Result of the last trace, whose cost `trace_cost` returns."""
+
     @property
     def warnings(self) -> list[str]:
         """Lines about what EEVEE and Cycles show differently in this scene."""
         return engine_warnings(self.scene)
-
-    def __init__(
-        self,
-        scene: bpy.types.Scene,
-        folder: Path,
-        *,
-        user_scene: bpy.types.Scene | None = None,
-        views: Mapping[str, PerspectiveCamera] | None = None,
-    ) -> None:
-        super().__init__(scene, folder, user_scene=user_scene, views=views)
-        self._tracing: str | None = None
-        self._last: Rendered | None = None
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. In 4.5 EEVEE gives the sky the depth of the
