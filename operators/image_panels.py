@@ -27,6 +27,14 @@ REASONS = {
 }
 """Names, for artists, of the reasons why pixels of the second eye were rendered."""
 
+MEASURED = (
+    ("Honest ratio", "honest_ratio"),
+    ("Noise ratio", "noise_ratio"),
+    ("Worst tiles", "worst_tiles"),
+    ("Error", "rmse"),
+)
+"""Figures of a comparison that are shown: names for artists, and keys of the report."""
+
 
 class IMAGE_PT_stereo_reproject(bpy.types.Panel):
     bl_label = "Stereo Pair"
@@ -96,28 +104,29 @@ class IMAGE_PT_stereo_reproject_quality(_Part):
         if compare:
             if compare.get("no_noise"):
                 paragraph(column, context, f"No noise ratio: {compare['no_noise']}")
-            for words, name in (("Noise ratio", "noise_ratio"), ("Worst tiles", "worst_tiles"), ("Error", "rmse")):
-                if compare[name] is not None:
+            for words, name in MEASURED:
+                if compare.get(name) is not None:
                     _row(column, f"{words}, measured", f"{compare[name]:.3f}")
         price = report["price"]
         paragraph(self.layout, context, _price(price))
 
 
 def _draw_estimate(column: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
-    """Draw the report's estimated noise ratio, its interval and whether the promise is kept; or why there is no
-    estimate.
+    """Draw the report's estimated honest ratio, its interval and whether the promise is kept, and the noise ratio; or
+    why there is no estimate.
     """
     estimate = report["estimate"]
     if estimate["noise_ratio"] is None:
         paragraph(column, context, f"No estimate: {estimate['from']}")
         return
-    _row(column, "Noise ratio, estimated", f"{estimate['noise_ratio']:.3f}")
+    _row(column, "Honest ratio, estimated", f"{estimate['honest_ratio']:.3f}")
     paragraph(column, context, "1 is as good as rendering it whole.")
-    if estimate["low"] is not None:
-        _row(column, "95 % interval", f"{estimate['low']:.2f} to {estimate['high']:.2f}")
+    if estimate["honest_low"] is not None:
+        _row(column, "95 % interval", f"{estimate['honest_low']:.2f} to {estimate['honest_high']:.2f}")
     if estimate["promise"] is not None:
         kept = {True: "kept", False: "NOT kept", None: "too close to tell"}[estimate["kept"]]
         _row(column, f"Promise: at most {estimate['promise']:g}", kept)
+    _row(column, "Noise ratio, estimated", f"{estimate['noise_ratio']:.3f}")
 
 
 def _price(price: Mapping[str, Any]) -> str:

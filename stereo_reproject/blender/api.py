@@ -75,7 +75,7 @@ def compare(
     strict: bool = False,
 ) -> dict[str, Any]:
     """Render a pair as `render_frame` does, then Blender's multiview too, and return their comparison: `speedup`,
-    `noise_ratio`, `worst_tiles` and more. The parameters are those of `render_frame`.
+    `honest_ratio`, `noise_ratio`, `worst_tiles` and more. The parameters are those of `render_frame`.
     """
     settings = replace(settings or StereoSettings(), compare=True)
     return render_frame(output, settings, scene=scene, strict=strict)["compare"]

@@ -40,7 +40,7 @@ class Estimator(Protocol):
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
         """Return whether it is worth one more render call to trace tiles from which `gain` is expected.
 
-        gain is the amount by which the frame's excess would fall; promise is the noise ratio that is promised.
+        gain is the amount by which the frame's excess would fall; promise is the honest ratio that is promised.
         """
         ...
 

@@ -1,10 +1,14 @@
 """Evidence of the probes: how far the warped pixels are off beyond noise, tile by tile.
 
-With w the warped value of a pixel and a, b two independent traces of it, all after tone mapping,
+With w the warped value of a pixel and a, b two independent traces of it, all after tone mapping, and with c the share
+of a pixel's variance that the lookup keeps (`images.lookup.variance_share`),
 
-    error  = (w - a)(w - b)      has the mean   bias^2 + var(w),
+    error  = (w - a)(w - b)      has the mean   bias^2 + c var(a), because var(w) = c var(a),
     noise  = (a - b)^2 / 2       has the mean   var(a), the variance of one traced pixel,
-    excess = error - noise       is what tracing the pixel would save: negative where the warp is the less noisy.
+    excess = error - c noise     has the mean   bias^2: what is wrong, however little noise is left.
+
+So noise that the lookup has smoothed away is no merit that a wrong pixel could be excused with. In a denoised picture c
+is 1: the noise that is left is smooth, and a lookup between pixels takes nothing from it.
 """
 
 from __future__ import annotations
@@ -26,12 +30,14 @@ class ProbeTraces:
     """Scene-linear colours (N, >= 3) of the probes' pixels: as they were warped, and as they were traced once and once
     again.
 
-    A probe with NaN or infinity in any of them tells nothing.
+    A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the share of a
+    pixel's variance that the lookup has kept: 1 in a denoised picture.
     """
 
     warped: NDArray
     once: NDArray
     again: NDArray
+    variance_share: NDArray | float = 1.0
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -65,19 +71,21 @@ class SelectionEvidence:
 class TileEvidence:
     """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
-    excess: squared error beyond noise, summed over the tile's warped pixels; from its probe, or, for a tile that was
-    traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on
-    average. noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own
-    noise shows. pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess
-    is taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None
-    if unknown. remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised
-    pictures, else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by
-    the second traces alone.
+    excess: squared bias, summed over the tile's warped pixels; from its probe, or, for a tile that was traced since
+    (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on average.
+    smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed. noise:
+    variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
+    pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess is taken to
+    be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if unknown.
+    remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised pictures,
+    else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by the second
+    traces alone.
     """
 
     probes: Probes
     excess: NDArray[np.float64]
     remaining: NDArray[np.float64]
+    smoothed_noise: NDArray[np.float64]
     noise: NDArray[np.float64]
     seen_noise: NDArray[np.float64]
     pixels: NDArray[np.float64]
@@ -103,6 +111,12 @@ class TileEvidence:
         weight = self.probes.weight
         noise = weight * self.noise
         return (self.probes.neighbour_sum(noise) + noise) / (self.probes.neighbour_sum(weight) + weight)
+
+    @property
+    def remaining_beyond_render(self) -> NDArray[np.float64]:
+        """Squared error beyond that of a plain render (N,) that the frame still has in each tile: `remaining`, less the
+        noise that was smoothed away. It is negative where the warp is less noisy than it is wrong."""
+        return self.remaining - self.smoothed_noise
 
     @property
     def traced_noise(self) -> float:
@@ -138,12 +152,14 @@ def measure_tiles(
     noise = remaining_noise * np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard_share(probes, noise)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
-    excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - noise)
+    kept = traces.variance_share
+    excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - kept * noise)
     by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)
     return TileEvidence(
         probes=probes,
         excess=excess,
         remaining=excess,
+        smoothed_noise=probes.weight * share * (1.0 - kept) * noise,
         noise=share * noise,
         seen_noise=probes.tile_mean(contrast.noise, warped),
         pixels=probes.tile_sum(warped),
@@ -160,8 +176,8 @@ def measure_tiles(
 def _excess_by_second(
     probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, remaining_noise: float
 ) -> NDArray[np.float64]:
-    """Return the squared error beyond noise (N,) of the probes' pixels, by their second trace alone; residual (N, 3) is
-    the warped colour less the second, after `tone`.
+    """Return the squared bias (N,) of a denoised picture's probes, by their second trace alone; residual (N, 3) is the
+    warped colour less the second, after `tone`.
 
     A tile's own first trace, by which it was chosen or not, must have no part in this. So the noise that is subtracted
     is that of the source around the probe, scaled to the mean of what all probes tell.
@@ -211,7 +227,8 @@ class RefinedTiles:
     """Tiles that were traced as a whole, because probes asked for it.
 
     tiles (N,) are set for them; pixels (H, W) were traced; warped and traced (H, W, >= 3) are the scene-linear colours
-    of the picture before and after. outliers (N,) are those of the tiles that were chosen by their own probe alone;
+    of the picture before and after. variance_share, (H, W) or one for all, is the share of a pixel's variance that the
+    lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone;
     None without any.
     """
 
@@ -220,6 +237,7 @@ class RefinedTiles:
     warped: NDArray
     traced: NDArray
     outliers: NDArray[np.bool_] | None = None
+    variance_share: NDArray | float = 1.0
 
 
 def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.float64]) -> TileEvidence:
@@ -229,6 +247,9 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     noise (N,) is the variance of one pixel of a plain render. For a tile that was chosen by its own probe alone, only
     as much is gone as all its pixels show. Such a probe stood out, so it may have told too much, as the probes of the
     tiles that stay have then told too little.
+
+    The difference of a warped and a traced pixel has the mean square bias^2 + (1 + c) var, with c the variance_share of
+    `done` and var the noise of a plain render.
     """
     refined = done.tiles
     known = (
@@ -236,7 +257,7 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     )
     error = np.zeros(known.shape)
     error[known] = squared_error(done.warped[known], done.traced[known])
-    counted = (1.0 + evidence.traced_noise) * evidence.probes.tile_sum(known)
+    counted = evidence.probes.tile_sum(known * (done.variance_share + evidence.traced_noise))
     excess = evidence.probes.tile_sum(error) - noise * counted
     found = evidence.probes.tile_sum(error) - evidence.neighbourhood_noise * counted
     taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
@@ -245,6 +266,7 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
         selection=None if evidence.selection is None else _selection_after(evidence, refined, excess),
         excess=np.where(refined, excess, evidence.excess),
         remaining=np.where(refined, evidence.remaining - taken, evidence.remaining),
+        smoothed_noise=np.where(refined, 0.0, evidence.smoothed_noise),
         refined=evidence.refined | refined,
     )
 

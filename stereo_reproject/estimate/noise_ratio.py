@@ -1,8 +1,13 @@
-"""The noise ratio of a finished frame: its error over that of a plain render, estimated from its probes.
+"""The honest ratio and the noise ratio of a finished frame: its error over that of a plain render, by its probes.
 
-A plain render of the whole view differs from another by 2 var(a). So, with W the pixels that stay warped,
+A plain render of the whole view differs from another by 2 var(a). So, with W the pixels that stay warped, excess their
+squared bias, and c the share of a pixel's variance that the lookup kept,
 
-    noise ratio^2 = 1 + sum over W of excess / sum over all of 2 noise.
+    honest ratio^2 = 1 + sum over W of excess / sum over all of 2 noise = 1 + bias^2 / 2,
+    noise ratio^2  = honest ratio^2 - sum over W of (1 - c) noise / sum over all of 2 noise,
+
+with the frame's bias in standard deviations of one plain render's noise. Promises are of the honest ratio: a warp
+between pixels smooths noise, and by the noise ratio a frame could be wrong by as much as that saves.
 """
 
 from __future__ import annotations
@@ -12,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.metrics import TILE_PX
+from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas
+from ..settings.accuracy import EIGHT_BIT_STEP
 from .evidence import TileEvidence
 from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
 from .tuning import TUNING
@@ -20,14 +26,19 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Estimate:
-    """Noise ratio of a frame, estimated from its probes, with the ends of its 95 % confidence interval.
+    """Noise ratio and honest ratio of a frame, estimated from its probes, each with the ends of its 95 % confidence
+    interval.
 
-    low and high are NaN where the interval is not known.
+    low and high belong to the noise ratio, honest_low and honest_high to the honest one; they are NaN where the
+    interval is not known.
     """
 
     noise_ratio: float
     low: float
     high: float
+    honest_ratio: float
+    honest_low: float
+    honest_high: float
 
     @property
     def excess(self) -> float:
@@ -35,13 +46,19 @@ class Estimate:
         render."""
         return self.noise_ratio**2 - 1.0
 
+    @property
+    def bias(self) -> float:
+        """Root mean square error of the frame apart from its noise, in standard deviations of one plain render's
+        noise."""
+        return bias_sigmas(self.honest_ratio)
 
-AS_RENDERED = Estimate(1.0, float("nan"), float("nan"))
+
+AS_RENDERED = Estimate(*2 * (1.0, float("nan"), float("nan")))
 """The estimate of a view that was rendered whole and of whose noise nothing is known, or that has none."""
 
 
 def estimate(evidence: TileEvidence) -> Estimate:
-    """Return the frame's noise ratio with its interval; tiles that were refined count as traced."""
+    """Return the frame's two ratios with their intervals; tiles that were refined count as traced."""
     if not evidence.frame_noise:
         return AS_RENDERED
     if evidence.remaining_by_second is not None:
@@ -49,8 +66,16 @@ def estimate(evidence: TileEvidence) -> Estimate:
         evidence = replace(
             evidence, remaining=np.where(evidence.refined, evidence.remaining, evidence.remaining_by_second)
         )
+    chance = _own_noise(evidence, evidence.refined)
+    beyond_render = replace(evidence, remaining=evidence.remaining_beyond_render)
+    return Estimate(*(end for told in (beyond_render, evidence) for end in _ratio(told, chance)))
+
+
+def _ratio(evidence: TileEvidence, chance: float) -> tuple[float, ...]:
+    """Return 1 + the frame's remaining excess as a ratio, with the ends of its 95 % interval; chance is the variance
+    that the noise of traced pixels adds."""
     excess, error = remaining_excess(evidence, np.zeros(0, np.intp))
-    return _interval(float(excess[-1]), float(error[-1]) ** 2 + _own_noise(evidence, evidence.refined))
+    return _interval(float(excess[-1]), float(error[-1]) ** 2 + chance)
 
 
 def as_rendered(evidence: TileEvidence | None) -> Estimate:
@@ -60,7 +85,7 @@ def as_rendered(evidence: TileEvidence | None) -> Estimate:
     """
     if evidence is None or not evidence.frame_noise:
         return AS_RENDERED
-    return _interval(0.0, _own_noise(evidence, np.ones_like(evidence.refined)))
+    return Estimate(*2 * _interval(0.0, _own_noise(evidence, np.ones_like(evidence.refined))))
 
 
 def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
@@ -72,14 +97,15 @@ def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
     return float(pixels * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
 
 
-def _interval(excess: float, variance: float) -> Estimate:
-    """Return the estimate of the noise ratio by the frame's excess, and by the variance of that excess."""
+def _interval(excess: float, variance: float) -> tuple[float, ...]:
+    """Return a ratio and the low and high end of its 95 % interval, by the frame's excess and the variance of that
+    excess."""
     reach = CONFIDENCE_95_SIGMAS * np.sqrt(variance)
-    return Estimate(*(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach)))
+    return tuple(float(np.sqrt(max(1.0 + value, 0.0))) for value in (excess, excess - reach, excess + reach))
 
 
 def worst_tiles(evidence: TileEvidence) -> float:
-    """Return an estimate of `metrics.worst_tiles`, the noise ratio of the worst hundredth of the tiles, less what
+    """Return the honest ratio of the worst hundredth of the tiles: an estimate of `metrics.worst_tiles`, less what
     chance adds.
 
     For chance alone, a second plain render is above 1 in that metric. Each tile is judged by those around it and by its
@@ -87,18 +113,39 @@ def worst_tiles(evidence: TileEvidence) -> float:
     """
     if not evidence.frame_noise:
         return 1.0
-    probes = evidence.probes
-    ratio = np.zeros(probes.tile_grid)
     # Tiles without a probe are traced throughout: nothing is off there.
-    ratio[probes.tiles] = np.maximum(_excess_over_noise(evidence)[0], 0.0)
-    block = max(1, TILE_PX // probes.spacing)
-    rows, columns = (np.arange(0, size, block) for size in ratio.shape)
-    sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (ratio, np.ones_like(ratio)))
-    return float(np.percentile(np.sqrt(1.0 + sums / counts), 99.0))
+    ratio = _block_means(evidence, np.maximum(_excess_over_noise(evidence)[0], 0.0), 0.0)
+    return float(np.percentile(np.sqrt(1.0 + ratio), 99.0))
+
+
+def wrong_tiles(evidence: TileEvidence) -> float:
+    """Return an estimate of `metrics.wrong_tiles`, the share of tiles that are wrong so that it can be seen, less what
+    chance adds.
+
+    Tiles are judged as in `worst_tiles`; those that were refined count as right. It is 0 where there is no noise at
+    all: there, whatever can be seen to be wrong was traced.
+    """
+    if not evidence.frame_noise:
+        return 0.0
+    expected = np.where(evidence.refined, 0.0, expected_excess(evidence, TUNING.tile_reach_tiles)[0])
+    excess = _block_means(evidence, np.maximum(expected, 0.0), 0.0)
+    render = 2.0 * _block_means(evidence, local_noise(evidence), evidence.mean_noise)
+    wrong = (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > EIGHT_BIT_STEP**2)
+    return float(np.mean(wrong))
+
+
+def _block_means(evidence: TileEvidence, values: NDArray[np.float64], elsewhere: float) -> NDArray[np.float64]:
+    """Return the means (R, C) of values (N,) of the probes' tiles over blocks of tiles, about as large as the tiles of
+    `metrics.worst_tiles`; tiles without a probe count as `elsewhere`."""
+    grid = evidence.probes.on_grid(values, elsewhere)
+    block = max(1, TILE_PX // evidence.probes.spacing)
+    rows, columns = (np.arange(0, size, block) for size in grid.shape)
+    sums, counts = (np.add.reduceat(np.add.reduceat(a, rows), columns, axis=1) for a in (grid, np.ones_like(grid)))
+    return sums / counts
 
 
 def tile_estimates(evidence: TileEvidence) -> NDArray[np.float64]:
-    """Return (N, 3) the noise ratio of each tile, and the lower and upper end of its 95 % interval, judged as in
+    """Return (N, 3) the honest ratio of each tile, and the lower and upper end of its 95 % interval, judged as in
     `worst_tiles`.
 
     It is 1 for tiles that were refined; NaN where there is no noise at all.

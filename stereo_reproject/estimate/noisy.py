@@ -80,4 +80,4 @@ class NoisyEstimator:
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
         """Return whether the promise is not kept yet, or the gain is large."""
-        return estimate(evidence).noise_ratio > promise or gain > TUNING.min_gain
+        return estimate(evidence).honest_ratio > promise or gain > TUNING.min_gain

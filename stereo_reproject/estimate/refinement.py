@@ -34,7 +34,7 @@ def choose_tiles(
 ) -> NDArray[np.bool_]:
     """Return the tiles (N,) to be traced beyond those that were, so that the frame keeps its promise.
 
-    They are as few, worst first, as bring the frame's noise ratio down to `promise`, with a margin of margin_sigmas
+    They are as few, worst first, as bring the frame's honest ratio down to `promise`, with a margin of margin_sigmas
     standard errors (None: as tuned); and every tile whose own ratio is expected to be above `worst`. unseen is a
     standard deviation after tone mapping that nobody sees: noise below it counts as this much.
     """
@@ -58,7 +58,7 @@ def choose_tiles(
 
 
 def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) -> NDArray[np.bool_]:
-    """Return the tiles (N,) whose own probe alone says, far beyond chance, that their noise ratio is above `worst`.
+    """Return the tiles (N,) whose own probe alone says, far beyond chance, that their honest ratio is above `worst`.
 
     None for a denoised picture, whose single traces tell too little. unseen is as for `choose_tiles`.
     """
@@ -115,7 +115,7 @@ def _excess_bound(
 
 
 def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray[np.bool_]:
-    """Return the tiles (N,) that are expected to have a noise ratio above `worst`, as `metrics.worst_tiles` measures
+    """Return the tiles (N,) that are expected to have an honest ratio above `worst`, as `metrics.worst_tiles` measures
     it.
 
     Those are among them of which the tiles around alone are sure, whatever its materials tell: a material may be wrong

@@ -32,10 +32,10 @@ NOTHING_DIFFERS = "nothing that is seen looks different from each eye, and calls
 class Refinement:
     """Pixels that were traced because probes asked for it, and the error that is left.
 
-    pixels (H, W) are these; fills are the renders in which they were traced. estimate is the frame's noise ratio, None
-    where there were no probes, and no_estimate then says why. evidence is that of the probes, None without any. whole:
-    all of the target was traced in the end, and so it is as good as rendered. can_promise is False where probes cannot
-    tell anything, so that only a full render could promise more.
+    pixels (H, W) are these; fills are the renders in which they were traced. estimate is that of the frame's ratios,
+    None where there were no probes, and no_estimate then says why. evidence is that of the probes, None without any.
+    whole: all of the target was traced in the end, and so it is as good as rendered. can_promise is False where probes
+    cannot tell anything, so that only a full render could promise more.
     """
 
     pixels: NDArray[np.bool_]
@@ -63,6 +63,14 @@ class WarpedTarget:
     denoising: Denoising | None
     needs_probes: bool
     seed: int
+
+    @property
+    def variance_share(self) -> NDArray[np.float32]:
+        """Share (H, W) of a plain render's variance that each pixel has once it is warped: 1 in a denoised picture,
+        whose noise is smooth."""
+        if self.denoising is not None:
+            return np.ones(self.reprojection.reasons.shape, np.float32)
+        return self.reprojection.variance_share
 
 
 class TargetTracing(Protocol):
@@ -111,6 +119,7 @@ class ProbedTracing:
         self._tracer, self._planner = tracer, warped.planner
         self._accuracy, self._seed = accuracy, warped.seed
         self._estimator = estimator_of(reprojection, accuracy, warped.denoising, probed=warped.needs_probes)
+        self._variance_share = warped.variance_share
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
         self._evidence: TileEvidence | None = None
         self._pilot: TileEvidence | None = None
@@ -187,7 +196,7 @@ class ProbedTracing:
             noise, warped = local_noise(evidence), self.target.colour
             self._trace(fills[-1].method, pixels)
             self._flag_refined(evidence.probes.pixels_of(chosen))
-            done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers)
+            done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers, self._variance_share)
             evidence = with_refined(evidence, done, noise)
         return Refinement(self.target.traced & ~before, tuple(fills), estimate(evidence), evidence)
 
@@ -242,7 +251,8 @@ class ProbedTracing:
         first = {name: image[:count] for name, image in traced.items()}
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}
         again = {name: image[count:] for name, image in traced.items()}
-        traces = ProbeTraces(self.target.colour[probes.mask], once[COLOUR_PASS], again[COLOUR_PASS])
+        share = self._variance_share[probes.mask]
+        traces = ProbeTraces(self.target.colour[probes.mask], once[COLOUR_PASS], again[COLOUR_PASS], share)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
         target = self.target.with_pixels(pixels, first).with_pixels(probes.mask, means)
         target = target.flagged(probes.mask, Provenance.PROBE)

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ..images.lookup import variance_share
 from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, known_depth, seen_in_mirrors
 from ..images.reasons import Reason
@@ -18,7 +19,7 @@ from ..views.camera import PerspectiveCamera
 from ..views.view import View
 from ..warp.forward import Warp
 from ..warp.grid import Grid
-from ..warp.merge import merge_views, merged_flags
+from ..warp.merge import merge_views, merged_flags, of_chosen
 from ..warp.mirrors import Images, images_in_mirrors, seen_in_both
 from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
@@ -51,12 +52,13 @@ class InMirrors:
 class JudgedView:
     """The target as one source shows it, with the rules that tell for which pixels that source does not answer.
 
-    mirrors is None where no flat mirror is seen.
+    options are those of the warp. mirrors is None where no flat mirror is seen.
     """
 
     warped: WarpedView
     classifier: HoleClassifier
     accuracy: Accuracy
+    options: WarpOptions
     mirrors: InMirrors | None = None
 
     @cached_property
@@ -68,6 +70,16 @@ class JudgedView:
         """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view."""
         reasons = self.classifier.reasons(self.warped, accuracy)
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
+
+    @cached_property
+    def variance_share(self) -> NDArray[np.float32]:
+        """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept: what is shown in
+        flat mirrors was looked up by a map of its own."""
+        warp, interpolation = self.warped.warp, self.options.interpolation_of(COLOUR_PASS)
+        share = variance_share(warp.x, warp.y, interpolation=interpolation)
+        return (
+            share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
+        )
 
 
 @dataclass(frozen=True)
@@ -104,6 +116,12 @@ class Reprojection:
     def reasons(self) -> NDArray[np.uint16]:
         """The `Reason` flags (H, W) of the pixels to be traced; 0 elsewhere. They are computed when first asked for."""
         return self._merged([view.reasons for view in self.views], self.views[0].accuracy)
+
+    @cached_property
+    def variance_share(self) -> NDArray[np.float32]:
+        """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept; 1 where nothing
+        was looked up."""
+        return of_chosen(self.warp.source, [view.variance_share for view in self.views])
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
         """Return (H, W) the `Reason` flags that another accuracy would set for the same warp."""
@@ -169,7 +187,8 @@ def _judged(
 
     def judged(source: RenderedView) -> JudgedView:
         warped = warper.warp([source], target, options)
-        return JudgedView(warped, HoleClassifier.of_source(source, target, warped, optics, options), accuracy)
+        classifier = HoleClassifier.of_source(source, target, warped, optics, options)
+        return JudgedView(warped, classifier, accuracy, options)
 
     seen = judged(source)
     if not (accuracy.silhouette_radius > 0 and ray_lengths_tell(source, target, optics)):

@@ -31,6 +31,24 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
     return result
 
 
+def variance_share(x: NDArray, y: NDArray, *, interpolation: str = "linear") -> NDArray[np.float32]:
+    """Return (h, w) the share of a pixel's variance, 0 to 1, that a `lookup` at positions x, y (h, w) in pixels keeps.
+
+    It is the sum of the squared weights of the pixels that the lookup reads, since their noise is independent: 1 where
+    it reads a single pixel, 0.25 for a linear lookup between four. A NaN position gives 1. Two things are left out: the
+    border, which is repeated, and the range within which cubic values are held.
+    """
+    result = np.ones(x.shape, np.float32)
+    if interpolation == "nearest":
+        return result
+    weights: Callable[[NDArray], tuple[NDArray, ...]] = {"linear": _bilinear, "cubic": _catmull_rom}[interpolation]
+    for rows in bands(x.shape):
+        down, across = (sum(np.square(weight) for weight in weights(_split(at[rows])[1])) for at in (y, x))
+        share = down * across
+        result[rows] = np.where(np.isnan(share), np.float32(1.0), share)
+    return result
+
+
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
     """Return (h, w) the positions at which a bilinear lookup would take more than `share` of its weight from set
     pixels.
@@ -118,6 +136,12 @@ def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
             with np.errstate(over="ignore"):
                 total += taken * texels.spread(weight)
     return np.clip(total, low, high, out=total)
+
+
+def _bilinear(t: NDArray) -> tuple[NDArray, ...]:
+    """Return the weights of two neighbouring pixels by linear interpolation, at `t`, 0 to 1, on the way from one to the
+    other."""
+    return 1.0 - t, t
 
 
 def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..settings.accuracy import EIGHT_BIT_STEP
+
 TILE_PX = 16
-"""Side of a tile in `worst_tiles`, in pixels: part of what the metric is, and so never tuned."""
+"""Side of a tile in `worst_tiles` and `wrong_tiles`, in pixels: part of what the metric is, and so never tuned."""
+
+WRONG_TILE_RATIO = 2.0
+"""Noise ratio above which a tile is wrong: part of what `wrong_tiles` is, and so never tuned."""
 
 MIN_DISTANCE_FROM_WHITE = 1e-6
 """Least distance from 1, where `tone` has infinitely bright colours, that `untone` takes a colour to have."""
@@ -93,3 +98,50 @@ def worst_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
     if not np.isfinite(ratio).all():
         return float(np.percentile(ratio, 99.0, method="higher"))
     return float(np.percentile(ratio, 99.0))
+
+
+def honest_ratio(ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray) -> float:
+    """Return the honest ratio of a picture: sqrt(1 + bias^2 / 2), bias in standard deviations of one plain render's
+    noise.
+
+    1 is as good as a render. It is the noise ratio that the picture would have if each pixel had all the noise of a
+    plain render's: that a lookup has smoothed noise is no merit. variance_share (H, W) is the share of that noise's
+    variance that each pixel of ours has. Pictures are scene-linear, (H, W, >= 3); reference and again are two plain
+    renders that differ only in their seed. The result is below 1 by chance, and infinite where the two are equal and
+    ours differs from them.
+    """
+    return float(np.sqrt(max(1.0 + 0.5 * _squared_bias(ours, reference, again, variance_share), 0.0)))
+
+
+def bias_sigmas(honest: float) -> float:
+    """Return the bias of a picture with this honest ratio: its error apart from noise, as a root mean square after
+    `tone`, in standard deviations of one plain render's noise.
+
+    It is 0 where chance has brought the honest ratio below 1.
+    """
+    return float(np.sqrt(max(2.0 * (honest**2 - 1.0), 0.0)))
+
+
+def _squared_bias(ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray) -> float:
+    """Return the mean squared bias of a picture over the variance of one plain render's noise; parameters are as for
+    `honest_ratio`.
+
+    With ours w, the plain renders a and b and the share c, (w - a)(w - b) has the mean bias^2 + c var(a), and
+    (a - b)^2 / 2 has the mean var(a).
+    """
+    w, a, b = (tone(colour).astype(np.float64) for colour in (ours, reference, again))
+    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
+    squared = float(np.mean(np.mean((w - a) * (w - b), axis=-1) - variance_share * noise))
+    if not noise.any():
+        return 0.0 if squared == 0.0 else float("inf")
+    return squared / float(noise.mean())
+
+
+def wrong_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
+    """Return the share, 0 to 1, of a picture's tiles that are wrong so that it can be seen.
+
+    A tile is if tile_rmse(ours, reference) is above `WRONG_TILE_RATIO` times tile_rmse(again, reference), and above one
+    step of an 8-bit picture. reference and again are two plain renders that differ only in their seed.
+    """
+    error, noise = tile_rmse(ours, reference), tile_rmse(again, reference)
+    return float(np.mean((error > WRONG_TILE_RATIO * noise) & (error > EIGHT_BIT_STEP)))

@@ -115,6 +115,6 @@ def _excess(evidence: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[floa
     if evidence is None or not evidence.frame_noise:
         return None
     probes = evidence.probes
-    own = evidence.remaining[has[probes.rows, probes.columns]] / evidence.frame_noise
+    own = evidence.remaining_beyond_render[has[probes.rows, probes.columns]] / evidence.frame_noise
     excess, reach = float(own.sum()), CONFIDENCE_95_SIGMAS * float(np.sqrt(np.sum(own**2)))
     return excess, excess - reach, excess + reach

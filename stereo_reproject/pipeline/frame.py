@@ -88,7 +88,9 @@ class StereoFrame:
     """A finished pair of one view layer, and how it came about.
 
     eyes has the passes by view name. reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that
-    were traced, which are more than those with a reason where a full render was the cheapest. grid is the source's.
+    were traced, which are more than those with a reason where a full render was the cheapest. variance_share (H, W) is
+    the variance of each target pixel, as a share of that of a plain render's: 1 in a denoised picture. grid is the
+    source's.
     fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in `TargetTracing`.
     seconds are by stage, and in total; source_cost is that of the source render. effect_costs are by effect;
     next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
@@ -99,6 +101,7 @@ class StereoFrame:
     eyes: dict[str, Passes]
     reasons: NDArray[np.uint16]
     traced: NDArray[np.bool_]
+    variance_share: NDArray[np.float32]
     grid: Grid
     fill: FillChoice
     refinement: Refinement
@@ -343,6 +346,7 @@ def _finished_frame(
         },
         reasons=reasons,
         traced=target.traced,
+        variance_share=_variance_share(source, reprojection, target),
         grid=reprojection.grid,
         fill=done.fill,
         refinement=refinement,
@@ -386,6 +390,14 @@ def _without_lost(
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
             dark[name] = warped | dark.get(name, False)
     return finished, count_pixels(dark)
+
+
+def _variance_share(source: _Source, reprojection: Reprojection, target: Target) -> NDArray[np.float32]:
+    """Return (H, W) the variance of each finished target pixel, as a share of that of a plain render's: 1 in a denoised
+    picture, whose noise is smooth, so that a lookup between pixels takes nothing from it."""
+    if source.denoising is not None:
+        return np.ones(target.traced.shape, np.float32)
+    return target.variance_share(reprojection.variance_share)
 
 
 def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:

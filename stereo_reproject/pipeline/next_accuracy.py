@@ -52,8 +52,8 @@ class FinishedTarget:
 
 
 def next_better(accuracy: Accuracy) -> str:
-    """Return the name of the setting that promises the next smaller noise ratio; `WHOLE`, a full render, after the best
-    one."""
+    """Return the name of the setting that promises the next smaller honest ratio; `WHOLE`, a full render, after the
+    best one."""
     promise = accuracy.promise or np.inf
     better = [name for name, other in SETTINGS.items() if other.promise is not None and other.promise < promise]
     return better[0] if better else WHOLE

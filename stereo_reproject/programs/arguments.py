@@ -174,10 +174,10 @@ def add_tradeoff_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _promises() -> str:
-    """Return a text for the help of --accuracy: the noise ratio that each setting promises at most."""
+    """Return a text for the help of --accuracy: the honest ratio that each setting promises at most."""
     words = []
     for name, accuracy in SETTINGS.items():
-        promise = "nothing" if accuracy.promise is None else f"a noise ratio of at most {accuracy.promise:g}"
+        promise = "nothing" if accuracy.promise is None else f"an honest ratio of at most {accuracy.promise:g}"
         worst = f" and worst tiles of at most {accuracy.tile_limit:g}" if accuracy.promises_worst_tiles else ""
         words.append(f"{name} {promise}{worst}")
     return ", ".join(words)
@@ -253,7 +253,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         metavar="RATIO",
         type=value_of(StereoSettings, "tolerance", number),
-        help="the same as the noise ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
+        help="the same as the honest ratio that is allowed at most, such as 1.07: 1 is as good as rendering it again",
     )
     parser.add_argument(
         "--fill",

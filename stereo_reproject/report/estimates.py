@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..estimate.noise_ratio import Estimate, tile_estimates, worst_tiles
+from ..estimate.noise_ratio import Estimate, tile_estimates, worst_tiles, wrong_tiles
 from ..estimate.tracing import Refinement
 from ..images.effects import Effect, EffectsPlan, Finding
 from ..pipeline.effect_costs import EffectCost
@@ -59,9 +59,14 @@ def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateRepor
         low=_finite(estimate.low),
         high=_finite(estimate.high),
         excess=estimate.excess,
+        bias=estimate.bias,
+        honest_ratio=estimate.honest_ratio,
+        honest_low=_finite(estimate.honest_low),
+        honest_high=_finite(estimate.honest_high),
         promise=accuracy.promise,
         worst_tiles=worst,
         worst_tiles_promise=promised,
+        wrong_tiles=0.0 if probed is None else wrong_tiles(probed),
         kept=False if promised is not None and worst > promised else kept,
         probes=0 if probed is None else int((~probed.refined).sum()),
         tile_size=None if evidence is None else evidence.probes.spacing,
@@ -76,7 +81,7 @@ def _finite(end: float) -> float | None:
 
 
 def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | None:
-    """Return True or False for a promise (a greatest noise ratio) that is kept or broken; True where nothing is
+    """Return True or False for a promise (a greatest honest ratio) that is kept or broken; True where nothing is
     promised.
 
     With `sure`, the estimate itself decides. Without, its 95 % interval does, and the result is None where the promise
@@ -85,12 +90,12 @@ def _kept(estimate: Estimate, promise: float | None, *, sure: bool) -> bool | No
     if promise is None:
         return True
     if sure:
-        return estimate.noise_ratio <= promise
-    return True if estimate.high <= promise else False if estimate.low > promise else None
+        return estimate.honest_ratio <= promise
+    return True if estimate.honest_high <= promise else False if estimate.honest_low > promise else None
 
 
 def estimate_map(refinement: Refinement, traced: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return (H, W, 3) for each pixel: the estimated noise ratio of its tile, and the low and high end of its 95 %
+    """Return (H, W, 3) for each pixel: the estimated honest ratio of its tile, and the low and high end of its 95 %
     interval. All three are 1 where the pixel was traced (`traced`, (H, W)), and NaN where no probe tells."""
     result = np.full((*traced.shape, 3), np.nan, np.float32)
     evidence = refinement.evidence

@@ -69,19 +69,26 @@ class EffectReport:
 class EstimateReport:
     """The estimate of the target's quality beside what the accuracy promises.
 
-    noise_ratio has a 95 % interval from low to high; excess is that ratio squared less 1. promise is the greatest ratio
-    that is promised, and worst_tiles_promise that of the worst tiles; None promises nothing. kept is None where the
-    probes cannot tell. probes is the number of probes in tiles that stayed warped, tile_size the side of a tile in
-    pixels. from_ says in words where the figures come from.
+    noise_ratio has a 95 % interval from low to high; excess is that ratio squared less 1. bias is the error apart from
+    noise, a root mean square in standard deviations of one plain render's noise; honest_ratio is sqrt(1 + bias^2 / 2),
+    from honest_low to honest_high. promise is the greatest honest ratio that is promised, and worst_tiles_promise that
+    of the worst tiles; None promises nothing. wrong_tiles is the share, 0 to 1, of the tiles that are wrong so that it
+    can be seen. kept is None where the probes cannot tell. probes is the number of probes in tiles that stayed warped,
+    tile_size the side of a tile in pixels. from_ says in words where the figures come from.
     """
 
     noise_ratio: float
     low: float | None
     high: float | None
     excess: float
+    bias: float
+    honest_ratio: float
+    honest_low: float | None
+    honest_high: float | None
     promise: float | None
     worst_tiles: float
     worst_tiles_promise: float | None
+    wrong_tiles: float
     kept: bool | None
     probes: int
     tile_size: int | None
@@ -97,8 +104,13 @@ class NoEstimateReport:
     low: None = None
     high: None = None
     excess: None = None
+    bias: None = None
+    honest_ratio: None = None
+    honest_low: None = None
+    honest_high: None = None
     worst_tiles: None = None
     worst_tiles_promise: None = None
+    wrong_tiles: None = None
     kept: None = None
     tile_size: None = None
     promise: float | None
@@ -142,8 +154,9 @@ class CompareReport:
     """The pair compared with Blender's multiview, rendered in the same run.
 
     rmse and flip are the target's errors against multiview's eye, as a root mean square after tone mapping and by FLIP;
-    noise_rmse and noise_flip are those of that eye rendered with another seed. noise_ratio is None where there is no
-    ratio, and no_noise then says why. FLIP is None where it is not installed.
+    noise_rmse and noise_flip are those of that eye rendered with another seed, and flip_ratio is flip over noise_flip.
+    noise_ratio, bias, honest_ratio, worst_tiles, wrong_tiles and flip_ratio are None where there is no noise, and
+    no_noise then says why. FLIP is None where it is not installed.
     """
 
     multiview_seconds: float
@@ -151,10 +164,14 @@ class CompareReport:
     noise_rmse: float
     rmse: float
     noise_ratio: float | None
+    bias: float | None
+    honest_ratio: float | None
     worst_tiles: float | None
+    wrong_tiles: float | None
     no_noise: str | Absent = ABSENT
     flip: float | None
     noise_flip: float | None
+    flip_ratio: float | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,15 +10,20 @@ from typing import Any
 from ..pipeline.stages import OUTSIDE_TOTAL, in_order, label_of
 
 COMPARED_KEYS = (
-    "multiview_seconds",
-    "speedup",
     "rmse",
-    "noise_rmse",
     "noise_ratio",
+    "bias",
+    "honest_ratio",
     "worst_tiles",
+    "wrong_tiles",
     "flip",
     "noise_flip",
+    "flip_ratio",
 )
+"""Keys of the errors that a comparison measures. Reports of older versions lack some."""
+
+HONEST_INTERVAL = ("honest_ratio", "honest_low", "honest_high")
+"""Keys of the estimate's honest ratio and of the ends of its interval."""
 
 LEAST_SHOWN_SECONDS = 0.05
 """Least seconds that a figure with one decimal shows."""
@@ -62,23 +67,36 @@ def _estimate_lines(report: Mapping[str, Any]) -> list[str]:
     estimate = report.get("estimate")
     if not estimate or estimate["noise_ratio"] is None:
         return [f"estimate      none: {estimate['from']}"] if estimate else []
-    ratio, low, high = (_number(estimate[name], ".3f") for name in ("noise_ratio", "low", "high"))
-    interval = f" ({low} to {high})" if _is_number(estimate["low"]) and math.isfinite(estimate["low"]) else ""
-    line = f"estimate      noise ratio {ratio}{interval}, from {estimate['from']}"
-    unsure = estimate["kept"] is None
-    lines = [line + _promised(estimate["noise_ratio"], estimate["promise"], unsure=unsure)]
+    noise = f"noise ratio {_with_interval(estimate, 'noise_ratio', 'low', 'high')}"
+    # A report of an older version has no honest ratio, and its promise was of the noise ratio.
+    honest = estimate.get("honest_ratio")
+    told = noise if honest is None else f"honest ratio {_with_interval(estimate, *HONEST_INTERVAL)}"
+    promised = _promised(estimate["noise_ratio"] if honest is None else honest, estimate["promise"], estimate["kept"])
+    lines = [f"estimate      {told}, from {estimate['from']}{promised}"]
+    if honest is not None:
+        lines.append(f"              bias {_number(estimate['bias'], '.2f')} of a render's noise, {noise}")
     worst, limit = estimate["worst_tiles"], estimate["worst_tiles_promise"]
     if worst is not None and (worst > 1.0 or limit is not None):
-        lines.append(f"              worst tiles {_number(worst, '.2f')}, see estimate.png" + _promised(worst, limit))
+        share = "" if honest is None else f", {_number(100.0 * estimate['wrong_tiles'], '.1f')} % of all are wrong"
+        figure = f"worst tiles {_number(worst, '.2f')}{share}, see estimate.png"
+        lines.append(f"              {figure}{_promised(worst, limit)}")
     return lines
 
 
-def _promised(value: float, promise: float | None, *, unsure: bool = False) -> str:
-    """Return the end of a line about `value`: the promise, and if it is kept; "" where nothing is promised. `unsure`
-    means that the probes cannot tell."""
+def _with_interval(estimate: Mapping[str, Any], ratio: str, low: str, high: str) -> str:
+    """Return a ratio of the estimate by its three keys, such as "1.020 (0.990 to 1.050)"; without an interval where
+    that is not known."""
+    if not _is_number(estimate[low]) or not math.isfinite(estimate[low]):
+        return _number(estimate[ratio], ".3f")
+    return "{} ({} to {})".format(*(_number(estimate[name], ".3f") for name in (ratio, low, high)))
+
+
+def _promised(value: float, promise: float | None, kept: bool | None = False) -> str:
+    """Return the end of a line about `value`: the promise, and if it is kept; "" where nothing is promised. kept is
+    None where the probes cannot tell; else the value decides."""
     if promise is None:
         return ""
-    verdict = "too close to tell" if unsure else "kept" if value <= promise else "not kept"
+    verdict = "too close to tell" if kept is None else "kept" if value <= promise else "not kept"
     return f"; at most {promise:g} promised: {verdict}"
 
 
@@ -135,20 +153,35 @@ def more_seconds_text(price: Mapping[str, Any]) -> str:
     return f"{'' if price['complete'] else 'at least '}{_number(more, '.1f')} s more"
 
 
+def _error_lines(compare: Mapping[str, Any], why_none: str | None) -> list[str]:
+    """Return the lines about the errors that a comparison measured. compare has the `COMPARED_KEYS`; why_none says why
+    there is no noise to hold them against, None where there is."""
+    figures = {
+        name: _number(value, ".4f" if name in ("flip", "noise_flip") else ".3f") for name, value in compare.items()
+    }
+    flip = f"  FLIP         {figures['flip']}   of noise alone {figures['noise_flip']}"
+    if why_none:
+        none, error = f"  honest ratio n/a      {why_none}", f"  error        {figures['rmse']}    root mean square"
+        return [none, f"{error}, tone-mapped", flip]
+    wrong = _number(100.0 * compare["wrong_tiles"], ".1f") if _is_number(compare["wrong_tiles"]) else "n/a"
+    return [
+        f"  honest ratio {figures['honest_ratio']}    1 = as good as rendering it again",
+        f"  noise ratio  {figures['noise_ratio']}    bias {figures['bias']} of a render's noise",
+        f"  worst tiles  {figures['worst_tiles']}    {wrong} % of all tiles are wrong",
+        f"{flip}: {figures['flip_ratio']} times that",
+    ]
+
+
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about the gain over Blender's multiview: speed-up and errors as they were measured in a
     comparison, or else only the predicted speed-up. An empty list for a report with neither."""
     multiview = "x over Blender's multiview"
     compare = report.get("compare")
     if compare:
-        figures = {name: _number(compare[name], ".4f" if "flip" in name else ".3f") for name in COMPARED_KEYS}
         speedup, multiview_seconds = _number(compare["speedup"], ".2f"), _number(compare["multiview_seconds"], ".2f")
-        why_none, error = compare.get("no_noise"), f"  error       {figures['rmse']}   root mean square, tone-mapped"
         return [
             f"gained        {speedup} {multiview} ({multiview_seconds} s), measured",
-            f"  noise ratio {figures['noise_ratio']}   {why_none or '1 = as good as rendering it again'}",
-            error if why_none else f"  worst tiles {figures['worst_tiles']}",
-            f"  FLIP        {figures['flip']}   of noise alone {figures['noise_flip']}",
+            *_error_lines({name: compare.get(name) for name in COMPARED_KEYS}, compare.get("no_noise")),
         ]
     if report.get("predicted_speedup") is not None:
         speedup = _number(report["predicted_speedup"], ".2f")

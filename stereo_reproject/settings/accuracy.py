@@ -19,11 +19,11 @@ class Accuracy:
     traced on either side of it; Cycles' default filter reaches 1.5. colour_tolerance: difference between the colours on
     the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
 
-    promise: greatest noise ratio of the target, by estimate; None promises nothing and places no probes. probe_spacing:
-    side in pixels of the tiles that have one probe each, see `for_size`. tile_limit: noise ratio above which a tile is
-    traced even if the frame as a whole keeps its promise. promises_worst_tiles: True if the worst tiles must not exceed
-    tile_limit either. unseen: standard deviation of noise, after tone mapping, that nobody sees; where the picture has
-    less noise, a tile's error is compared with this much.
+    promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
+    places no probes. probe_spacing: side in pixels of the tiles that have one probe each, see `for_size`. tile_limit:
+    honest ratio above which a tile is traced even if the frame as a whole keeps its promise. promises_worst_tiles: True
+    if the worst tiles must not exceed tile_limit either. unseen: standard deviation of noise, after tone mapping, that
+    nobody sees; where the picture has less noise, a tile's error is compared with this much.
     """
 
     silhouette_step: float
@@ -64,7 +64,7 @@ SETTINGS: dict[str, Accuracy] = {
 
 def accuracy_of(settings: StereoSettings) -> Accuracy:
     """Return the accuracy that the settings ask for: the named one or, where a tolerance is given, a named one with the
-    tolerance in place of its promise. That is the strictest setting whose promised noise ratio is not below the
+    tolerance in place of its promise. That is the strictest setting whose promised honest ratio is not below the
     tolerance, or `preview` where all are below it."""
     if settings.tolerance is None:
         return SETTINGS[settings.accuracy]

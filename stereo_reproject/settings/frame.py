@@ -102,7 +102,7 @@ class SceneOverrides:
 class StereoSettings:
     """The settings of a pair; those of the scene are in `scene`. Raises BadInputError.
 
-    source is the eye that is rendered whole. tolerance is the greatest noise ratio that is promised, in place of that
+    source is the eye that is rendered whole. tolerance is the greatest honest ratio that is promised, in place of that
     of `accuracy`, which then becomes "custom". fill is the method by which holes are traced. grid_threshold is the
     binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare has multiview rendered
     too, for comparison.

@@ -23,7 +23,7 @@ class SettingsTuning:
     so that more probes are needed."""
 
     denoised_limit_ratio: float = 1.5
-    """Limit of a tile's noise ratio in a denoised picture over that in a noisy one. Chosen: there the noise of the
+    """Limit of a tile's honest ratio in a denoised picture over that in a noisy one. Chosen: there the noise of the
     estimate is about seven times as large, and the picture's own can hardly be seen."""
 
 

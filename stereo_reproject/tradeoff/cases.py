@@ -79,10 +79,11 @@ def chosen_cases(only: Sequence[str] = ()) -> tuple[TradeoffCase, ...]:
 class Row:
     """The measurements of one case, as a row of the price list; name, kind and accuracy (its name) are the case's.
 
-    seconds are by stage, speedup is over Blender's multiview. rmse, noise_ratio and worst_tiles are as in `metrics`;
-    the ratios are infinite where there is no noise. traced is the share of the target's pixels that was traced,
-    fractions are shares by reason. fill and refine_fill are the methods of the fill and of refinement (None without
-    one). estimate has what the probes estimated: "noise_ratio", "low", "high" and "promise"; None without probes.
+    seconds are by stage, speedup is over Blender's multiview. rmse, noise_ratio, bias, honest_ratio, worst_tiles and
+    wrong_tiles are as in `metrics`; the ratios are infinite where there is no noise. traced is the share of the
+    target's pixels that was traced, fractions are shares by reason. fill and refine_fill are the methods of the fill
+    and of refinement (None without one). estimate has what the probes estimated: "noise_ratio", "low", "high", the same
+    with "honest_", and "promise", which is of the honest ratio; None without probes.
     """
 
     name: str
@@ -92,7 +93,10 @@ class Row:
     speedup: float
     rmse: float
     noise_ratio: float
+    bias: float
+    honest_ratio: float
     worst_tiles: float
+    wrong_tiles: float
     traced: float
     fill: str
     refine_fill: str | None = None
@@ -165,7 +169,10 @@ def _entry(row: Row, on_front: bool) -> dict[str, Any]:
         "seconds": {**row.seconds, "total": row.total},
         "speedup": row.speedup,
         "noise_ratio": _known(row.noise_ratio),
+        "bias": _known(row.bias),
+        "honest_ratio": _known(row.honest_ratio),
         "worst_tiles": _known(row.worst_tiles),
+        "wrong_tiles": row.wrong_tiles,
         "rmse": row.rmse,
         "excess": _known(row.excess),
         "traced": row.traced,

@@ -44,6 +44,7 @@ class Frame:
             passes={"Combined": warped},
             reasons=reasons,
             sampled=lambda place: self.reprojection.passes["Combined"][place],
+            variance_share=np.ones(SIZE, np.float32),
         )
         self.asked = []
 

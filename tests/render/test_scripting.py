@@ -49,7 +49,7 @@ def test_the_examples_run_one_after_the_other(folder, capsys):
             assert everything() == before
     said = capsys.readouterr().out
     assert "of the right eye was rendered" in said
-    assert "times as fast, noise ratio" in said
+    assert "times as fast, honest ratio" in said
     assert "it calls for nothing:" in said
     assert files(folder / "out" / "room") == sorted(FILES)
     assert files(folder / "out" / "compared") == sorted([*FILES, DIFFERENCE])

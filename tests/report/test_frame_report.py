@@ -56,10 +56,14 @@ COMPARE = CompareReport(
     noise_rmse=0.5,
     rmse=0.25,
     noise_ratio=None,
+    bias=None,
+    honest_ratio=None,
     worst_tiles=None,
+    wrong_tiles=None,
     no_noise="EEVEE renders the same noise each time, and has none to compare with",
     flip=0.125,
     noise_flip=None,
+    flip_ratio=None,
 )
 PARALLAX = ParallaxReport(nearest=ScreenParallax(2.0, -3.5, -0.25), farthest=ScreenParallax(math.inf, 12.0, 1.25))
 

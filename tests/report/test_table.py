@@ -16,9 +16,13 @@ COMPARE = {
     "rmse": 0.021,
     "noise_rmse": 0.0209,
     "noise_ratio": 1.005,
+    "bias": 0.6,
+    "honest_ratio": 1.0863,
     "worst_tiles": 1.12,
+    "wrong_tiles": 0.0125,
     "flip": 0.0312,
     "noise_flip": 0.0309,
+    "flip_ratio": 1.0097,
 }
 
 
@@ -115,9 +119,10 @@ def test_table_of_a_measured_run(report):
         "  rerendered        7.12 %",
         "fill          packed: 6 % of the pixels are holes",
         "gained        1.79 x over Blender's multiview (20.00 s), measured",
-        "  noise ratio 1.005   1 = as good as rendering it again",
-        "  worst tiles 1.120",
-        "  FLIP        0.0312   of noise alone 0.0309",
+        "  honest ratio 1.086    1 = as good as rendering it again",
+        "  noise ratio  1.005    bias 0.600 of a render's noise",
+        "  worst tiles  1.120    1.2 % of all tiles are wrong",
+        "  FLIP         0.0312   of noise alone 0.0309: 1.010 times that",
         "memory        812 MB at its peak",
     ]
 
@@ -134,15 +139,15 @@ def test_table_claims_no_gain_without_figures(report):
 
 def test_table_shows_what_has_no_value(report):
     table = format_report_table({**report, "compare": {**COMPARE, "noise_ratio": None, "flip": math.nan}})
-    assert "noise ratio n/a" in table
-    assert "FLIP        n/a" in table
+    assert "noise ratio  n/a" in table
+    assert "FLIP         n/a" in table
 
 
 def test_table_says_why_there_is_no_ratio_to_noise(report):
     compare = {**COMPARE, "noise_ratio": None, "worst_tiles": None, "no_noise": "two renders are the same"}
     lines = format_report_table({**report, "compare": compare}).splitlines()
-    assert "  noise ratio n/a   two renders are the same" in lines
-    assert "  error       0.021   root mean square, tone-mapped" in lines
+    assert "  honest ratio n/a      two renders are the same" in lines
+    assert "  error        0.021    root mean square, tone-mapped" in lines
     assert not [line for line in lines if "worst tiles" in line]
 
 
@@ -155,9 +160,14 @@ ESTIMATE = {
     "low": 0.98,
     "high": 1.04,
     "excess": 0.0247,
+    "bias": 0.156,
+    "honest_ratio": 1.0061,
+    "honest_low": 0.975,
+    "honest_high": 1.036,
     "promise": 1.02,
     "worst_tiles": 1.15,
     "worst_tiles_promise": 1.2,
+    "wrong_tiles": 0.004,
     "kept": True,
     "from": "probes",
 }
@@ -171,8 +181,9 @@ EFFECTS = [
 def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report):
     report.update(estimate=ESTIMATE, price=PRICE, effects=EFFECTS)
     table = format_report_table(report)
-    assert "noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
-    assert "worst tiles 1.15, see estimate.png; at most 1.2 promised: kept" in table
+    assert "honest ratio 1.006 (0.975 to 1.036), from probes; at most 1.02 promised: kept" in table
+    assert "bias 0.16 of a render's noise, noise ratio 1.012 (0.980 to 1.040)\n" in table
+    assert "worst tiles 1.15, 0.4 % of all are wrong, see estimate.png; at most 1.2 promised: kept" in table
     assert "full: 9.8 s more, 100.0 % traced, predicted" in table
     assert "glossy                3.12 %    1.50 s" in table
     assert "hair" not in table
@@ -180,11 +191,11 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     report["price"] = {**PRICE, "complete": False}
     table = format_report_table(report)
     assert "at most 1.02 promised: kept" in table
-    assert "worst tiles 1.25, see estimate.png; at most 1.2 promised: not kept" in table
+    assert "worst tiles 1.25, 0.4 % of all are wrong, see estimate.png; at most 1.2 promised: not kept" in table
     assert "full: at least 9.8 s more" in table
     report["estimate"] = {
         **ESTIMATE,
-        "noise_ratio": 1.03,
+        "honest_ratio": 1.03,
         "kept": False,
         "worst_tiles": 1.0,
         "worst_tiles_promise": None,
@@ -192,6 +203,14 @@ def test_table_says_whether_the_promise_is_kept_and_what_more_would_cost(report)
     table = format_report_table(report)
     assert "at most 1.02 promised: not kept" in table
     assert "worst tiles" not in table
+
+
+def test_table_of_a_report_before_the_honest_ratio_has_the_noise_ratio(report):
+    named = {"bias", "honest_ratio", "honest_low", "honest_high", "wrong_tiles", "flip_ratio"}
+    older, compared = ({name: part[name] for name in part if name not in named} for part in (ESTIMATE, COMPARE))
+    table = format_report_table({**report, "estimate": older, "compare": compared})
+    assert "estimate      noise ratio 1.012 (0.980 to 1.040), from probes; at most 1.02 promised: kept" in table
+    assert "noise ratio  1.005    bias n/a" in table
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images.metrics import noise_ratio, rmse, worst_tiles
+from ...images.metrics import bias_sigmas, honest_ratio, noise_ratio, rmse, worst_tiles, wrong_tiles
 from ...pipeline.frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import ABSENT, Absent
@@ -47,14 +47,19 @@ class MultiviewReference:
         """Root mean square difference between the target eye's two renders, which differ by noise alone."""
         return rmse(self.again, self.reference)
 
-    def judge(self, ours: NDArray[np.float32]) -> dict[str, float]:
+    def judge(self, ours: NDArray[np.float32], variance_share: NDArray[np.float32]) -> dict[str, float]:
         """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
-        "noise_ratio" and "worst_tiles".
+        "noise_ratio", "bias", "honest_ratio", "worst_tiles" and "wrong_tiles". variance_share (H, W) is that of the
+        frame.
         """
+        honest = honest_ratio(ours, self.reference, self.again, variance_share)
         return {
             "rmse": rmse(ours, self.reference),
             "noise_ratio": noise_ratio(ours, self.reference, self.again),
+            "bias": bias_sigmas(honest),
+            "honest_ratio": honest,
             "worst_tiles": worst_tiles(ours, self.reference, self.again),
+            "wrong_tiles": wrong_tiles(ours, self.reference, self.again),
         }
 
 
@@ -96,18 +101,19 @@ def compare_with_multiview(
     multiview = render_reference(scene, settings, folder, layers=list(pair.frames))
     ours = colour(pair.main_frame.eyes[settings.target])
     flip, noise_flip = _flips(scene, settings, ours, multiview, folder)
-    errors = multiview.judge(ours)
+    errors = multiview.judge(ours, pair.main_frame.variance_share)
     no_noise = _why_no_noise(errors, multiview.engine)
+    by_noise = {name: value if no_noise is ABSENT else None for name, value in errors.items() if name != "rmse"}
     report = CompareReport(
         multiview_seconds=multiview.seconds,
         speedup=multiview.seconds / pair.seconds["total"],
         noise_rmse=multiview.noise_rmse,
         rmse=errors["rmse"],
-        noise_ratio=errors["noise_ratio"] if no_noise is ABSENT else None,
-        worst_tiles=errors["worst_tiles"] if no_noise is ABSENT else None,
+        **by_noise,
         no_noise=no_noise,
         flip=flip,
         noise_flip=noise_flip,
+        flip_ratio=flip / noise_flip if flip is not None and noise_flip and no_noise is ABSENT else None,
     )
     return report, multiview.reference
 

@@ -208,8 +208,8 @@ def _write_pictures(
 
 
 def _estimate_passes(estimates: NDArray[np.float32]) -> Passes:
-    """Return the three channels of `estimates` (H, W, 3) as passes by name: noise ratio, and the low and high end of
-    its interval.
+    """Return the three channels of `estimates` (H, W, 3) as passes by name: the honest ratio, and the low and high end
+    of its interval. The names are those of older versions.
     """
     names = ("Noise Ratio", "Noise Ratio Low", "Noise Ratio High")
     return {name: estimates[..., k : k + 1] for k, name in enumerate(names)}

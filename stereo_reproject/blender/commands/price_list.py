@@ -288,7 +288,7 @@ def _make(
         accuracy=case.accuracy_name,
         seconds=seconds,
         speedup=multiview.seconds / sum(seconds.values()),
-        **multiview.judge(colour(frame.eyes[settings.target])),
+        **multiview.judge(colour(frame.eyes[settings.target]), frame.variance_share),
         traced=fractions.pop("rerendered"),
         fill=frame.fill.method,
         refine_fill=refined[-1].method if refined else None,
@@ -310,8 +310,8 @@ def _seconds(frame: StereoFrame, shared: Mapping[str, float]) -> dict[str, float
 
 
 def _estimate(frame: StereoFrame, case: TradeoffCase) -> dict[str, float | None] | None:
-    """Return the frame's estimated noise ratio with its interval, and the promise of the case; None without an
-    estimate.
+    """Return the frame's estimated noise ratio and honest ratio with their intervals, and the promise of the case; None
+    without an estimate.
     """
     estimate = frame.refinement.estimate
     if estimate is None:
@@ -320,5 +320,8 @@ def _estimate(frame: StereoFrame, case: TradeoffCase) -> dict[str, float | None]
         "noise_ratio": estimate.noise_ratio,
         "low": estimate.low,
         "high": estimate.high,
+        "honest_ratio": estimate.honest_ratio,
+        "honest_low": estimate.honest_low,
+        "honest_high": estimate.honest_high,
         "promise": case.accuracy.promise,
     }

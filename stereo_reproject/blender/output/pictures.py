@@ -91,7 +91,7 @@ def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[ND
 def write_estimate(
     path: Path, target: NDArray[np.float32], estimates: NDArray[np.float32], *, why_none: str | None = None
 ) -> None:
-    """Write a PNG of the target eye, dimmed, in which tiles are coloured whose noise ratio is above 1 beyond chance,
+    """Write a PNG of the target eye, dimmed, in which tiles are coloured whose honest ratio is above 1 beyond chance,
     with a legend below.
 
     target (H, W, 4) is scene-linear; estimates (H, W, 3) are those of `estimates.estimate_map`. why_none says in words
@@ -107,7 +107,7 @@ def write_estimate(
         ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
         for (limit, colour), end in zip(ABOVE, ends, strict=True):
             band = (ratio > limit) & (ratio <= end) & (low > 1.0)
-            words = f"noise ratio {limit:g} to {end:g}" if np.isfinite(end) else f"above {limit:g}"
+            words = f"honest ratio {limit:g} to {end:g}" if np.isfinite(end) else f"above {limit:g}"
             shown.append((f"{words}: {100.0 * np.mean(band):.1f} %", colour, band))
     if not shown:
         shown = [("all of it was traced", ABOVE[0][1], unknown)]
