@@ -5,11 +5,11 @@
 DIR holds a folder with a .blend of the same name for each scene. A run is one pair, rendered with a seed of its own;
 the accuracies take turns. Its finished target is held against plain renders of the target, together at least
 --reference-samples samples a pixel (truth.py says how), with seeds that no run has. A run is covered when the truth
-lies inside the interval; apart from that is told how many are when the interval is widened by the standard error that
-the references themselves have. z is (estimate - truth) in standard deviations of the estimate, as the interval tells
-them. A run without an estimate (nothing was probed) counts for nothing and another is made in its place, up to twice
-as many runs as asked for. Ends with status 1 where less than 90 % are covered. What Blender prints goes to standard
-error.
+lies inside the interval of the honest ratio; apart from that is told how many are when the interval is widened by the
+standard error that the references themselves have. z is (estimate - truth) in standard deviations of the estimate, as
+the interval tells them. A run without an estimate (nothing was probed) counts for nothing and another is made in its
+place, up to twice as many runs as asked for. Ends with status 1 where less than 90 % are covered. What Blender prints
+goes to standard error.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ REFERENCE_SEED = 1_500_000_000
 
 @dataclass(frozen=True)
 class Run:
-    """What one pair told of itself, and what is true of it. low, high: noise ratios; None without an estimate."""
+    """What one pair told of itself, and what is true of it: estimate, low, high and truth are honest ratios, estimate
+    None without one; noise_ratio and true_noise_ratio stand beside them."""
 
     scene: str
     accuracy: str
@@ -64,6 +65,8 @@ class Run:
     excess: float = math.nan
     standard_error: float = math.nan
     """Of `excess`, and from the references alone."""
+    noise_ratio: float | None = None
+    true_noise_ratio: float = math.nan
 
     @property
     def covered(self) -> bool:
@@ -121,15 +124,17 @@ def measure_run(
     settings = StereoSettings(accuracy=accuracy, fill=fill)
     working.cycles.seed = seed
     frame = render_stereo_frame(BlenderRenderer(working, folder), settings)
-    truth = references.truth(colour(frame.eyes[settings.target]))
+    truth = references.truth(colour(frame.eyes[settings.target]), frame.variance_share)
     return _run(name, accuracy, seed, float(np.mean(frame.traced)), frame.refinement.estimate, truth)
 
 
 def _run(name: str, accuracy: str, seed: int, traced: float, estimate: Any, truth: Truth) -> Run:
-    known = truth.noise_ratio, truth.excess, truth.standard_error
+    known = truth.honest_ratio, truth.excess, truth.standard_error
     if estimate is None:
-        return Run(name, accuracy, seed, traced, None, math.nan, math.nan, *known)
-    return Run(name, accuracy, seed, traced, estimate.noise_ratio, estimate.low, estimate.high, *known)
+        told, noise_ratio = (None, math.nan, math.nan), None
+    else:
+        told, noise_ratio = (estimate.honest_ratio, estimate.honest_low, estimate.honest_high), estimate.noise_ratio
+    return Run(name, accuracy, seed, traced, *told, *known, noise_ratio, truth.noise_ratio)
 
 
 def make_references(name: str, working: Any, folder: Path, options: argparse.Namespace) -> References:
@@ -160,10 +165,12 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
 def line(run: Run) -> str:
     start = f"{run.scene:14s} {run.accuracy:9s} {run.seed:4d} {100.0 * run.traced:6.1f} %"
     truth = f"{run.truth:.4f} ± {run.standard_error / max(2.0 * run.truth, 1e-9):.4f}"
-    if run.estimate is None:
+    if run.estimate is None or run.noise_ratio is None:
         return f"{start}  no estimate               {truth}"
     inside = "yes" if run.covered else ("nearly" if run.nearly_covered else "NO")
-    return f"{start}  {run.estimate:.4f} [{run.low:.4f}, {run.high:.4f}]  {truth}  {run.z:+6.2f}  {inside}"
+    noise = f"{run.noise_ratio:.4f} / {run.true_noise_ratio:.4f}"
+    told = f"{run.estimate:.4f} [{run.low:.4f}, {run.high:.4f}]"
+    return f"{start}  {told}  {truth}  {run.z:+6.2f}  {inside:6s}  {noise}"
 
 
 def summary(title: str, runs: Sequence[Run]) -> str:
@@ -221,7 +228,8 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Run]:
-    tell(f"{'scene':14s} {'accuracy':9s} seed   traced  estimate [low, high]      truth ± error          z  inside")
+    told = "estimate [low, high]      truth ± error          z  inside  noise ratio / truth"
+    tell(f"{'scene':14s} {'accuracy':9s} seed   traced  {told}")
     runs: list[Run] = []
     for name in options.names:
         for run in measure_scene(name, options):

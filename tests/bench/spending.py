@@ -4,7 +4,7 @@
 
 DIR holds a folder with a .blend of the same name for each scene. Of each, the source eye is rendered once, and the
 target four times with other seeds. Then the target is made at the given accuracy as the pipeline makes it, but traces
-come from two of the four renders; the other two tell the true noise ratio and worst tiles. A seed places the probes,
+come from two of the four renders; the other two tell the true ratios, worst and wrong tiles. A seed places the probes,
 and shifts which two are which. Every value of a knob sees the same renders and seeds, so rows may be compared though
 each depends on chance. The fill is chosen as for a source that took a minute: by time, so small a picture would often
 be rendered whole. Prints a table in Markdown, means over scenes and seeds, with the values that ship in bold. What
@@ -36,7 +36,7 @@ from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.holes.classifier import Optics
 from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.holes.tuning import HoleTuning
-from stereo_reproject.images.metrics import noise_ratio, worst_tiles
+from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles, wrong_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
@@ -106,16 +106,18 @@ KNOBS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one finished target: the share that was traced, probes counted, its true noise ratio and worst tiles, and the
-    noise ratio that it tells of itself."""
+    """Of one finished target: the share that was traced, probes counted, its true honest ratio and noise ratio, worst
+    tiles and the share of wrong ones, and the honest ratio that it tells of itself."""
 
     scene: str
     knob: str
     value: float
     seed: int
     traced: float
-    ratio: float
+    honest: float
+    noise: float
     worst: float
+    wrong: float
     estimate: float
 
 
@@ -146,11 +148,13 @@ class Scene:
             target, estimate = self._finished(accuracy, seed)
         _, _, reference, again = self._shifted(seed)
         ours = target.colour
-        truth = noise_ratio(ours, reference, again), worst_tiles(ours, reference, again)
+        renders = ours, reference, again
+        honest = honest_ratio(*renders, target.variance_share(self.warped.variance_share))
+        truth = honest, noise_ratio(*renders), worst_tiles(*renders), wrong_tiles(*renders)
         return Outcome(self.name, knob.name, value, seed, float(np.mean(target.traced)), *truth, estimate)
 
     def _finished(self, accuracy: Accuracy, seed: int) -> tuple[Target, float]:
-        """As `frame.render_stereo_frame` makes it from what was warped; and the noise ratio by its estimate."""
+        """As `frame.render_stereo_frame` makes it from what was warped; and the honest ratio by its estimate."""
         once, again, _, _ = self._shifted(seed)
         passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
         views = tuple(replace(view, accuracy=accuracy) for view in self.warped.views)
@@ -161,7 +165,7 @@ class Scene:
             tracing.send_pilot()
         tracing.fill()
         estimate = tracing.refine().estimate
-        return tracing.target, estimate.noise_ratio
+        return tracing.target, estimate.honest_ratio
 
     def _shifted(self, seed: int) -> list[NDArray]:
         return [self.targets[(seed + number) % RENDERS] for number in range(RENDERS)]
@@ -232,14 +236,25 @@ def load_pictures(path: Path) -> tuple[Passes, list[NDArray]]:
         return source, [stored[name] for name in stored.files if name.startswith(TARGET)]
 
 
-COLUMNS = ("traced", "rendered whole", "noise ratio", "greatest", "worst tiles", "estimate", "off by")
+COLUMNS = (
+    "traced",
+    "rendered whole",
+    "honest ratio",
+    "greatest",
+    "noise ratio",
+    "worst tiles",
+    "wrong tiles",
+    "estimate",
+    "off by",
+)
 
 
 def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS, accuracy: Accuracy = SHIPPED) -> str:
     """A row per value of each knob, over all its outcomes; the value that ships is bold.
 
     Targets that were rendered whole are counted apart as well: one of them moves the mean share that is traced by more
-    than most knobs do. `off by` is the root mean square of what the estimate is from the noise ratio.
+    than most knobs do. `greatest` is of the honest ratio, and `off by` is the root mean square of what the estimate is
+    from it.
     """
     lines = [f"| knob | value | {' | '.join(COLUMNS)} |", "|---" * (2 + len(COLUMNS)) + "|"]
     for knob in knobs:
@@ -251,12 +266,15 @@ def table(outcomes: Sequence[Outcome], knobs: Sequence[Knob] = KNOBS, accuracy: 
 
 
 def _row(outcomes: Sequence[Outcome]) -> str:
-    columns = ([getattr(outcome, name) for outcome in outcomes] for name in ("traced", "ratio", "worst", "estimate"))
-    traced, ratio, worst, estimate = (np.array(column) for column in columns)
+    traced, honest, noise, worst, wrong, estimate = (
+        np.array([getattr(outcome, name) for outcome in outcomes])
+        for name in ("traced", "honest", "noise", "worst", "wrong", "estimate")
+    )
     spent = f"{100.0 * traced.mean():.1f} % | {np.sum(traced == 1.0)} of {traced.size}"
-    bought = f"{ratio.mean():.3f} | {ratio.max():.3f} | {worst.mean():.2f}"
-    told = f"{estimate.mean():.3f} | {np.sqrt(np.mean((estimate - ratio) ** 2)):.3f}"
-    return f"{spent} | {bought} | {told}"
+    bought = f"{honest.mean():.3f} | {honest.max():.3f} | {noise.mean():.3f}"
+    tiles = f"{worst.mean():.2f} | {100.0 * wrong.mean():.1f} %"
+    told = f"{estimate.mean():.3f} | {np.sqrt(np.mean((estimate - honest) ** 2)):.3f}"
+    return f"{spent} | {bought} | {tiles} | {told}"
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:

@@ -37,11 +37,15 @@ class Scene:
         toned = self.mean + bias + share * self.reach * self.rng.uniform(-1.0, 1.0, self.mean.shape)
         return toned / (1.0 - toned)
 
-    def excess(self, picture):
-        """The true one of this very picture: the variance of the even distribution is known."""
+    def noise_excess(self, picture):
+        """The true noise_ratio^2 - 1 of this very picture: the variance of the even distribution is known."""
         variance = np.mean(self.reach**2) / 3.0
         toned = picture / (1.0 + picture)
         return (np.mean((toned - self.mean) ** 2) + variance) / (2.0 * variance) - 1.0
+
+    def excess(self, picture, share):
+        """The true bias^2 / 2 of a picture with `share` of a render's noise."""
+        return self.noise_excess(picture) + (1.0 - share**2) / 2.0
 
     def references(self, renders=RENDERS):
         result = References.none(SIZE[1], SIZE[0])
@@ -56,8 +60,9 @@ def test_the_excess_is_right_on_average_and_within_the_error_that_it_tells(bias,
     z = []
     for _ in range(REPEATS):
         picture = scene.render(bias, share)
-        truth = scene.references().truth(picture)
-        z.append((truth.excess - scene.excess(picture)) / truth.standard_error)
+        truth = scene.references().truth(picture, share**2)
+        z.append((truth.excess - scene.excess(picture, share)) / truth.standard_error)
+        assert truth.excess - truth.smoothed == pytest.approx(scene.noise_excess(picture), abs=0.05)
     low, high = FROM_EIGHT_GROUPS
     rms = np.sqrt(np.mean(np.square(z)))
     assert low < rms < high
@@ -74,9 +79,12 @@ def test_sums_by_group_lose_nothing_and_come_back_from_a_file(tmp_path):
     toned = np.array([render / (1.0 + render) for render in renders])
     error = np.mean([np.mean((ours / (1.0 + ours) - one) ** 2) for one in toned])
     pairs = [np.mean((a - b) ** 2) for i, a in enumerate(toned) for b in toned[:i]]
-    assert references.truth(ours).excess == pytest.approx(error / np.mean(pairs) - 1.0, abs=1e-5)
+    assert references.truth(ours, 1.0).excess == pytest.approx(error / np.mean(pairs) - 1.0, abs=1e-5)
+    # Noise that ours is said not to have is taken for its bias.
+    assert references.truth(ours, 0.5).excess == pytest.approx(error / np.mean(pairs) - 0.75, abs=1e-5)
+    assert references.truth(ours, 0.5).noise_ratio == pytest.approx(references.truth(ours, 1.0).noise_ratio, abs=1e-5)
     references.save(tmp_path / "stored.npz")
-    assert References.load(tmp_path / "stored.npz").truth(ours) == references.truth(ours)
+    assert References.load(tmp_path / "stored.npz").truth(ours, 0.5) == references.truth(ours, 0.5)
     assert [path.name for path in tmp_path.iterdir()] == ["stored.npz"]
 
 

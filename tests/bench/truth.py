@@ -1,14 +1,16 @@
 """How far a finished picture is from the truth beyond noise, by many plain renders of the same view.
 
 What is estimated is noise_ratio = sqrt(E|ours - A|^2 / E|B - A|^2) after tone mapping, over plain renders A and B with
-the run's own sample count; excess is noise_ratio^2 - 1. Tone mapping is not linear: the mean of tone-mapped renders of
+the run's own sample count, and honest_ratio = sqrt(1 + bias^2 / 2), with bias^2 in variances of one plain render's
+noise; excess is honest_ratio^2 - 1. Tone mapping is not linear: the mean of tone-mapped renders of
 16 samples is not a tone-mapped render of 1024. So the reference is K renders of the run's sample count, each of them
 tone-mapped. With m their mean and s^2 their variance (K - 1 in the denominator), per pixel and channel,
 
     mean over k of |ours - A_k|^2    = (ours - m)^2 + s^2 (K - 1) / K,
     mean over pairs |A_k - A_l|^2    = 2 s^2,
 
-both of which have, for the given picture, exactly the expectations that the noise ratio is made of.
+both of which have, for the given picture, exactly the expectations that the noise ratio is made of. And with c the
+share of a render's variance that a pixel of ours has, (ours - m)^2 has the mean bias^2 + c s^2 + s^2 / K.
 """
 
 from __future__ import annotations
@@ -27,14 +29,20 @@ GROUPS = 8
 
 @dataclass(frozen=True)
 class Truth:
-    """The excess of one picture, and the standard error that it has because the references are only so many."""
+    """The excess of one picture, and the standard error that it has because the references are only so many. smoothed
+    is what the lookup has taken from its noise, in the same unit."""
 
     excess: float
     standard_error: float
+    smoothed: float
+
+    @property
+    def honest_ratio(self) -> float:
+        return float(np.sqrt(max(1.0 + self.excess, 0.0)))
 
     @property
     def noise_ratio(self) -> float:
-        return float(np.sqrt(max(1.0 + self.excess, 0.0)))
+        return float(np.sqrt(max(1.0 + self.excess - self.smoothed, 0.0)))
 
 
 class References:
@@ -56,16 +64,21 @@ class References:
         self.total[group] += toned
         self.squares[group] += toned**2
 
-    def truth(self, ours: NDArray) -> Truth:
-        """The excess of `ours` (H, W, >= 3), scene-linear, with its jackknife standard error over the groups."""
+    def truth(self, ours: NDArray, variance_share: NDArray | float) -> Truth:
+        """The excess of `ours` (H, W, >= 3), scene-linear, with its jackknife standard error over the groups.
+
+        variance_share, (H, W) or one for all, is the share of a plain render's variance that each of its pixels has.
+        """
+        share = np.broadcast_to(variance_share, ours.shape[:2])[..., None]
         toned = tone(ours).astype(np.float64)
         whole = self.count.sum(), self.total.sum(axis=0), self.squares.sum(axis=0)
         without = [
-            _excess(toned, whole[0] - count, whole[1] - total, whole[2] - squares)
+            _excess(toned, share, whole[0] - count, whole[1] - total, whole[2] - squares)[0]
             for count, total, squares in zip(self.count, self.total, self.squares, strict=True)
         ]
         spread = np.sum((np.array(without) - np.mean(without)) ** 2)
-        return Truth(_excess(toned, *whole), float(np.sqrt((GROUPS - 1) / GROUPS * spread)))
+        excess, smoothed = _excess(toned, share, *whole)
+        return Truth(excess, float(np.sqrt((GROUPS - 1) / GROUPS * spread)), smoothed)
 
     def save(self, path: Path) -> None:
         # Written whole under another name first: a run that was interrupted leaves no half cache.
@@ -79,11 +92,13 @@ class References:
             return cls(stored["count"], stored["total"], stored["squares"])
 
 
-def _excess(ours: NDArray, count: int, total: NDArray, squares: NDArray) -> float:
+def _excess(ours: NDArray, share: NDArray, count: int, total: NDArray, squares: NDArray) -> tuple[float, float]:
+    """The excess, and the noise that was smoothed away, both over the noise of two renders."""
     mean = total / count
     variance = (squares - count * mean**2) / (count - 1)
-    error = np.mean((ours - mean) ** 2 + variance * (count - 1) / count)
-    return float(error / (2.0 * np.mean(variance)) - 1.0)
+    bias = np.mean((ours - mean) ** 2 - (share + 1.0 / count) * variance)
+    noise = 2.0 * np.mean(variance)
+    return float(bias / noise), float(np.mean((1.0 - share) * variance) / noise)
 
 
 def binomial_interval(hits: int, trials: int) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.lookup import lookup, touches
+from stereo_reproject.images.lookup import lookup, touches, variance_share
 
 INTERPOLATIONS = ["linear", "cubic", "nearest"]
 SIZE = (30, 150)  # width and height in pixels
@@ -200,3 +200,38 @@ def test_no_finite_colour_overflows(interpolation, value):
         got = lookup(image, x, y, interpolation=interpolation)
     assert np.isfinite(got).all()
     np.testing.assert_allclose(got[..., 1], np.float32(value), rtol=1e-6)
+
+
+VARIANCE_TOLERANCE = {"linear": 0.06, "nearest": 0.06, "cubic": 0.08}
+"""Four standard errors of the variance of some 4700 independent values; and cubic values are held within the range of
+what they read."""
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize(("across", "down"), [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.25, 0.9)])
+def test_the_variance_that_a_lookup_keeps_is_as_told(interpolation, across, down):
+    noise = np.random.default_rng(4).normal(size=(210, 100, 4)).astype(np.float32)
+    # No two of these places read a pixel in common.
+    x, y = np.meshgrid(np.arange(4, 96, 4) + 0.5 + across, np.arange(4, 206, 4) + 0.5 + down)
+    share = variance_share(x, y, interpolation=interpolation)
+    assert share.dtype == np.float32
+    assert share.shape == x.shape
+    assert np.ptp(share) < 1e-6
+    told = lookup(noise, x, y, interpolation=interpolation).var()
+    assert told == pytest.approx(share[0, 0], abs=VARIANCE_TOLERANCE[interpolation])
+    if interpolation == "linear":
+        assert share[0, 0] == pytest.approx((1.0 - 2.0 * across * (1.0 - across)) * (1.0 - 2.0 * down * (1.0 - down)))
+
+
+def test_the_variance_share_of_a_whole_picture_and_where_nothing_is_looked_up():
+    x, y = scattered((600, 300), shape=(300, 600))
+    x[7, 8] = np.nan
+    y[9, 10] = np.nan
+    for interpolation in INTERPOLATIONS:
+        share = variance_share(x, y, interpolation=interpolation)
+        assert share[7, 8] == share[9, 10] == 1.0
+        assert share.min() > 0.2
+        assert share.max() <= 1.0 + 1e-6
+    # Over all fractions, linear keeps 2 / 3 along each axis.
+    assert variance_share(x, y).mean() == pytest.approx(4.0 / 9.0, abs=0.01)
+    assert variance_share(x, y, interpolation="cubic").mean() > 0.6

@@ -3,7 +3,20 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.metrics import border_step, noise_ratio, rmse, squared_error, tile_rmse, tone, worst_tiles
+from stereo_reproject.images.lookup import lookup, variance_share
+from stereo_reproject.images.metrics import (
+    bias_sigmas,
+    border_step,
+    honest_ratio,
+    noise_ratio,
+    rmse,
+    squared_error,
+    tile_rmse,
+    tone,
+    untone,
+    worst_tiles,
+    wrong_tiles,
+)
 
 SHAPE = (170, 250)  # not a multiple of the tiles' 16
 
@@ -130,3 +143,72 @@ def test_the_step_across_borders_is_that_of_a_seam():
 
 def test_without_a_border_there_is_no_step():
     assert border_step(np.random.default_rng(0).random((8, 8, 4)), np.ones((8, 8), bool)) == 0.0
+
+
+LARGE = (340, 500)
+SIGMA = 0.04
+"""Standard deviation of a plain render's noise after tone mapping."""
+
+
+def toned_render(seed, off=0.0):
+    """Scene-linear colours of a grey render whose tone-mapped value is 0.5 + off, with noise."""
+    return untone(0.5 + off + np.random.default_rng(seed).normal(0.0, SIGMA, (*LARGE, 3))).astype(np.float32)
+
+
+def half_way(seed, off=0.0):
+    """A render looked up half-way between pixels of a row, and the share of its variance that is kept."""
+    x, y = np.meshgrid(np.arange(LARGE[1]) + 1.0, np.arange(LARGE[0]) + 0.5)
+    toned = lookup(tone(toned_render(seed)), x, y)
+    return untone(toned + off), variance_share(x, y)
+
+
+def test_smoothing_is_no_merit():
+    """A perfect warp at a fraction of 0.5 has half of the variance: a noise ratio of sqrt(0.75), an honest one of 1."""
+    (ours, share), reference, again = half_way(1), toned_render(2), toned_render(3)
+    assert np.unique(share).tolist() == [0.5]
+    assert noise_ratio(ours, reference, again) == pytest.approx(np.sqrt(0.75), abs=RATIO_TOLERANCE)
+    assert honest_ratio(ours, reference, again, share) == pytest.approx(1.0, abs=RATIO_TOLERANCE)
+    assert honest_ratio(ours, reference, again, np.ones_like(share)) < 0.9
+
+
+@pytest.mark.parametrize("sigmas", [0.0, 0.5, 1.0])
+def test_the_honest_ratio_counts_the_bias_alone(sigmas):
+    reference, again = toned_render(2), toned_render(3)
+    due = np.sqrt(1.0 + sigmas**2 / 2.0)
+    warped, share = half_way(1, sigmas * SIGMA)
+    traced = toned_render(4, sigmas * SIGMA)
+    for ours, kept in ((warped, share), (traced, np.ones_like(share))):
+        told = honest_ratio(ours, reference, again, kept)
+        assert told == pytest.approx(due, abs=RATIO_TOLERANCE)
+        if sigmas:
+            assert bias_sigmas(told) == pytest.approx(sigmas, abs=0.05)
+    # Of a plain render, both ratios are the same.
+    assert told == pytest.approx(noise_ratio(traced, reference, again), abs=RATIO_TOLERANCE)
+
+
+def test_a_bias_below_nothing_is_nothing():
+    assert bias_sigmas(0.98) == 0.0
+    assert bias_sigmas(1.1) == pytest.approx(0.648, abs=0.001)
+
+
+def test_without_noise_there_is_no_honest_ratio_but_for_what_is_right():
+    still, other = untone(np.full((32, 32, 3), 0.5)), untone(np.full((32, 32, 3), 0.6))
+    kept = np.ones((32, 32))
+    assert honest_ratio(still, still, still, kept) == 1.0
+    assert honest_ratio(other, still, still, kept) == np.inf
+
+
+def test_wrong_tiles_are_counted():
+    """Of 22 x 32 tiles, those that are off by more than twice the noise, and by more than a display step."""
+    reference, again = toned_render(2), toned_render(3)
+    ours = tone(toned_render(1)).astype(np.float64)
+    assert wrong_tiles(untone(ours), reference, again) == 0.0
+    ours[:16, :48] += 4.0 * SIGMA
+    ours[32:48, :160] += SIGMA
+    assert wrong_tiles(untone(ours), reference, again) == pytest.approx(3.0 / (22 * 32))
+    # Where there is no noise, a display step is needed.
+    still = np.full((32, 64, 3), 0.5)
+    off = still.copy()
+    off[:16, :16] += 0.5 / 255.0
+    off[16:, 16:32] += 2.0 / 255.0
+    assert wrong_tiles(untone(off), untone(still), untone(still)) == 0.125
