@@ -30,6 +30,22 @@ MULTIVIEW = "multiview"
 NOISE_RATIO_STEP = 0.005
 """Least difference in noise ratio that counts: what is less is the noise of the measure itself."""
 
+MEASURED = (
+    "speedup",
+    "noise_ratio",
+    "bias",
+    "honest_ratio",
+    "worst_tiles",
+    "wrong_tiles",
+    "rmse",
+    "excess",
+    "traced",
+)
+"""Keys of a row that are columns of the CSV file by the same names."""
+
+HONEST_INTERVAL = ("honest_ratio", "honest_low", "honest_high")
+"""Keys of the estimate's honest ratio and of the ends of its interval."""
+
 TRACES_PER_PROBE = 2
 """Traces of the pixel of a probe."""
 
@@ -145,13 +161,13 @@ def price_list(
     the Pareto front, and the cases that were left out.
 
     multiview has the "seconds" and the "noise_rmse" of Blender's multiview. It is compared with the cases too, with a
-    noise ratio of 1 by definition. left_out are pairs of a case's name and the reason.
+    noise ratio and an honest ratio of 1 by definition. left_out are pairs of a case's name and the reason.
     """
     front = pareto_front([*((row.total, row.noise_ratio) for row in rows), (multiview["seconds"], 1.0)])
     return {
         **facts,
         "schema": TRADEOFF_SCHEMA,
-        "peer": {**multiview, "noise_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
+        "peer": {**multiview, "noise_ratio": 1.0, "honest_ratio": 1.0, "speedup": 1.0, "pareto": front[-1]},
         "rows": [_entry(row, on_front) for row, on_front in zip(rows, front[:-1], strict=True)],
         "left_out": [{"name": name, "reason": reason} for name, reason in left_out],
     }
@@ -206,9 +222,9 @@ def _flat(row: Mapping[str, Any], stages: Sequence[str]) -> dict[str, Any]:
         **{name: row.get(name) for name in ("name", "kind", "accuracy", "fill", "refine_fill")},
         "seconds": row["seconds"]["total"],
         **{f"{name}_seconds": row["seconds"].get(name) for name in stages},
-        **{name: row.get(name) for name in ("speedup", "noise_ratio", "worst_tiles", "rmse", "excess", "traced")},
+        **{name: row.get(name) for name in MEASURED},
         "estimate": estimate.get("noise_ratio"),
-        **{f"estimate_{end}": _known(estimate.get(end)) for end in ("low", "high")},
+        **{f"estimate_{end}": _known(estimate.get(end)) for end in ("low", "high", *HONEST_INTERVAL)},
         "promise": estimate.get("promise"),
         "pareto": str(row["pareto"]).lower(),
     }
@@ -224,15 +240,21 @@ def format_price_table(prices: Mapping[str, Any]) -> str:
     """Return a price list as a table for people. It is plain ASCII but for the scene's name."""
     lines = [
         f"{headline(prices)}: error against time",
-        f"  {'run':<16}{'seconds':>9}{'speed-up':>10}{'noise ratio':>13}{'worst tiles':>13}{'traced':>9}   fill",
+        (
+            f"  {'run':<16}{'seconds':>9}{'speed-up':>10}{'honest ratio':>14}{'noise ratio':>13}{'worst tiles':>13}"
+            f"{'traced':>9}   fill"
+        ),
     ]
     for row in prices["rows"]:
-        figures = f"{_text(row['noise_ratio'], '13.3f')}{_text(row['worst_tiles'], '13.2f')}{row['traced']:>9.1%}"
+        ratios = f"{_text(row['honest_ratio'], '14.3f')}{_text(row['noise_ratio'], '13.3f')}"
+        figures = f"{ratios}{_text(row['worst_tiles'], '13.2f')}{row['traced']:>9.1%}"
         fill = row["fill"] if row["refine_fill"] in (None, row["fill"]) else f"{row['fill']}, then {row['refine_fill']}"
         lines.append(_line(row["name"], row["seconds"]["total"], row["speedup"], f"{figures}   {fill}", row["pareto"]))
     peer = prices["peer"]
     lines.append(
-        _line(MULTIVIEW, peer["seconds"], 1.0, f"{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"])
+        _line(
+            MULTIVIEW, peer["seconds"], 1.0, f"{1.0:14.3f}{1.0:13.3f}{'':13}{1.0:>9.1%}   Blender's own", peer["pareto"]
+        )
     )
     lines.append(
         f"* no other is as fast and, to within {NOISE_RATIO_STEP:g}, as good; 1 = as good as rendering it again"

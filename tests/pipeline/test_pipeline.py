@@ -12,7 +12,7 @@ from stereo_reproject.errors import BadInputError
 from stereo_reproject.estimate.tracing import ProbedTracing
 from stereo_reproject.holes.classifier import PINHOLE
 from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
-from stereo_reproject.images.metrics import noise_ratio, worst_tiles
+from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles
 from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import Stopwatch, render_stereo_frame, traced_fractions
@@ -295,6 +295,8 @@ def test_of_a_denoised_picture_the_colour_is_looked_up_cubically_unless_told_oth
             renderer.denoise = Denoiser()
         renderer.spoil = lambda passes: passes.update(Checker=checker)
         frame = render_stereo_frame(renderer, settings(interpolation=asked, accuracy="draft"))
+        # The noise that is left in a denoised picture is smooth: a lookup takes nothing from it.
+        assert (frame.variance_share == 1.0).all() == denoised
         return frame.eyes["right"], ~holes_of(frame)
 
     checker = (np.indices(SIZE[::-1]).sum(axis=0) // 3 % 2).astype(np.float32)[..., None]
@@ -366,6 +368,22 @@ def test_noise_stays_what_it_was():
     assert 0.75 < noise_ratio(*pictures) < 1.01
     # 20 tiles or so at the border are smaller than the others: their rms is good to a tenth.
     assert worst_tiles(*pictures) < 1.3
+    # And that is no merit: nothing is wrong, so it is as good as a render, and no better.
+    assert honest_ratio(*pictures, frame.variance_share) == pytest.approx(1.0, abs=0.02)
+    assert (frame.variance_share[frame.traced] == 1.0).all()
+    assert frame.variance_share[~frame.traced].mean() < 0.9
+
+
+def test_a_probe_is_the_mean_of_two_traces():
+    renderer = caster(noise=0.1, view_dependent=("glass",))
+    frame = render_stereo_frame(renderer, settings(fill="packed"))
+    probes = (frame.reasons & Reason.PROBE.bit) > 0
+    assert probes.any()
+    assert (frame.variance_share[probes] == 0.5).all()
+    pictures = frame.eyes["right"]["Combined"], *(renderer.picture("right", seed=k)["Combined"] for k in (91, 92))
+    told = frame.refinement.estimate
+    assert told.honest_ratio == pytest.approx(honest_ratio(*pictures, frame.variance_share), abs=0.06)
+    assert told.noise_ratio < told.honest_ratio
 
 
 def test_a_sky_is_warped_like_everything_else():

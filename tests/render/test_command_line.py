@@ -187,6 +187,10 @@ def test_report_holds_what_was_promised(demo):
     assert compare["speedup"] == pytest.approx(compare["multiview_seconds"] / report["seconds"]["total"])
     assert compare["noise_ratio"] == pytest.approx(compare["rmse"] / compare["noise_rmse"])
     assert min(compare["flip"], compare["noise_flip"], compare["worst_tiles"]) > 0.0
+    assert compare["flip_ratio"] == pytest.approx(compare["flip"] / compare["noise_flip"])
+    assert compare["bias"] == pytest.approx(np.sqrt(max(2.0 * (compare["honest_ratio"] ** 2 - 1.0), 0.0)))
+    assert compare["honest_ratio"] > compare["noise_ratio"], "lookups between pixels smooth noise"
+    assert 0.0 <= compare["wrong_tiles"] < 1.0
     assert [row["effect"] for row in report["effects"]] == [effect.label for effect in Effect]
     assert not any(row["called_for"] for row in report["effects"] if row["effect"] in ("glossy", "hair", "volume"))
     estimate, price = report["estimate"], report["price"]

@@ -197,7 +197,9 @@ def test_a_scene_of_eevees_is_as_it_was(room, tmp_path):
 def test_a_comparison_with_eevee_says_why_it_has_no_ratio_to_noise(room, tmp_path, fill, ratio):
     report, _ = render_files(room, StereoSettings(fill=fill, compare=True), tmp_path, files=["report.json"])
     compare = report["compare"]
-    assert (compare["noise_ratio"], compare["worst_tiles"]) == (ratio, ratio)
+    assert (compare["noise_ratio"], compare["honest_ratio"], compare["worst_tiles"]) == (ratio, ratio, ratio)
+    nothing = None if ratio is None else 0.0
+    assert (compare["bias"], compare["wrong_tiles"], compare["flip_ratio"]) == (nothing, nothing, None)
     assert ("EEVEE renders the same noise" in compare.get("no_noise", "")) is (ratio is None)
     assert (compare["rmse"] > 0.0) is (ratio is None)
 

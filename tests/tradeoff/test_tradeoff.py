@@ -37,6 +37,11 @@ CLEAR = 1.0
 """Pixels by which two labels stay apart at least: they are placed with a margin of two each."""
 
 
+def estimate(ratio):
+    honest = {"honest_ratio": 1.1 * ratio, "honest_low": 1.1 * ratio - 0.02, "honest_high": 1.1 * ratio + 0.02}
+    return {"noise_ratio": ratio, "low": ratio - 0.02, "high": ratio + 0.02, **honest, "promise": 1.1}
+
+
 def row(name, kind="setting", *, total, ratio, probes=0, traced=0.1):
     seconds = split_probes({"source": 10.0, "warp": 0.2, "fill": total - 10.2}, 9000, probes)
     return Row(
@@ -54,7 +59,7 @@ def row(name, kind="setting", *, total, ratio, probes=0, traced=0.1):
         traced=traced,
         fill="packed",
         fractions={"disoccluded": 0.03},
-        estimate={"noise_ratio": ratio, "low": ratio - 0.02, "high": ratio + 0.02, "promise": 1.1} if probes else None,
+        estimate=estimate(ratio) if probes else None,
     )
 
 
@@ -187,8 +192,12 @@ def test_csv_holds_what_json_holds(tmp_path):
         assert float(line["seconds"]) == entry["seconds"]["total"]
         assert float(line["fill_seconds"]) == entry["seconds"]["fill"]
         assert float(line["noise_ratio"]) == entry["noise_ratio"]
+        assert float(line["honest_ratio"]) == entry["honest_ratio"] == 1.1 * entry["noise_ratio"]
+        assert (float(line["bias"]), float(line["wrong_tiles"])) == (0.1, 0.01)
         assert line["pareto"] == str(entry["pareto"]).lower()
         assert line["estimate"] == ("" if entry["estimate"] is None else str(entry["estimate"]["noise_ratio"]))
+        honest = "" if entry["estimate"] is None else str(entry["estimate"]["honest_ratio"])
+        assert line["estimate_honest_ratio"] == honest
     assert (lines[-1]["seconds"], lines[-1]["noise_ratio"], lines[-1]["accuracy"]) == ("20.0", "1.0", "")
 
 

@@ -21,6 +21,7 @@ from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.frustum import Lens
 from stereo_reproject.views.view import View
 from stereo_reproject.warp.mirrors import images_in_mirrors
+from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.rendered_view import RenderedView
 from stereo_reproject.warp.tuning import TUNING as WARP_TUNING
 from tests.warp.analytic import Plane, Sphere, World, pixel_centres, stereo_rig, world_rays
@@ -31,6 +32,9 @@ CLIP = 0.1
 MIRROR = 1
 WALL, IMAGE = 3.0, 5.0
 """Depths of a wall with a mirror in it, and of what the mirror shows, as far behind it as that is before it."""
+
+CUBIC_WITHIN = 0.1
+"""Share of the variance by which cubic lookups of noise may be off: they are held within the range of their pixels."""
 
 FRAME = World((Plane((0.0, 0.0, -WALL)),))
 SHOWN = World((Plane((0.0, 0.0, -IMAGE)),), waves=np.random.default_rng(3).normal(size=(3, 3)))
@@ -280,6 +284,28 @@ def test_each_of_several_sources_has_its_own_mirrors(order):
             np.testing.assert_array_equal(both.passes[name][own], view.warped.passes[name][own])
         assert (view.reasons[own] & ~both.reasons[own] == 0).all()
     assert in_mirrors > 1000
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_share_of_a_pixel_s_variance_is_that_of_the_map_it_was_looked_up_by(interpolation, count):
+    """Of noise alone, as much is left as is told: in mirrors, beside them, and in each of several sources."""
+    eyes, rng = rig(ipd=0.13), np.random.default_rng(2)
+    cameras = [eyes["left"], rig(ipd=0.045)["left"]][:count]
+    sources = [RenderedView(View(f"source {number}", eye), seen(eye)) for number, eye in enumerate(cameras)]
+    for source in sources:
+        source.passes[COLOUR_PASS] = rng.normal(0.0, 1.0, (*SIZE[::-1], 200)).astype(np.float32)
+    options = WarpOptions(interpolation="nearest", colour_interpolation=interpolation)
+    result = reproject(sources, View("right", eyes["right"]), SETTINGS["balanced"], options=options)
+    known = result.reasons == 0
+    found, told = np.mean(result.passes[COLOUR_PASS] ** 2, axis=-1), result.variance_share
+    mirror = np.any([view.mirrors.shown & (result.warp.source == k) for k, view in enumerate(result.views)], axis=0)
+    assert told.dtype == np.float32
+    assert abs(told[mirror & known].mean() - told[~mirror & known].mean()) > 0.02, "or the maps are not told apart"
+    for where in (mirror, ~mirror):
+        assert found[where & known].mean() == pytest.approx(told[where & known].mean(), rel=CUBIC_WITHIN)
+        assert np.median(np.abs(found - told)[where & known]) < 0.1
+    assert (told[~result.warp.covered] == 1.0).all()
 
 
 def test_out_of_focus_and_among_volumes_no_length_is_one():
