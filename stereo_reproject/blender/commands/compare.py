@@ -30,6 +30,9 @@ REFERENCE_SEED_OFFSET = 3_000_017
 REPEATED_SEED_OFFSET = 2_000_003
 """Added to the scene's seed for the second render of multiview's target eye, whose difference is noise alone."""
 
+MIDDLE_GREY = 0.18
+"""Scene-linear grey, in all channels, that a viewer takes for the middle between black and white."""
+
 
 @dataclass(frozen=True)
 class MultiviewReference:
@@ -121,6 +124,17 @@ def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
     return "two plain renders are the same, without noise to compare with"
 
 
+def over_grey(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a scene-linear picture (H, W, 4), premultiplied by alpha, before an opaque background of `MIDDLE_GREY`.
+
+    FLIP knows no alpha, and before black nobody would see a black thing whose alpha is wrong.
+    """
+    result = picture.copy()
+    result[..., :3] += MIDDLE_GREY * (1.0 - picture[..., 3:])
+    result[..., 3] = 1.0
+    return result
+
+
 def _flips(
     scene: bpy.types.Scene,
     settings: StereoSettings,
@@ -129,7 +143,8 @@ def _flips(
     folder: Path,
 ) -> tuple[float | None, float | None]:
     """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference;
-    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them.
+    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them, over a
+    middle grey where the film is transparent.
     """
     try:
         import flip_evaluator
@@ -139,7 +154,8 @@ def _flips(
     def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Two pictures as people see them, through the scene's view transform."""
         pair = folder / "seen.png"
-        deliver_side_by_side(scene, {"left": left, "right": right}, pair, frame=settings.scene.frame)
+        shown = {"left": over_grey(left), "right": over_grey(right)}
+        deliver_side_by_side(scene, shown, pair, frame=settings.scene.frame)
         return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
     reference, repeated = seen(multiview.reference, multiview.again)
