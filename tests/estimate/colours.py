@@ -4,6 +4,6 @@ from numpy.typing import NDArray
 
 
 def opaque(colour: NDArray) -> NDArray:
-    """Return the same colours (..., 4), in place, with an alpha of 1: noise that was added to all channels is light's."""
+    """Set the alpha of colours (..., 4) to 1, in place, and return them: noise added to all channels is light's."""
     colour[..., 3] = 1.0
     return colour
