@@ -34,12 +34,14 @@ MAX_SCALE_EXPONENT = 64
 def display_scale(colour: NDArray[np.float32]) -> float:
     """Return the power of two that brings the logarithmic mean of a picture's luminance nearest to `MIDDLE_GREY`.
 
-    colour (H, W, >= 3) is scene-linear and finite. Pixels without light do not count, and a luminance counts as
-    within `max_stops_from_median` stops of the median. It is 1 for a picture without light, and never so large that a
-    value of the picture would overflow. A colour that is 2^k times as bright gives exactly 2^-k times the scale.
+    colour (H, W, >= 3) is scene-linear and finite. Pixels without light do not count, and a luminance counts as within
+    `max_stops_from_median` stops of the median. Large pictures are read on a grid. The scale is 1 for a picture without
+    light, and never so large that a value of the picture would overflow. A colour that is 2^k times as bright gives
+    exactly 2^-k times the scale.
     """
-    red, green, blue = LUMINANCE_WEIGHTS
-    luminance = red * colour[..., 0] + green * colour[..., 1] + blue * colour[..., 2]
+    step = max(int((colour[..., 0].size / TUNING.brightness_pixels) ** 0.5), 1)
+    some, (red, green, blue) = colour[::step, ::step], LUMINANCE_WEIGHTS
+    luminance = red * some[..., 0] + green * some[..., 1] + blue * some[..., 2]
     lit = luminance[luminance > 0.0]
     if not lit.size:
         return 1.0
@@ -50,7 +52,8 @@ def display_scale(colour: NDArray[np.float32]) -> float:
     whole, rest = divmod(int(np.clip(exponent - middle, -stops, stops).sum()), lit.size)
     mean = (rest + float(np.log2(mantissa.astype(np.float64)).sum())) / lit.size
     wanted = round(float(np.log2(MIDDLE_GREY)) - mean) - whole - middle
-    largest = int(np.frexp(np.abs(colour[..., :COLOUR_CHANNELS]).max())[1])
+    light = colour[..., :COLOUR_CHANNELS]
+    largest = int(np.frexp(max(light.max(), -light.min()))[1])
     wanted = min(wanted, MAX_SCALE_EXPONENT, FLOAT_MAX_EXPONENT - largest)
     return 2.0 ** max(wanted, -MAX_SCALE_EXPONENT)
 

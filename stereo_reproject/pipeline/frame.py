@@ -243,8 +243,7 @@ def render_stereo_frame(
 
     watch.lap(Stage.COMPOSITE)
     target = tracing.target
-    finished, lost_in_target = _without_lost(target, source.lost, reprojection, settings)
-    finished = scaled_light(finished, 1.0 / source.light_scale)
+    finished, lost_in_target = _without_lost(target, source, reprojection, settings)
     if source.denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
         refined = target.any_of(Provenance.REFINED)
@@ -380,22 +379,22 @@ def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
 
 
 def _without_lost(
-    target: Target, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, settings: StereoSettings
+    target: Target, source: _Source, reprojection: Reprojection, settings: StereoSettings
 ) -> tuple[Passes, int]:
     """Return the target's passes with 0 for values that are no number, and the number of pixels that had any.
 
-    Values also count that were looked up where the source's own were no number: `lost` has masks (H, W) of these by
-    pass.
+    Light is as bright again as the scene has it. Values also count that were looked up where the source's own were no
+    number.
     """
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(settings.interpolation, denoised=False)
-    for name, pixels in spoilt([lost], reprojection.warp, interpolation=interpolation).items():
+    for name, pixels in spoilt([source.lost], reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
             dark[name] = warped | dark.get(name, False)
-    return finished, count_pixels(dark)
+    return scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark)
 
 
 def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
