@@ -66,7 +66,8 @@ def scaled_colour(colour: NDArray[np.float32], scale: float) -> NDArray[np.float
     if scale == 1.0:
         return colour
     result = colour.copy()
-    result[..., :COLOUR_CHANNELS] *= np.float32(scale)
+    with np.errstate(over="ignore"):
+        result[..., :COLOUR_CHANNELS] *= np.float32(scale)
     return result
 
 
