@@ -69,11 +69,12 @@ class Bias:
         )
 
     def at_probes(self, colour: NDArray[np.float32], *, without_own: bool = False) -> NDArray[np.float32]:
-        """Return the scene-linear colours (N, 3) of the probes' pixels, corrected; colour (N, >= 3) is not.
+        """Return the scene-linear colours (N, C) of the probes' pixels, corrected; colour (N, C >= 3) is not.
 
-        without_own: True to correct each by what the other tiles' probes tell.
+        Alpha stays as it is. without_own: True to correct each by what the other tiles' probes tell.
         """
-        return colour[..., :3] * _factor(colour[..., :3], self.without_own if without_own else self.added)
+        factor = _factor(colour[..., :3], self.without_own if without_own else self.added)
+        return np.concatenate([colour[..., :3] * factor, colour[..., 3:]], axis=-1)
 
     def corrected(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
@@ -137,7 +138,7 @@ def bias_of(
     samples: a mean of two is brighter after `tone`, because it is less noisy.
     """
     known = traces.finite
-    w, a, b = traces.toned(known)
+    w, a, b = (toned[:, :3] for toned in traces.toned(known))
     numbers = shown[probes.rows, probes.columns]
     residual, variance = 0.5 * (a + b) - w - noise.shift, np.mean((a - b) ** 2, axis=-1) / 4.0
     alike = _Neighbours(probes, np.where(known, numbers, -1), known)

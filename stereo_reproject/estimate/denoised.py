@@ -32,7 +32,7 @@ MIN_NOISE = 1e-12
 class DenoisedEvidence:
     """Evidence of the probes of a denoised picture.
 
-    colour (H, W, C) is the target's with its slow errors taken away. at_probes (N, 3) are the warped colours at the
+    colour (H, W, C) is the target's with its slow errors taken away. at_probes (N, 4) are the warped colours at the
     probes to be compared with their traces, corrected by what the other probes tell and shifted as noise shifts a
     trace. selection is what the probes' first traces tell, by which tiles are chosen.
     """
@@ -114,7 +114,8 @@ class DenoisedEstimator:
         by_material = _error_by_material(probes, error, np.where(warped, contrast, 0.0), kinds)
         share = TUNING.own_probe_share
         excess = share * own + (1.0 - share) * by_material
-        expected = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
+        light = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
+        expected = np.concatenate([light, before[:, 3:]], axis=-1)
         return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
 
     def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:  # noqa: ARG002
@@ -159,7 +160,7 @@ def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> ND
 def _denoised_probes(
     probes: Probes, passes: Passes, colours: tuple[NDArray[np.float32], ...], denoising: Denoising
 ) -> list[NDArray[np.float32]]:
-    """Return the probes' colours denoised, (N, 3) for each of the noisy `colours` (N, 4).
+    """Return the probes' colours denoised, (N, 4) for each of the noisy `colours` (N, 4); alpha stays as it is.
 
     For this, each of these is made into a small picture of one pixel a tile. Tiles without a probe, and the passes that
     guide the denoiser, are filled from the target's `passes`.
@@ -178,7 +179,10 @@ def _denoised_probes(
         noisy = small[NOISY_PASS].copy()
         noisy[probes.tiles] = colour
         pictures.append({**small, NOISY_PASS: noisy})
-    return [clean[probes.tiles] for clean in denoising.denoise(pictures)]
+    return [
+        np.concatenate([clean[probes.tiles], colour[:, 3:]], axis=-1)
+        for clean, colour in zip(denoising.denoise(pictures), colours, strict=True)
+    ]
 
 
 def _error_by_material(

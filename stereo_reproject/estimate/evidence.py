@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast
-from ..images.metrics import squared_error, tone
+from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged, squared_error
 from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
 from .tuning import TUNING
@@ -46,10 +46,10 @@ class ProbeTraces:
         return w & a & b
 
     def toned(self, known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
-        """Return the three colours (N, 3) after `metrics.tone`: warped, once, again. They are black where `known` (N,)
-        is not set."""
+        """Return the three colours, (N, 4) with alpha or (N, 3) without, as `metrics.judged` has them: warped, once,
+        again. They are 0 where `known` (N,) is not set."""
         w, a, b = (
-            tone(np.where(known[:, None], colour, 0.0)).astype(np.float64)
+            judged(np.where(known[:, None], colour, 0.0)).astype(np.float64)
             for colour in (self.warped, self.once, self.again)
         )
         return w, a, b
@@ -149,11 +149,11 @@ def measure_tiles(
     then told by the second traces alone.
     """
     w, a, b = traces.toned(traces.finite)
-    noise = remaining_noise * np.mean((a - b) ** 2, axis=-1) / 2.0
+    noise, remaining_noise = _delivered_noise(a - b, probes.weight, remaining_noise)
     share = _heard_share(probes, noise)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
     kept = traces.variance_share
-    excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - kept * noise)
+    excess = probes.weight * share * (channel_mean((w - a) * (w - b)) - kept * noise)
     by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)
     return TileEvidence(
         probes=probes,
@@ -173,18 +173,35 @@ def measure_tiles(
     )
 
 
+def _delivered_noise(
+    difference: NDArray[np.float64], weight: NDArray[np.float64], remaining_noise: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the variance (N,) that noise gives a pixel of the delivered picture, and the share of a traced pixel's
+    that this is, of all probes by their weight (N,).
+
+    difference (N, 3 or 4) is that of the two traces, as they are judged. Of light's noise, remaining_noise is left by
+    the denoiser, which leaves all of alpha's.
+    """
+    light = channel_mean(difference[:, :COLOUR_CHANNELS] ** 2) / 2.0
+    alpha = channel_mean(difference[:, COLOUR_CHANNELS:] ** 2) / 2.0
+    noise = remaining_noise * light + alpha
+    if alpha.any():
+        remaining_noise = float((weight * noise).sum() / (weight * (light + alpha)).sum())
+    return noise, remaining_noise
+
+
 def _excess_by_second(
     probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, remaining_noise: float
 ) -> NDArray[np.float64]:
-    """Return the squared bias (N,) of a denoised picture's probes, by their second trace alone; residual (N, 3) is the
-    warped colour less the second, after `tone`.
+    """Return the squared bias (N,) of a denoised picture's probes, by their second trace alone; residual (N, 3 or 4) is
+    the warped colour less the second, as both are judged.
 
     A tile's own first trace, by which it was chosen or not, must have no part in this. So the noise that is subtracted
     is that of the source around the probe, scaled to the mean of what all probes tell.
     """
     local = selection.source_noise
     scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
-    error = np.mean(residual**2, axis=-1)
+    error = channel_mean(residual**2)
     limit = TUNING.max_probe_noise_ratio
     heard = np.minimum(1.0, limit * scale * local / remaining_noise / np.maximum(error, 1e-30))
     return heard * error - (1.0 + 1.0 / remaining_noise) * scale * local
@@ -252,9 +269,7 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     `done` and var the noise of a plain render.
     """
     refined = done.tiles
-    known = (
-        done.pixels & np.isfinite(done.warped[..., :3]).all(axis=-1) & np.isfinite(done.traced[..., :3]).all(axis=-1)
-    )
+    known = done.pixels & np.isfinite(done.warped).all(axis=-1) & np.isfinite(done.traced).all(axis=-1)
     error = np.zeros(known.shape)
     error[known] = squared_error(done.warped[known], done.traced[known])
     counted = evidence.probes.tile_sum(known * (done.variance_share + evidence.traced_noise))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas
-from ..settings.accuracy import EIGHT_BIT_STEP
+from ..settings.accuracy import DISPLAY_STEP
 from .evidence import TileEvidence
 from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
 from .tuning import TUNING
@@ -130,7 +130,7 @@ def wrong_tiles(evidence: TileEvidence) -> float:
     expected = np.where(evidence.refined, 0.0, expected_excess(evidence, TUNING.tile_reach_tiles)[0])
     excess = _block_means(evidence, np.maximum(expected, 0.0), 0.0)
     render = 2.0 * _block_means(evidence, local_noise(evidence), evidence.mean_noise)
-    wrong = (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > EIGHT_BIT_STEP**2)
+    wrong = (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > DISPLAY_STEP**2)
     return float(np.mean(wrong))
 
 

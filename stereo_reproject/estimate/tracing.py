@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..holes.reprojection import Reprojection
 from ..images.denoising import Denoising
-from ..images.passes import COLOUR_PASS, filtered
+from ..images.passes import COLOUR_PASS, Passes, filtered
+from ..images.seen_light import scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
@@ -53,7 +54,8 @@ class WarpedTarget:
 
     view is its name; reprojection has its passes and its holes; planner chooses fill methods. accuracy is that of the
     frame; denoising is None where the picture stays noisy. needs_probes: whether something may look different from each
-    view, so that a promise must be measured. seed is that of the scene.
+    view, so that a promise must be measured. seed is that of the scene. light_scale is the number by which the light of
+    the reprojection was multiplied, and by which traced light is to be: see `images/seen_light`.
     """
 
     view: str
@@ -63,6 +65,7 @@ class WarpedTarget:
     denoising: Denoising | None
     needs_probes: bool
     seed: int
+    light_scale: float = 1.0
 
     @property
     def variance_share(self) -> NDArray[np.float32]:
@@ -117,7 +120,7 @@ class ProbedTracing:
         self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.pilot_share: float | None = None
         self._tracer, self._planner = tracer, warped.planner
-        self._accuracy, self._seed = accuracy, warped.seed
+        self._accuracy, self._seed, self._light_scale = accuracy, warped.seed, warped.light_scale
         self._estimator = estimator_of(reprojection, accuracy, warped.denoising, probed=warped.needs_probes)
         self._variance_share = warped.variance_share
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
@@ -234,8 +237,12 @@ class ProbedTracing:
         """Trace pixels (H, W) once by this fill method, and put them into the target; to flag them is left to the
         caller."""
         if pixels.any():
-            [traced] = self._tracer.trace(method, [TraceRequest(self.target.view, pixels)])
-            self.target = self.target.with_pixels(pixels, traced)
+            self.target = self.target.with_pixels(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
+
+    def _traced(self, method: str, request: TraceRequest) -> Passes:
+        """Return the passes (N, C) of a request, traced by this fill method, with light as bright as the target's."""
+        [traced] = self._tracer.trace(method, [request])
+        return scaled_light(traced, self._light_scale)
 
     def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> TileEvidence:
         """Trace the holes (H, W) once and probes among the rest twice, in one render; return the probes' evidence.
@@ -246,7 +253,7 @@ class ProbedTracing:
         assert self._estimator is not None
         probes = self._estimator.place(self.target.warped, spacing=spacing, seed=seed)
         pixels = holes | probes.mask
-        [traced] = self._tracer.trace(method, [TraceRequest(self.target.view, pixels, probes.mask)])
+        traced = self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))
         count = int(pixels.sum())
         first = {name: image[:count] for name, image in traced.items()}
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}

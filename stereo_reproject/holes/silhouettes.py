@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..images.bands import bands
 from ..images.masks import dilate
-from ..images.metrics import tone
+from ..images.metrics import COLOUR_CHANNELS, judged, judged_channels
 from ..warp.discontinuities import DepthDiscontinuities
 from .tuning import TUNING
 
@@ -34,14 +34,15 @@ def differing(
 
     The others look alike on both sides and need not be traced. Around each pixel a window of side_window_pixels (3)
     each way is compared. Its near side are the pixels whose disparity (H, W) is above the middle of the window's range.
-    colour (H, W, C >= 3) is scene-linear. The sides differ if their mean colours, after tone mapping, are more than
-    `tolerance` standard deviations apart, beyond chance: those of the single pixels of the side that varies less. With
-    tolerance 0 all of band is returned. So are pixels that cannot be judged: a side is too small, or the window holds a
-    pixel of `unknown` (H, W), whose depth or colour is not known.
+    colour (H, W, C >= 3) is scene-linear, with alpha if it has a fourth channel. The sides differ if their mean colours
+    and alphas, after tone mapping, are more than `tolerance` standard deviations apart, beyond chance: those of the
+    single pixels of the side that varies less. With tolerance 0 all of band is returned. So are pixels that cannot be
+    judged: a side is too small, or the window holds a pixel of `unknown` (H, W), whose depth or colour is not known.
     """
     if tolerance <= 0.0:
         return band
     result = band.copy()
+    channels = judged_channels(colour, ~unknown)
     texels, depths, gaps = colour.reshape(band.size, -1), disparity.ravel(), unknown.ravel()
     for rows in bands(band.shape):
         pixels = np.flatnonzero(band[rows]) + rows.start * band.shape[1]
@@ -51,7 +52,7 @@ def differing(
             differs = gaps.take(window).any(axis=0)
             known = np.flatnonzero(~differs)
             window = window[:, known]
-            differs[known] = _sides_differ(texels.take(window, axis=0), depths.take(window), tolerance)
+            differs[known] = _sides_differ(texels.take(window, axis=0)[..., :channels], depths.take(window), tolerance)
             result.ravel()[chosen] = differs
     return result
 
@@ -89,11 +90,12 @@ def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDAr
     known = (count_near >= TUNING.least_side_pixels) & (count_far >= TUNING.least_side_pixels)
     of_near, of_far = np.maximum(count_near, 1.0), np.maximum(count_far, 1.0)
     difference, variance_near, variance_far = (np.zeros(near.shape[1], np.float32) for _ in range(3))
-    for channel in np.moveaxis(tone(colour), -1, 0):
+    for channel in np.moveaxis(judged(colour), -1, 0):
         mean_near, mean_far = (channel * near).sum(axis=0) / of_near, (channel * far).sum(axis=0) / of_far
-        difference += (mean_near - mean_far) ** 2 / 3.0
-        variance_near += ((channel - mean_near) ** 2 * near).sum(axis=0) / (3.0 * np.maximum(of_near - 1.0, 1.0))
-        variance_far += ((channel - mean_far) ** 2 * far).sum(axis=0) / (3.0 * np.maximum(of_far - 1.0, 1.0))
+        difference += (mean_near - mean_far) ** 2 / COLOUR_CHANNELS
+        of_colour = float(COLOUR_CHANNELS)
+        variance_near += ((channel - mean_near) ** 2 * near).sum(axis=0) / (of_colour * np.maximum(of_near - 1.0, 1.0))
+        variance_far += ((channel - mean_far) ** 2 * far).sum(axis=0) / (of_colour * np.maximum(of_far - 1.0, 1.0))
     explained = variance_near / of_near + variance_far / of_far
     allowed = np.maximum(tolerance**2 * np.minimum(variance_near, variance_far), TUNING.unseen_difference**2)
     return (difference - explained > allowed) | ~known

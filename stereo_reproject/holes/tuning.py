@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..settings.accuracy import DISPLAY_STEP
+
 
 @dataclass(frozen=True)
 class HoleTuning:
@@ -19,8 +21,8 @@ class HoleTuning:
     """Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
     least_side_pixels: int = 4
     """Pixels that a side must have in the window for its colour to be known: fewer have no variance to speak of."""
-    unseen_difference: float = 1e-3
-    """Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
+    unseen_steps: float = 0.25
+    """Difference, in display steps (`settings.accuracy.DISPLAY_STEP`), that nobody sees, noise or not. By hand."""
 
     # Thin things.
     thin_step_pixels: float = 0.1
@@ -50,6 +52,11 @@ class HoleTuning:
     error_margin: float = 2.0
     """Factor by which the error to be expected must exceed the allowed one: how far behind a surface things are is a
     guess, and probes tell of the rest."""
+
+    @property
+    def unseen_difference(self) -> float:
+        """Difference after tone mapping that nobody sees, noise or not."""
+        return self.unseen_steps * DISPLAY_STEP
 
 
 TUNING = HoleTuning()

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .metrics import tone
+from .metrics import COLOUR_CHANNELS, judged, judged_channels
 from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Variances of a picture's colour around each pixel, after `metrics.tone`.
+    """Variances of a picture's colour around each pixel, after `metrics.tone`, those of its alpha among them.
 
     signal (H, W) is the variance of the scene itself, which a render without noise would have too. noise (H, W) is the
     variance that noise gives a single pixel.
@@ -34,29 +34,31 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     noise is measured as the variance of pixels around the mean of their 3 x 3 neighbours. signal is the variance of
     these means in a wider window, less the noise that they still have; it is 0 where a pixel is not known.
     """
-    toned = tone(colour)
+    channels = judged_channels(colour, known)
+    toned = judged(colour[..., :channels])
     near, far = _noise_window(known), _Window(known, TUNING.contrast_reach_px)
     pixels = (2 * TUNING.noise_reach_px + 1) ** 2
     noise, variance = (np.zeros(known.shape, np.float32) for _ in range(2))
-    for channel in range(3):
+    for channel in range(channels):
         mean = near.mean(toned[..., channel])
-        noise += far.mean((toned[..., channel] - mean) ** 2) * pixels / (pixels - 1.0) / 3.0
-        variance += (far.mean(mean**2) - far.mean(mean) ** 2) / 3.0
+        noise += far.mean((toned[..., channel] - mean) ** 2) * pixels / (pixels - 1.0) / COLOUR_CHANNELS
+        variance += (far.mean(mean**2) - far.mean(mean) ** 2) / COLOUR_CHANNELS
     return Contrast(np.maximum(variance - noise / pixels, 0.0) * known, noise)
 
 
 def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the change (H, W) of a colour from a pixel to the next in its row, after `tone`, measured between 3 x 3
-    means.
+    """Return the change (H, W) of a colour and its alpha from a pixel to the next in its row, after `tone`, measured
+    between 3 x 3 means.
 
     colour (H, W, >= 3) is scene-linear. The change is 0 or more, and 0 where the pixel or a neighbour in its row is not
     set in known (H, W).
     """
-    toned, near = tone(colour), _noise_window(known)
+    channels = judged_channels(colour, known)
+    toned, near = judged(colour[..., :channels]), _noise_window(known)
     squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
-    for channel in range(3):
+    for channel in range(channels):
         mean = near.mean(toned[..., channel])
-        squared += (mean[:, 2:] - mean[:, :-2]) ** 2 / 3.0
+        squared += (mean[:, 2:] - mean[:, :-2]) ** 2 / COLOUR_CHANNELS
     result = np.zeros(known.shape, np.float32)
     result[:, 1:-1] = np.where(known[:, 2:] & known[:, :-2] & known[:, 1:-1], np.sqrt(squared) / 2.0, 0.0)
     return result

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..settings.accuracy import EIGHT_BIT_STEP
+from ..settings.accuracy import DISPLAY_STEP
+
+COLOUR_CHANNELS = 3
+"""Channels of light in a colour, which come first; the next one, if there is one, is alpha."""
 
 TILE_PX = 16
 """Side of a tile in `worst_tiles` and `wrong_tiles`, in pixels: part of what the metric is, and so never tuned."""
@@ -20,12 +23,41 @@ MIN_DISTANCE_FROM_WHITE = 1e-6
 def tone(colour: NDArray) -> NDArray[np.float32]:
     """Return a scene-linear colour (..., C >= 3) tone-mapped to the range 0 to 1: x / (1 + x), (..., 3).
 
-    Errors are measured after it, so that a few bright pixels do not outweigh all others. Alpha is left out, and
-    negative light counts as 0.
+    Errors are measured after it, so that a few bright pixels do not outweigh all others. Alpha is left out (`judged`
+    keeps it), and negative light counts as 0.
     """
     positive = np.maximum(np.asarray(colour, np.float32)[..., :3], 0.0)
     # numpy's stubs take the sum of a float32 array and 1.0 for float64.
     return positive / (1.0 + positive)  # pyright: ignore[reportReturnType]
+
+
+def judged(colour: NDArray) -> NDArray[np.float32]:
+    """Return the channels by which a scene-linear colour (..., C >= 3) is judged: its tone-mapped light and its alpha,
+    (..., 4), or (..., 3) where it has no alpha.
+
+    Alpha is held within 0 and 1. The colour is premultiplied by it, as Blender has it, so that both are of one scale.
+    """
+    toned = tone(colour)
+    if colour.shape[-1] < COLOUR_CHANNELS + 1:
+        return toned
+    alpha = np.clip(np.asarray(colour, np.float32)[..., COLOUR_CHANNELS : COLOUR_CHANNELS + 1], 0.0, 1.0)
+    return np.concatenate([toned, alpha], axis=-1)
+
+
+def judged_channels(colour: NDArray, known: NDArray[np.bool_]) -> int:
+    """Return the number of channels of a colour (H, W, >= 3) that tell its pixels apart: 4 where alpha differs among
+    the pixels set in known (H, W), else 3."""
+    if colour.shape[-1] < COLOUR_CHANNELS + 1:
+        return COLOUR_CHANNELS
+    alpha = colour[..., COLOUR_CHANNELS]
+    lowest = np.min(alpha, where=known, initial=np.inf)
+    return COLOUR_CHANNELS + int(np.max(alpha, where=known, initial=-np.inf) > lowest)
+
+
+def channel_mean(values: NDArray) -> NDArray:
+    """Return the sum of the judged channels (..., 3 or 4) of a square or a product, divided by the three of light: a
+    mean over channels that alpha, where it is the same, leaves as it is."""
+    return np.sum(values, axis=-1) / COLOUR_CHANNELS
 
 
 def untone(toned: NDArray) -> NDArray:
@@ -37,9 +69,10 @@ def untone(toned: NDArray) -> NDArray:
 
 
 def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return the squared difference (H, W) of two scene-linear colours (H, W, >= 3) after `tone`, as the mean over the
-    three channels."""
-    return np.mean((tone(a).astype(np.float64) - tone(b)) ** 2, axis=-1)
+    """Return the squared difference (..., ) of two scene-linear colours (..., >= 3) after `tone`, as the
+    `channel_mean`. That of alpha is among it where both have alpha."""
+    channels = min(a.shape[-1], b.shape[-1])
+    return channel_mean((judged(a[..., :channels]).astype(np.float64) - judged(b[..., :channels])) ** 2)
 
 
 def rmse(a: NDArray, b: NDArray) -> float:
@@ -66,9 +99,9 @@ def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
     picture (H, W, >= 3) is scene-linear. Where a seam shows, the result is above that of a plain render at these
     places, which has edges there too. It is 0 where the holes have no border.
     """
-    toned = tone(picture)
+    toned = judged(picture)
     steps = [np.abs(np.diff(toned, axis=axis))[np.diff(holes, axis=axis)] for axis in (0, 1)]
-    found = np.concatenate([step.mean(axis=-1) for step in steps])
+    found = np.concatenate([channel_mean(step) for step in steps])
     return float(found.mean()) if found.size else 0.0
 
 
@@ -129,9 +162,9 @@ def _squared_bias(ours: NDArray, reference: NDArray, again: NDArray, variance_sh
     With ours w, the plain renders a and b and the share c, (w - a)(w - b) has the mean bias^2 + c var(a), and
     (a - b)^2 / 2 has the mean var(a).
     """
-    w, a, b = (tone(colour).astype(np.float64) for colour in (ours, reference, again))
-    noise = np.mean((a - b) ** 2, axis=-1) / 2.0
-    squared = float(np.mean(np.mean((w - a) * (w - b), axis=-1) - variance_share * noise))
+    w, a, b = (judged(colour).astype(np.float64) for colour in (ours, reference, again))
+    noise = channel_mean((a - b) ** 2) / 2.0
+    squared = float(np.mean(channel_mean((w - a) * (w - b)) - variance_share * noise))
     if not noise.any():
         return 0.0 if squared == 0.0 else float("inf")
     return squared / float(noise.mean())
@@ -144,4 +177,4 @@ def wrong_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
     step of an 8-bit picture. reference and again are two plain renders that differ only in their seed.
     """
     error, noise = tile_rmse(ours, reference), tile_rmse(again, reference)
-    return float(np.mean((error > WRONG_TILE_RATIO * noise) & (error > EIGHT_BIT_STEP)))
+    return float(np.mean((error > WRONG_TILE_RATIO * noise) & (error > DISPLAY_STEP)))

@@ -21,6 +21,15 @@ class ImagesTuning:
     """Pixels, down and across, within which contrast is gathered. By hand: the views stand side by side, so what a
     surface reflects mostly moves across."""
 
+    # Light as it is seen
+    max_stops_from_median: int = 10
+    """Stops from the median luminance that a pixel counts as being away at most in the mean of a picture's brightness.
+    By hand: ten stops hold what a camera sees, and neither fireflies nor what a denoiser leaves of nothing move the
+    mean further."""
+    brightness_pixels: int = 1 << 17
+    """Pixels from which a picture's brightness is told, at least, where it has as many. By hand: of as many, the mean
+    is good to a hundredth of a stop."""
+
     # Denoised pictures
     blend_reach_px: int = 6
     """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.

@@ -10,7 +10,7 @@ are filtered over the pixel as colours are, and the law is linear: so edges stay
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,10 @@ class TracedPixels:
     nearness: NDArray[np.float32]
     mean_depth: NDArray[np.float32]
     refracts: NDArray[np.bool_]
+
+    def scaled(self, scale: float) -> TracedPixels:
+        """Return the same pixels with their light multiplied by `scale`; their surfaces stay as they are."""
+        return replace(self, colour=self.colour * np.float32(scale), emitted=self.emitted * np.float32(scale))
 
     def features(self) -> NDArray[np.float32]:
         """Return K features of each pixel and channel, (N, 3, K), of which a picture's light is fitted as a linear

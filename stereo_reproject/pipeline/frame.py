@@ -20,6 +20,7 @@ from ..images.effects import Effect, EffectsPlan
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_internal_passes
 from ..images.reasons import Reason
+from ..images.seen_light import display_scale, scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
@@ -96,6 +97,7 @@ class StereoFrame:
     next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
     number. metadata is the renderer's. correction is how far traced pixels were moved to match a source of another
     engine, None where it is the same. warped_by is 'numpy' or 'gpu'; gpu is its name, None for NumPy.
+    light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
     """
 
     eyes: dict[str, Passes]
@@ -115,6 +117,7 @@ class StereoFrame:
     correction: Correction | None = None
     warped_by: str = "numpy"
     gpu: str | None = None
+    light_scale: float = 1.0
 
 
 class Stopwatch:
@@ -152,13 +155,16 @@ class Stopwatch:
 class _Source:
     """The rendered source eye, ready to be warped.
 
-    rendered has its passes, with the denoised colour where the scene denoises. lost has masks (H, W), by pass, of the
+    rendered has its passes, with the denoised colour where the scene denoises; seen is the same view with its light
+    multiplied by light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the
     pixels that were no number, where rendered has 0. denoising is None where the scene does not denoise. accuracy is
     that of the frame, adapted to its size and to denoising. needs_probes: whether something may look different from
     each eye.
     """
 
     rendered: RenderedView
+    seen: RenderedView
+    light_scale: float
     lost: Mapping[str, NDArray[np.bool_]]
     denoising: Denoising | None
     accuracy: Accuracy
@@ -225,6 +231,7 @@ def render_stereo_frame(
             source.denoising,
             source.needs_probes,
             renderer.seed,
+            source.light_scale,
         )
     )
     if tracing.wants_pilot:
@@ -239,7 +246,7 @@ def render_stereo_frame(
 
     watch.lap(Stage.COMPOSITE)
     target = tracing.target
-    finished, lost_in_target = _without_lost(target, source.lost, reprojection, settings)
+    finished, lost_in_target = _without_lost(target, source, reprojection, settings)
     if source.denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
         refined = target.any_of(Provenance.REFINED)
@@ -261,8 +268,8 @@ def _render_source(
 ) -> _Source:
     """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
 
-    Stages begin on the watch. The noise that denoising leaves is measured, or taken from findings, where probes need
-    it.
+    Stages begin on the watch. The light is scaled to be judged as it is seen. The noise that denoising leaves is
+    measured, or taken from findings, where probes need it.
     """
     views = Rig.of_cameras(renderer.cameras, renderer.motion)
     view, target = views[settings.source], views[settings.target].camera
@@ -273,19 +280,20 @@ def _render_source(
     lost = not_numbers(passes)
     passes, invalid = replace_non_finite(passes)
     needs_probes = bool(renderer.plan.view_dependent) and not see_the_same(view.camera, target)
-    source = _Source(RenderedView(view, passes, invalid, cost), lost, None, accuracy, needs_probes)
-    if renderer.denoise is None:
-        return source
+    denoising = None
+    if renderer.denoise is not None:
+        watch.lap(Stage.DENOISE_SOURCE)
+        denoising, accuracy = Denoising(renderer.denoise), for_denoised(accuracy)
+        passes = denoise_source(passes, denoising)
+        cost = replace(cost, denoise_seconds=watch.seconds_so_far)
 
-    watch.lap(Stage.DENOISE_SOURCE)
-    denoising = Denoising(renderer.denoise)
-    passes = denoise_source(passes, denoising)
-    cost = replace(cost, denoise_seconds=watch.seconds_so_far)
-    if needs_probes and accuracy.promise is not None:
-        remaining = findings.remaining_noise(partial(remaining_noise, passes, denoising.denoise))
-        denoising = replace(denoising, remaining_noise=remaining)
+    scale = display_scale(passes[COLOUR_PASS])
     rendered = RenderedView(view, passes, invalid, cost)
-    return replace(source, rendered=rendered, denoising=denoising, accuracy=for_denoised(accuracy))
+    seen = replace(rendered, passes=scaled_light(passes, scale))
+    if denoising is not None and needs_probes and accuracy.promise is not None:
+        remaining = findings.remaining_noise(partial(remaining_noise, seen.passes, denoising.denoise))
+        denoising = replace(denoising, remaining_noise=remaining)
+    return _Source(rendered, seen, scale, lost, denoising, accuracy, needs_probes)
 
 
 def _warp_source(
@@ -296,7 +304,7 @@ def _warp_source(
     interpolations = interpolations_of(settings.interpolation, denoised=source.denoising is not None)
     warp = partial(
         reproject,
-        [source.rendered],
+        [source.seen],
         target,
         source.accuracy,
         optics=Optics(renderer.lens, renderer.volumes),
@@ -360,6 +368,7 @@ def _finished_frame(
         correction=done.tracing.correction,
         warped_by=reprojection.warped_by,
         gpu=done.gpu if reprojection.warped_by == "gpu" else None,
+        light_scale=source.light_scale,
     )
 
 
@@ -374,22 +383,22 @@ def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
 
 
 def _without_lost(
-    target: Target, lost: Mapping[str, NDArray[np.bool_]], reprojection: Reprojection, settings: StereoSettings
+    target: Target, source: _Source, reprojection: Reprojection, settings: StereoSettings
 ) -> tuple[Passes, int]:
     """Return the target's passes with 0 for values that are no number, and the number of pixels that had any.
 
-    Values also count that were looked up where the source's own were no number: `lost` has masks (H, W) of these by
-    pass.
+    Light is as bright again as the scene has it. Values also count that were looked up where the source's own were no
+    number.
     """
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(settings.interpolation, denoised=False)
-    for name, pixels in spoilt([lost], reprojection.warp, interpolation=interpolation).items():
+    for name, pixels in spoilt([source.lost], reprojection.warp, interpolation=interpolation).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
             dark[name] = warped | dark.get(name, False)
-    return finished, count_pixels(dark)
+    return scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark)
 
 
 def _variance_share(source: _Source, reprojection: Reprojection, target: Target) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ from ..estimate.target import Provenance, Target
 from ..estimate.tracing import Refinement, WarpedTarget
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, filtered
 from ..images.reasons import Reason
+from ..images.seen_light import scaled_light
 from ..matching.matching import Correction, TracedPixels, correction_of, match, ring_of
 from ..trace.fill import FillChoice, SourceCost
 from ..trace.requests import TraceRequest
@@ -89,7 +90,7 @@ class MatchedTracing:
         self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.correction: Correction | None = None
         self._matcher, self._planner, self._reprojection = matcher, warped.planner, reprojection
-        self._accuracy, self._seed = warped.accuracy, warped.seed
+        self._accuracy, self._seed, self._light_scale = warped.accuracy, warped.seed, warped.light_scale
         self._unmatchable: str | None = None
 
     @property
@@ -115,7 +116,8 @@ class MatchedTracing:
             choice = self._trace_matched(choice, ring_of(holes, self._reprojection.warp.covered))
         if choice.method == "full":
             everything = np.ones_like(holes)
-            target = self.target.with_pixels(everything, self._traced("full", everything))
+            whole = scaled_light(self._traced("full", everything), self._light_scale)
+            target = self.target.with_pixels(everything, whole)
             self.target = target.flagged(everything, Provenance.HOLE)
         return choice
 
@@ -130,7 +132,8 @@ class MatchedTracing:
         return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES, can_promise=False)
 
     def _traced(self, method: str, pixels: NDArray[np.bool_]) -> Passes:
-        """Return the passes (N, C) of pixels (H, W) of the target, traced by this fill method and not matched."""
+        """Return the passes (N, C) of pixels (H, W) of the target, traced by this fill method and neither matched nor
+        scaled."""
         [passes] = self._matcher.trace(method, [TraceRequest(self.target.view, pixels)])
         return passes
 
@@ -186,11 +189,12 @@ class MatchedTracing:
         """Put the traced pixels into the target's holes, their colours matched to the picture and without noise; set
         `correction`.
 
-        traced has the passes (N, C) of the wanted pixels (H, W): holes and ring (H, W). The ring's pixels keep their
-        warped colour and are flagged as reference.
+        traced has the passes (N, C) of the wanted pixels (H, W), not scaled: holes and ring (H, W). The ring's pixels
+        keep their warped colour and are flagged as reference.
         """
         holes, warped = self._holes, self.target.colour
-        features = self._matcher.traced_features(traced)
+        features = self._matcher.traced_features(traced).scaled(self._light_scale)
+        traced = scaled_light(traced, self._light_scale)
         doubted = (self._reprojection.reasons == Reason.SILHOUETTE.bit) & self._reprojection.warp.covered
         nearness = _nearness(self.target.passes[DEPTH_PASS][..., 0])
         matched = match(warped[..., :3], features, wanted, known=ring, doubted=doubted, nearness=nearness)

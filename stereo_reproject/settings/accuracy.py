@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from .frame import StereoSettings
 from .tuning import TUNING
 
-EIGHT_BIT_STEP = 1.0 / 255.0
-"""Difference between two neighbouring values of an 8-bit picture."""
+DISPLAY_STEP = 1.0 / 255.0
+"""Display step: the difference between two neighbouring values of an 8-bit picture, after tone mapping of its light as
+it is seen."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class Accuracy:
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
     places no probes. probe_spacing: side in pixels of the tiles that have one probe each, see `for_size`. tile_limit:
     honest ratio above which a tile is traced even if the frame as a whole keeps its promise. promises_worst_tiles: True
-    if the worst tiles must not exceed tile_limit either. unseen: standard deviation of noise, after tone mapping, that
-    nobody sees; where the picture has less noise, a tile's error is compared with this much.
+    if the worst tiles must not exceed tile_limit either. unseen_steps: standard deviation of noise, in display steps,
+    that nobody sees; where the picture has less noise, a tile's error is compared with this much.
     """
 
     silhouette_step: float
@@ -33,7 +34,12 @@ class Accuracy:
     probe_spacing: int = 8
     tile_limit: float = 2.0
     promises_worst_tiles: bool = False
-    unseen: float = EIGHT_BIT_STEP
+    unseen_steps: float = 1.0
+
+    @property
+    def unseen(self) -> float:
+        """Standard deviation of noise that nobody sees, as a difference after tone mapping."""
+        return self.unseen_steps * DISPLAY_STEP
 
 
 SETTINGS: dict[str, Accuracy] = {
@@ -48,7 +54,7 @@ SETTINGS: dict[str, Accuracy] = {
         colour_tolerance=0.35,
         promise=1.05,
         tile_limit=1.5,
-        unseen=0.5 * EIGHT_BIT_STEP,
+        unseen_steps=0.5,
     ),
     "exact": Accuracy(
         silhouette_step=0.1,
@@ -57,7 +63,7 @@ SETTINGS: dict[str, Accuracy] = {
         promise=1.02,
         tile_limit=1.2,
         promises_worst_tiles=True,
-        unseen=0.0,
+        unseen_steps=0.0,
     ),
 }
 

@@ -142,20 +142,24 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
     import bpy
 
     from stereo_reproject.blender.engines.render import render_views
+    from stereo_reproject.images.seen_light import display_scale
     from stereo_reproject.pipeline.frame import colour
     from stereo_reproject.warp.composite import replace_non_finite
 
     renders = max(math.ceil(options.reference_samples / options.samples), 2 * GROUPS)
     width, height = options.size
-    key = f"{name}-{width}x{height}-{options.samples}-seed{REFERENCE_SEED}-{renders}-{bpy.app.version_string}.npz"
+    key = f"seen-{name}-{width}x{height}-{options.samples}-seed{REFERENCE_SEED}-{renders}-{bpy.app.version_string}.npz"
     kept = None if options.cache is None else options.cache / key.replace(" ", "-")
     if kept is not None and kept.exists():
         return References.load(kept)
-    references = References.none(width, height)
+    references = None
     view = StereoSettings().target
     for number in range(renders):
         rendered = render_views(working, (view,), folder, seed=REFERENCE_SEED + number)
-        references.add(colour(replace_non_finite(rendered.views[view])[0]))
+        picture = colour(replace_non_finite(rendered.views[view])[0])
+        references = references or References.none(width, height, display_scale(picture))
+        references.add(picture)
+    assert references is not None
     if kept is not None:
         kept.parent.mkdir(parents=True, exist_ok=True)
         references.save(kept)

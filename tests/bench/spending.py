@@ -38,6 +38,7 @@ from stereo_reproject.holes.reprojection import Reprojection, reproject
 from stereo_reproject.holes.tuning import HoleTuning
 from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles, wrong_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
+from stereo_reproject.images.seen_light import display_scale, scaled_colour, scaled_light
 from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
@@ -183,6 +184,8 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
         renderer = BlenderRenderer(working, Path(folder))
         rendered, targets = make_pictures(name, renderer, settings, options)
         source, invalid = replace_non_finite(rendered)
+        scale = display_scale(source[COLOUR_PASS])
+        source, targets = scaled_light(source, scale), [scaled_colour(target, scale) for target in targets]
         views = Rig.of_cameras(renderer.cameras)
         warped = reproject(
             [RenderedView(views[settings.source], source, invalid)],

@@ -33,14 +33,14 @@ class Scene:
         self.reach = self.rng.uniform(0.0, 0.2, (*SIZE, 1))
 
     def render(self, bias=0.0, share=1.0):
-        """Scene-linear colours of a render with `share` of the noise, and wrong by `bias`."""
+        """Scene-linear, opaque colours (H, W, 4) of a render with `share` of the noise, and wrong by `bias`."""
         toned = self.mean + bias + share * self.reach * self.rng.uniform(-1.0, 1.0, self.mean.shape)
-        return toned / (1.0 - toned)
+        return np.concatenate([toned / (1.0 - toned), np.ones((*SIZE, 1))], axis=-1)
 
     def noise_excess(self, picture):
         """The true noise_ratio^2 - 1 of this very picture: the variance of the even distribution is known."""
         variance = np.mean(self.reach**2) / 3.0
-        toned = picture / (1.0 + picture)
+        toned = picture[..., :3] / (1.0 + picture[..., :3])
         return (np.mean((toned - self.mean) ** 2) + variance) / (2.0 * variance) - 1.0
 
     def excess(self, picture, share):

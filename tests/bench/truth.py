@@ -21,7 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_reproject.images.metrics import tone
+from stereo_reproject.images.metrics import judged
+from stereo_reproject.images.seen_light import scaled_colour
 
 GROUPS = 8
 """Renders are summed by group, so that leaving out one group at a time shows how far chance moves the result."""
@@ -46,31 +47,34 @@ class Truth:
 
 
 class References:
-    """Running sums over plain renders: count (G,), total and squares (G, H, W, 3) of the tone-mapped colours."""
+    """Running sums over plain renders: count (G,), total and squares (G, H, W, 4) of the colours as they are judged.
 
-    def __init__(self, count: NDArray, total: NDArray, squares: NDArray) -> None:
-        self.count, self.total, self.squares = count, total, squares
+    Their light is multiplied by light_scale before.
+    """
+
+    def __init__(self, count: NDArray, total: NDArray, squares: NDArray, light_scale: float = 1.0) -> None:
+        self.count, self.total, self.squares, self.light_scale = count, total, squares, light_scale
 
     @classmethod
-    def none(cls, width: int, height: int) -> References:
-        shape = (GROUPS, height, width, 3)
-        return cls(np.zeros(GROUPS, np.int64), np.zeros(shape), np.zeros(shape))
+    def none(cls, width: int, height: int, light_scale: float = 1.0) -> References:
+        shape = (GROUPS, height, width, 4)
+        return cls(np.zeros(GROUPS, np.int64), np.zeros(shape), np.zeros(shape), light_scale)
 
     def add(self, picture: NDArray) -> None:
-        """picture (H, W, >= 3): scene-linear colours of one more render."""
-        toned = tone(picture).astype(np.float64)
+        """picture (H, W, 4): scene-linear colours of one more render."""
+        toned = self._judged(picture)
         group = int(self.count.sum()) % GROUPS
         self.count[group] += 1
         self.total[group] += toned
         self.squares[group] += toned**2
 
     def truth(self, ours: NDArray, variance_share: NDArray | float) -> Truth:
-        """The excess of `ours` (H, W, >= 3), scene-linear, with its jackknife standard error over the groups.
+        """The excess of `ours` (H, W, 4), scene-linear, with its jackknife standard error over the groups.
 
         variance_share, (H, W) or one for all, is the share of a plain render's variance that each of its pixels has.
         """
         share = np.broadcast_to(variance_share, ours.shape[:2])[..., None]
-        toned = tone(ours).astype(np.float64)
+        toned = self._judged(ours)
         whole = self.count.sum(), self.total.sum(axis=0), self.squares.sum(axis=0)
         without = [
             _excess(toned, share, whole[0] - count, whole[1] - total, whole[2] - squares)[0]
@@ -80,16 +84,19 @@ class References:
         excess, smoothed = _excess(toned, share, *whole)
         return Truth(excess, float(np.sqrt((GROUPS - 1) / GROUPS * spread)), smoothed)
 
+    def _judged(self, picture: NDArray) -> NDArray:
+        return judged(scaled_colour(picture, self.light_scale)).astype(np.float64)
+
     def save(self, path: Path) -> None:
         # Written whole under another name first: a run that was interrupted leaves no half cache.
         part = path.with_suffix(".part.npz")
-        np.savez(part, count=self.count, total=self.total, squares=self.squares)
+        np.savez(part, count=self.count, total=self.total, squares=self.squares, light_scale=self.light_scale)
         part.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> References:
         with np.load(path) as stored:
-            return cls(stored["count"], stored["total"], stored["squares"])
+            return cls(stored["count"], stored["total"], stored["squares"], float(stored["light_scale"]))
 
 
 def _excess(ours: NDArray, share: NDArray, count: int, total: NDArray, squares: NDArray) -> tuple[float, float]:

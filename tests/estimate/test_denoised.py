@@ -14,6 +14,7 @@ from stereo_reproject.images.contrast import Contrast
 from stereo_reproject.images.denoising import Denoising
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
+from tests.estimate.colours import opaque
 from tests.images.test_denoising import blurred
 
 SIZE = (240, 360)
@@ -33,7 +34,7 @@ class Frame:
         self.rng = np.random.default_rng(seed)
         y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
         waves = 0.4 + 0.1 * np.sin(x / 30) * np.cos(y / 25)
-        self.truth = np.repeat(waves[..., None], 4, axis=2).astype(np.float32)
+        self.truth = opaque(np.repeat(waves[..., None], 4, axis=2).astype(np.float32))
         self.warped = self.noisy(np.sqrt(LEFT) * NOISE)
         self.off = np.zeros(SIZE, np.float32)
         self.off[MIRROR] = bias * np.sign(np.sin(x[MIRROR] / 5.0))
@@ -43,12 +44,12 @@ class Frame:
         self.probes = place_regular_probes(np.ones(SIZE, bool), spacing=SPACING, seed=seed)
 
     def noisy(self, noise=NOISE):
-        return (self.truth + self.rng.normal(0.0, noise, self.truth.shape)).astype(np.float32)
+        return opaque((self.truth + self.rng.normal(0.0, noise, self.truth.shape)).astype(np.float32))
 
     def measured(self):
         once, again = (self.noisy()[self.probes.mask] for _ in range(2))
         nothing = np.zeros((*SIZE, 3), np.float32)
-        noisy = self.noisy() + self.off[..., None]
+        noisy = opaque(self.noisy() + self.off[..., None])
         passes = {NOISY_PASS: noisy, ALBEDO_PASS: nothing, NORMAL_PASS: nothing, COLOUR_PASS: self.warped}
         contrast = Contrast(np.full(SIZE, 1e-4, np.float32), np.zeros(SIZE, np.float32))
         denoising = Denoising(lambda pictures: blurred(pictures, 2), LEFT)

@@ -15,6 +15,7 @@ from stereo_reproject.images.contrast import Contrast, box_sum, contrast_of
 from stereo_reproject.images.metrics import noise_ratio, squared_error
 from stereo_reproject.report.estimates import estimate_map, estimate_report
 from stereo_reproject.settings.accuracy import SETTINGS
+from tests.estimate.colours import opaque
 
 SIZE = (320, 480)
 NOISE = 0.08
@@ -36,14 +37,14 @@ class Frame:
     def __init__(self, bias, *, seed=1, mirror=(slice(80, 200), slice(100, 260)), warped_noise=0.75):
         self.rng = np.random.default_rng(seed)
         y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]]
-        self.truth = np.repeat((0.4 + 0.2 * np.sin(x / 60) * np.cos(y / 45))[..., None], 4, axis=2)
-        self.warped = self.truth + self.rng.normal(0.0, warped_noise * NOISE, self.truth.shape)
-        self.warped[mirror] += bias
+        self.truth = opaque(np.repeat((0.4 + 0.2 * np.sin(x / 60) * np.cos(y / 45))[..., None], 4, axis=2))
+        self.warped = opaque(self.truth + self.rng.normal(0.0, warped_noise * NOISE, self.truth.shape))
+        self.warped[mirror][..., :3] += bias
         self.holes = np.zeros(SIZE, bool)
         self.holes[:, 300:330] = True
 
     def traced(self):
-        return self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)
+        return opaque(self.truth + self.rng.normal(0.0, NOISE, self.truth.shape))
 
     def probes(self, seed=3):
         contrast = contrast_of(self.warped, ~self.holes)
@@ -467,7 +468,7 @@ def test_contrast_is_where_something_is_to_be_seen_and_noise_is_not_contrast():
     known = np.ones((60, 80), bool)
     clean = contrast_of(picture, known).signal
     assert clean[:, 38:42].min() > 100.0 * clean[:, :20].max()
-    noisy = contrast_of(picture + rng.normal(0, 0.05, picture.shape), known)
+    noisy = contrast_of(opaque(picture + rng.normal(0, 0.05, picture.shape)), known)
     assert noisy.signal[:, :20].mean() < 0.1 * noisy.signal[:, 38:42].mean()
     assert noisy.noise[:, :20].mean() == pytest.approx((0.05 / 1.3**2) ** 2, rel=0.15)
 

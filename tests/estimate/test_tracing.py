@@ -14,6 +14,7 @@ from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
+from tests.estimate.colours import opaque
 
 SIZE = (160, 240)
 NOISE = 0.05
@@ -49,7 +50,7 @@ class Frame:
         self.asked = []
 
     def traced(self):
-        return (self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32)
+        return opaque((self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32))
 
     def trace(self, method, requests):
         [request] = requests

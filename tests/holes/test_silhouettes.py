@@ -53,6 +53,15 @@ def test_sides_that_differ_by_more_than_the_noise_are_traced(step):
     assert not np.any(differs & ~band)
 
 
+def test_black_before_a_transparent_film_differs_by_its_alpha_alone():
+    disparity, _ = scene(0.0)
+    black = np.zeros((*SIZE, 4), np.float32)
+    black[:, EDGE:, 3] = 1.0
+    band, nothing = edge_band(disparity_steps(disparity), threshold=0.25, radius=1), np.zeros(SIZE, bool)
+    assert differing(band, disparity, black, tolerance=TOLERANCE, unknown=nothing)[band].all()
+    assert not differing(band, disparity, black[..., :3], tolerance=TOLERANCE, unknown=nothing)[band].any()
+
+
 def test_without_a_tolerance_the_whole_band_is_traced():
     band, differs = judged(0.0, tolerance=0.0)
     np.testing.assert_array_equal(differs, band)

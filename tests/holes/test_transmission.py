@@ -4,7 +4,7 @@ import numpy as np
 
 from stereo_reproject.holes.transmission import transmission_parallax
 from stereo_reproject.images.contrast import contrast_of, gradient_of
-from stereo_reproject.settings.accuracy import EIGHT_BIT_STEP
+from stereo_reproject.settings.accuracy import DISPLAY_STEP
 
 SIZE = (40, 60)
 GLASS = (slice(10, 30), slice(15, 45))
@@ -21,7 +21,7 @@ def flagged(*, stripes=True, disparity_behind=0.0, noise=0.01, limit=2.0):
     disparity[0, 0] = disparity_behind
     contrast = contrast_of(colour, known)
     return transmission_parallax(
-        glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=EIGHT_BIT_STEP
+        glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=DISPLAY_STEP
     )
 
 
@@ -58,4 +58,4 @@ def test_without_noise_what_nobody_sees_is_left_alone():
     disparity = np.full(SIZE, 20.0)
     disparity[0, 0] = 0.0
     gradient, contrast = gradient_of(colour, glass), contrast_of(colour, glass)
-    assert not transmission_parallax(glass, disparity, gradient, contrast, limit=2.0, unseen=EIGHT_BIT_STEP).any()
+    assert not transmission_parallax(glass, disparity, gradient, contrast, limit=2.0, unseen=DISPLAY_STEP).any()

@@ -8,6 +8,8 @@ from stereo_reproject.images.metrics import (
     bias_sigmas,
     border_step,
     honest_ratio,
+    judged,
+    judged_channels,
     noise_ratio,
     rmse,
     squared_error,
@@ -37,7 +39,13 @@ def picture():
 
 
 def noisy(seed, scale=NOISE):
-    return (picture() + np.random.default_rng(seed).normal(scale=scale, size=(*SHAPE, 4))).astype(np.float32)
+    return opaque((picture() + np.random.default_rng(seed).normal(scale=scale, size=(*SHAPE, 4))).astype(np.float32))
+
+
+def opaque(colour):
+    """Light is noisy, alpha is 1 everywhere."""
+    colour[..., 3] = 1.0
+    return colour
 
 
 def test_a_third_plain_render_stands_at_one():
@@ -58,9 +66,26 @@ def test_less_noise_and_more_noise():
 def test_a_bias_shows():
     reference, again = noisy(1), noisy(2)
     assert noise_ratio(noisy(3) + np.float32(0.2), reference, again) > 1.3
-    dimmer = noisy(3)
-    dimmer[..., 3] = 0.0
-    assert noise_ratio(dimmer, reference, again) == pytest.approx(1.0, abs=RATIO_TOLERANCE), "alpha is left out"
+
+
+def test_an_alpha_that_is_wrong_shows_and_one_that_is_right_does_not():
+    """Light is the same in all of them: a shadow catcher on a transparent film is black, and its alpha the shadow."""
+    ours, reference, again = noisy(3), noisy(1), noisy(2)
+    assert noise_ratio(ours, reference, again) == noise_ratio(*(image[..., :3] for image in (ours, reference, again)))
+    ours[:, : SHAPE[1] // 2, 3] -= 0.3
+    assert noise_ratio(ours, reference, again) > 2.0
+    assert worst_tiles(ours, reference, again) > 2.0
+
+
+def test_channels_that_tell_nothing_apart_are_left_out():
+    """Alpha is one where it differs among known pixels; a warp leaves 0 where it shows nothing."""
+    colour, known = noisy(1), np.ones(SHAPE, bool)
+    assert judged_channels(colour, known) == judged_channels(colour[..., :3], known) == 3
+    colour[:20, :20, 3] = 0.0
+    assert judged_channels(colour, known) == 4
+    known[:20, :20] = False
+    assert judged_channels(colour, known) == 3
+    assert judged(np.array([[1.0, -1.0, 0.0, 1.5]])).tolist() == [[0.5, 0.0, 0.0, 1.0]]
 
 
 def test_worst_tiles_finds_bad_tiles_that_the_mean_hides():

@@ -721,7 +721,7 @@ def test_draft_has_no_probes():
     assert frame.refinement.estimate is None
 
 
-ELSEWHERE = {"packed": 0.1, "card": 0.5}
+ELSEWHERE = {"packed": 0.1, "card": 0.6}
 """Share of the picture beside the sphere that is traced with it, in whole tiles: a card's are 24 pixels wide, which is
 a quarter of this picture's height, and each is judged by those around it."""
 

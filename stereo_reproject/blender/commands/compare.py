@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.metrics import bias_sigmas, honest_ratio, noise_ratio, rmse, worst_tiles, wrong_tiles
+from ...images.seen_light import MIDDLE_GREY, display_scale, scaled_colour
 from ...pipeline.frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import ABSENT, Absent
@@ -34,42 +35,55 @@ REPEATED_SEED_OFFSET = 2_000_003
 @dataclass(frozen=True)
 class MultiviewReference:
     """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
-    once more with another seed. Pictures are scene-linear.
+    once more with another seed. Pictures are scene-linear. light_scale is the number by which light is multiplied to be
+    judged as it is seen.
     """
 
     engine: str
     seconds: float
     reference: NDArray[np.float32]
     again: NDArray[np.float32]
+    light_scale: float
 
     @property
     def noise_rmse(self) -> float:
         """Root mean square difference between the target eye's two renders, which differ by noise alone."""
-        return rmse(self.again, self.reference)
+        return rmse(*self._seen(self.again, self.reference))
 
     def judge(self, ours: NDArray[np.float32], variance_share: NDArray[np.float32]) -> dict[str, float]:
         """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
         "noise_ratio", "bias", "honest_ratio", "worst_tiles" and "wrong_tiles". variance_share (H, W) is that of the
         frame.
         """
-        honest = honest_ratio(ours, self.reference, self.again, variance_share)
+        ours, reference, again = self._seen(ours, self.reference, self.again)
+        honest = honest_ratio(ours, reference, again, variance_share)
         return {
-            "rmse": rmse(ours, self.reference),
-            "noise_ratio": noise_ratio(ours, self.reference, self.again),
+            "rmse": rmse(ours, reference),
+            "noise_ratio": noise_ratio(ours, reference, again),
             "bias": bias_sigmas(honest),
             "honest_ratio": honest,
-            "worst_tiles": worst_tiles(ours, self.reference, self.again),
-            "wrong_tiles": wrong_tiles(ours, self.reference, self.again),
+            "worst_tiles": worst_tiles(ours, reference, again),
+            "wrong_tiles": wrong_tiles(ours, reference, again),
         }
+
+    def _seen(self, *pictures: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Return the pictures (H, W, 4) with their light as it is seen."""
+        return [scaled_colour(picture, self.light_scale) for picture in pictures]
 
 
 def render_reference(
-    scene: bpy.types.Scene, settings: StereoSettings, folder: Path, *, layers: Sequence[str] | None = None
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    folder: Path,
+    *,
+    layers: Sequence[str] | None = None,
+    light_scale: float | None = None,
 ) -> MultiviewReference:
     """Render the pair by multiview, and its target eye once more with another seed. It is done in a scene copy of its
     own, which finds nothing that our render has synced, so that its seconds are those of a plain render.
 
-    layers are the view layers to render, by default the first alone; pictures are those of the first.
+    layers are the view layers to render, by default the first alone; pictures are those of the first. light_scale is
+    that of the pair to be judged, None for that of the reference itself.
     """
     target = settings.target
     with working_scene(scene, settings.scene) as copy:
@@ -80,7 +94,8 @@ def render_reference(
         _use_layers(copy, [main])
         again = render_views(copy, (target,), folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
     reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
-    return MultiviewReference(engine, both.seconds, reference, repeated)
+    scale = display_scale(reference) if light_scale is None else light_scale
+    return MultiviewReference(engine, both.seconds, reference, repeated, scale)
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
@@ -98,7 +113,8 @@ def compare_with_multiview(
     Seconds are of all view layers; the picture that is judged is the main layer's, before any compositor. folder is
     private.
     """
-    multiview = render_reference(scene, settings, folder, layers=list(pair.frames))
+    scale = pair.main_frame.light_scale
+    multiview = render_reference(scene, settings, folder, layers=list(pair.frames), light_scale=scale)
     ours = colour(pair.main_frame.eyes[settings.target])
     flip, noise_flip = _flips(scene, settings, ours, multiview, folder)
     errors = multiview.judge(ours, pair.main_frame.variance_share)
@@ -127,6 +143,17 @@ def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:
     return "two plain renders are the same, without noise to compare with"
 
 
+def over_grey(picture: NDArray[np.float32], grey: float) -> NDArray[np.float32]:
+    """Return a scene-linear picture (H, W, 4), premultiplied by alpha, before an opaque background of this grey.
+
+    FLIP knows no alpha, and before black nobody would see a black thing whose alpha is wrong.
+    """
+    result = picture.copy()
+    result[..., :3] += grey * (1.0 - picture[..., 3:])
+    result[..., 3] = 1.0
+    return result
+
+
 def _flips(
     scene: bpy.types.Scene,
     settings: StereoSettings,
@@ -135,7 +162,8 @@ def _flips(
     folder: Path,
 ) -> tuple[float | None, float | None]:
     """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference;
-    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them.
+    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them, over a
+    middle grey where the film is transparent.
     """
     try:
         import flip_evaluator
@@ -145,7 +173,9 @@ def _flips(
     def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Two pictures as people see them, through the scene's view transform."""
         pair = folder / "seen.png"
-        deliver_side_by_side(scene, {"left": left, "right": right}, pair, frame=settings.scene.frame)
+        grey = MIDDLE_GREY / multiview.light_scale
+        shown = {"left": over_grey(left, grey), "right": over_grey(right, grey)}
+        deliver_side_by_side(scene, shown, pair, frame=settings.scene.frame)
         return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
     reference, repeated = seen(multiview.reference, multiview.again)

@@ -18,6 +18,7 @@ from ...files import write_json
 from ...images.exr import VIEWS, write_eye, write_stereo
 from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
+from ...images.seen_light import scaled_colour
 from ...jobs.work_folder import DIFFERENCE, pair_files
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame
 from ...pipeline.shared_findings import SharedFindings
@@ -77,7 +78,8 @@ def render_files(
         compare, reference = compare_with_multiview(scene, settings, pair, work)
         report = replace(report, compare=compare)
         if DIFFERENCE in files:
-            write_difference(out / DIFFERENCE, colour(pair.main_frame.eyes[settings.target]), reference)
+            ours, scale = colour(pair.main_frame.eyes[settings.target]), pair.main_frame.light_scale
+            write_difference(out / DIFFERENCE, scaled_colour(ours, scale), scaled_colour(reference, scale))
     late = [*scene_warnings(scene, settings.scene), *value_warnings(pair)]
     written = as_json(replace(report, warnings=(*report.warnings, *late)))
     write_json(out / "report.json", written)

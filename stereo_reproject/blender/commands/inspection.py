@@ -18,6 +18,7 @@ from ...images.denoising import Denoise, Denoising
 from ...images.effects import SEEN_DIFFERENTLY, Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from ...images.seen_light import display_scale, scaled_light
 from ...pipeline.frame import interpolations_of
 from ...pipeline.prediction import (
     Prediction,
@@ -278,7 +279,8 @@ def _warp_sketch(
     interpolations = interpolations_of(settings.interpolation, denoised=bool(renderer.denoise))
     options = WarpOptions(settings.grid_threshold, *interpolations)
     optics = Optics(renderer.lens, renderer.volumes)
-    rendered, target = RenderedView(views[settings.source], source, invalid), views[settings.target]
+    seen = scaled_light(source, display_scale(source[COLOUR_PASS]))
+    rendered, target = RenderedView(views[settings.source], seen, invalid), views[settings.target]
 
     def warp(accuracy: Accuracy) -> NDArray[np.uint16]:
         return reproject([rendered], target, accuracy, optics=optics, options=options).reasons

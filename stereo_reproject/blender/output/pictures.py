@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
-from ...images.metrics import tone
+from ...images.metrics import COLOUR_CHANNELS, judged, tone
 from ...images.reasons import Reason
 from ...jobs.plain_paths import plain_path
 from ...warp.grid import CELL_QUADS, Grid
@@ -118,9 +118,11 @@ def write_estimate(
 
 def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray[np.float32]) -> None:
     """Write a PNG of the difference between the target eye and multiview's, both (H, W, 4) scene-linear, tone-mapped
-    and brightened. Two renders always differ by their noise; only what stands out of that is wrong.
+    and brightened; a difference of alpha shows as grey. Two renders always differ by their noise; only what stands out
+    of that is wrong.
     """
-    difference = np.abs(tone(target) - tone(reference))
+    difference = np.abs(judged(target) - judged(reference))
+    difference = np.maximum(difference[..., :COLOUR_CHANNELS], difference[..., COLOUR_CHANNELS:])
     picture = (255.0 * np.minimum(DIFFERENCE_GAIN * difference, 1.0)).astype(np.uint8)
     words = f"difference from multiview, {DIFFERENCE_GAIN} times; even speckle is noise"
     _write_with_legend(path, picture, [(words, (255, 255, 255))])

@@ -1,0 +1,71 @@
+"""Alpha of a warped eye: along a black object's edges, in a catcher's shadow and around what a holdout cuts out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stereo_reproject.images.metrics import noise_ratio
+from stereo_reproject.images.passes import COLOUR_PASS
+from tests.blender.toolbox import (
+    add_camera,
+    add_plane,
+    add_sphere,
+    add_sun,
+    diffuse,
+    emission,
+    empty_scene,
+    render_plain,
+)
+from tests.render.ruler import PLAIN_SEEDS, TARGET, render_frame
+
+SIZE = (192, 108)
+SAMPLES = 16
+
+PROMISE = 1.1
+"""Noise ratio that the balanced setting promises."""
+
+VISIBLE_ALPHA = 0.1
+"""A pixel of the band along an edge may be told from its inside by this much, a fraction of what is mixed along it."""
+
+
+def black_ball(scene):
+    """Its light is that of the film behind it: none."""
+    add_sphere(scene, emission("black", strength=0.0), radius=0.8, location=(0, 0, -4))
+
+
+def shadow_catcher(scene):
+    """A ball's shadow on a floor that is nothing but a catcher."""
+    floor = add_plane(scene, diffuse("floor"), size=(20.0, 20.0), location=(0, -1, -5), rotation=(-np.pi / 2, 0, 0))
+    floor.is_shadow_catcher = True
+    add_sphere(scene, diffuse("ball"), radius=0.6, location=(0, 0, -4))
+    sun = add_sun(scene, rotation=(-0.9, 0.4, 0.0))
+    sun.data.angle = 0.3
+
+
+def holdout(scene):
+    """A ball that cuts a hole into a bright wall."""
+    add_plane(scene, diffuse("wall"), size=(20.0, 20.0), location=(0, 0, -7))
+    add_sphere(scene, diffuse("cut"), radius=0.8, location=(0, 0, -4)).is_holdout = True
+    add_sun(scene)
+
+
+@pytest.fixture
+def scene():
+    scene = empty_scene(*SIZE, samples=SAMPLES)
+    scene.render.film_transparent = True
+    add_camera(scene)
+    return scene
+
+
+@pytest.mark.parametrize("subject", [black_ball, shadow_catcher, holdout])
+def test_alpha_is_within_the_noise_of_plain_renders(scene, tmp_path, subject):
+    subject(scene)
+    frame = render_frame(scene, tmp_path, fill="packed")
+    renders = [render_plain(scene, tmp_path, seed=seed, views=(TARGET,))[TARGET] for seed in PLAIN_SEEDS[:2]]
+    reference, again = (passes[COLOUR_PASS] for passes in renders)
+    ours = frame.eyes[TARGET][COLOUR_PASS]
+    assert noise_ratio(ours, reference, again) < PROMISE
+    warped = ~frame.traced
+    off, noise = (np.abs(picture - reference)[..., 3] for picture in (ours, again))
+    assert off[warped].max() < max(noise.max(), VISIBLE_ALPHA)
