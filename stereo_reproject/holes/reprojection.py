@@ -14,6 +14,7 @@ from ..images.lookup import variance_share
 from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, known_depth, seen_in_mirrors
 from ..images.reasons import Reason
+from ..images.sharpness import mixed_variance_share
 from ..settings.accuracy import Accuracy
 from ..views.camera import PerspectiveCamera
 from ..views.view import View
@@ -75,8 +76,11 @@ class JudgedView:
     def variance_share(self) -> NDArray[np.float32]:
         """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept: what is shown in
         flat mirrors was looked up by a map of its own."""
-        warp, interpolation = self.warped.warp, self.options.interpolation_of(COLOUR_PASS)
-        share = variance_share(warp.x, warp.y, interpolation=interpolation)
+        warp, cubic = self.warped.warp, self.warped.cubic
+        if cubic is None:
+            share = variance_share(warp.x, warp.y, interpolation=self.options.interpolation_of(COLOUR_PASS))
+        else:
+            share = mixed_variance_share(warp.x, warp.y, cubic)
         return (
             share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
         )

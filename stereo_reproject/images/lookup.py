@@ -38,13 +38,25 @@ def variance_share(x: NDArray, y: NDArray, *, interpolation: str = "linear") -> 
     it reads a single pixel, 0.25 for a linear lookup between four. A NaN position gives 1. Two things are left out: the
     border, which is repeated, and the range within which cubic values are held.
     """
-    result = np.ones(x.shape, np.float32)
     if interpolation == "nearest":
-        return result
-    weights: Callable[[NDArray], tuple[NDArray, ...]] = {"linear": _bilinear, "cubic": _catmull_rom}[interpolation]
+        return np.ones(x.shape, np.float32)
+    return weight_product(x, y, interpolation, interpolation)
+
+
+def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.float32]:
+    """Return (h, w) the sum, over the pixels that two lookups at the same positions read, of the products of their
+    weights.
+
+    x, y (h, w) are the positions in pixels; one and other are the lookups' interpolations, linear or cubic. It is 1 at
+    NaN. Times the variance of a pixel, it is the covariance of the two values, where noise is independent by pixel.
+    """
+    result = np.ones(x.shape, np.float32)
+    kernels: dict[str, Callable[[NDArray], tuple[NDArray, ...]]] = {"linear": _linear_of_four, "cubic": _catmull_rom}
     for rows in bands(x.shape):
-        down, across = (sum(np.square(weight) for weight in weights(_split(at[rows])[1])) for at in (y, x))
-        share = down * across
+        share = np.ones_like(x[rows], np.float32)
+        for at in (y, x):
+            _, t = _split(at[rows])
+            share *= sum(a * b for a, b in zip(kernels[one](t), kernels[other](t), strict=True))
         result[rows] = np.where(np.isnan(share), np.float32(1.0), share)
     return result
 
@@ -138,10 +150,10 @@ def _cubic(texels: _Texels, x: NDArray, y: NDArray) -> NDArray[np.float32]:
     return np.clip(total, low, high, out=total)
 
 
-def _bilinear(t: NDArray) -> tuple[NDArray, ...]:
-    """Return the weights of two neighbouring pixels by linear interpolation, at `t`, 0 to 1, on the way from one to the
-    other."""
-    return 1.0 - t, t
+def _linear_of_four(t: NDArray) -> tuple[NDArray, ...]:
+    """Return the weights of four neighbouring pixels by linear interpolation, at `t`, 0 to 1, on the way from the
+    second of them to the third; those of the first and the last are 0."""
+    return np.zeros_like(t), 1.0 - t, t, np.zeros_like(t)
 
 
 def _catmull_rom(t: NDArray) -> tuple[NDArray, ...]:

@@ -30,6 +30,11 @@ class ImagesTuning:
     """Pixels from which a picture's brightness is told, at least, where it has as many. By hand: of as many, the mean
     is good to a hundredth of a stop."""
 
+    # Sharpness of a lookup
+    sharpness_reach_px: tuple[int, int] = (2, 2)
+    """Pixels, down and across, over which the difference between a cubic and a linear lookup is averaged. By hand: 25
+    pixels tell it from noise, and lettering is not much larger."""
+
     # Denoised pictures
     blend_reach_px: int = 6
     """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.

@@ -375,11 +375,12 @@ def _finished_frame(
 def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
     """Return two interpolations for a warp: that of most passes, and that of the colour.
 
-    asked is one of the settings' names; for "auto" they are linear, but cubic for the colour of a denoised picture.
+    asked is one of the settings' names; for "auto" they are linear, but for the colour cubic in a denoised picture and
+    adaptive in a noisy one.
     """
     if asked != "auto":
         return asked, asked
-    return "linear", "cubic" if denoised else "linear"
+    return "linear", "cubic" if denoised else "adaptive"
 
 
 def _without_lost(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from ..images.passes import (
     is_essential,
     known_depth,
 )
+from ..images.sharpness import cubic_share
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
 from ..views.view import View
 from .forward import Warp
@@ -33,7 +35,19 @@ LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
 name."""
 
 
-def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOptions) -> Passes:
+@dataclass(frozen=True)
+class PassesSeen:
+    """The source's passes (H, W, C) as the target sees them.
+
+    cubic (H, W) is the share, 0 to 1, of the cubic lookup in light that was looked up with the adaptive interpolation;
+    None where nothing was.
+    """
+
+    passes: Passes
+    cubic: NDArray[np.float32] | None = None
+
+
+def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOptions) -> PassesSeen:
     """Return the source's passes as the target sees them, looked up with NumPy; 0 (depth: +inf) where nothing landed.
 
     `warp` is the map that says which place of the source each target pixel shows. SOURCE_ONLY_PASSES are left out.
@@ -53,13 +67,14 @@ def passes_seen(
     seen: NDArray[np.float32],
     look_up: LookUp,
     options: WarpOptions,
-) -> Passes:
+) -> PassesSeen:
     """Return the source's passes as the target sees them, as `warp_passes` does, but with a lookup of any kind.
 
     seen (H, W) is the depth that the target sees. look_up reads a pass of the source by the map `warp`, on a GPU, say.
     Depth, position and motion vectors are computed anew. SOURCE_ONLY_PASSES are left out.
     """
     warped: Passes = {}
+    look_up_light, share = _light_lookup(source.passes, warp, look_up, options)
     for name, image in source.passes.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
@@ -69,8 +84,31 @@ def passes_seen(
             depth = source.passes[DEPTH_PASS]
             warped[name] = warp_motion(image, depth, warp, source.view.moving, target.moving, seen)
         elif name not in SOURCE_ONLY_PASSES:
-            warped[name] = look_up(image, options.interpolation_of(name))
-    return warped
+            how = options.interpolation_of(name)
+            warped[name] = look_up_light(image) if how == "adaptive" else look_up(image, how)
+    return PassesSeen(warped, share)
+
+
+def _light_lookup(
+    source: Passes, warp: Warp, look_up: LookUp, options: WarpOptions
+) -> tuple[Callable[[NDArray[np.float32]], NDArray[np.float32]], NDArray[np.float32] | None]:
+    """Return the adaptive lookup of a light pass (H, W, C), and the share (h, w) of the cubic one in it.
+
+    All light has the colour's share, so that its parts still add up. The share is None where the options ask for no
+    adaptive lookup of the colour.
+    """
+    if options.interpolation_of(COLOUR_PASS) != "adaptive":
+        return lambda image: look_up(image, options.interpolation), None
+    colour = source[COLOUR_PASS]
+    linear, cubic = look_up(colour, "linear"), look_up(colour, "cubic")
+    share = cubic_share(colour, linear, cubic, warp.x, warp.y)
+    sharp = share[..., None]
+
+    def mixture(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        once, again = (linear, cubic) if image is colour else (look_up(image, "linear"), look_up(image, "cubic"))
+        return (once + sharp * (again - once)).astype(np.float32, copy=False)
+
+    return mixture, share
 
 
 def _target_position(

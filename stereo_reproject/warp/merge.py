@@ -54,7 +54,9 @@ def merge_views(
     passes: Passes = {name: of_chosen(index, [view.passes[name] for view in views]) for name in shared}
     by = "gpu" if all(view.by == "gpu" for view in views) else "numpy"
     empty = merged_flags([view.empty for view in views], warp)
-    return replace(views[0], passes=passes, warp=warp, empty=empty, steps=None, by=by)
+    shares = [view.cubic for view in views if view.cubic is not None]
+    cubic = of_chosen(index, shares) if len(shares) == len(views) else None
+    return replace(views[0], passes=passes, warp=warp, empty=empty, steps=None, cubic=cubic, by=by)
 
 
 def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:

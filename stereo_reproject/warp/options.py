@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..images.passes import COLOUR_PASS, filtered
+from ..images.passes import COLOUR_PASS, filtered, is_light
 
 
 @dataclass(frozen=True)
@@ -13,7 +13,9 @@ class WarpOptions:
 
     grid_threshold: binocular parallax in arc minutes, above which a cell of the grid is subdivided.
     interpolation: "linear", "cubic" or "nearest", as `images.lookup.lookup` knows them; for passes that may be mixed.
-    colour_interpolation: the same for the colour alone; None where it is looked up as the other passes are.
+    colour_interpolation: the same for the colour alone; None where it is looked up as the other passes are. "adaptive"
+    is a mixture of linear and cubic, pixel by pixel (`images.sharpness`), for the colour and for all other light, whose
+    parts must add up.
     """
 
     grid_threshold: float = 1.0
@@ -23,11 +25,12 @@ class WarpOptions:
     @property
     def cubic(self) -> bool:
         """True where any pass is looked up with the cubic kernel, which reaches one pixel further."""
-        return "cubic" in (self.interpolation, self.colour_interpolation)
+        return bool({"cubic", "adaptive"} & {self.interpolation, self.colour_interpolation})
 
     def interpolation_of(self, name: str) -> str:
         """Return the interpolation by which the pass of this name is looked up; "nearest" where its values must not be
         mixed."""
         if not filtered(name):
             return "nearest"
-        return (self.colour_interpolation if name == COLOUR_PASS else None) or self.interpolation
+        own = name == COLOUR_PASS or (self.colour_interpolation == "adaptive" and is_light(name))
+        return (self.colour_interpolation if own else None) or self.interpolation

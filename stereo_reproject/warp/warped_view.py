@@ -19,7 +19,9 @@ class WarpedView:
 
     grid is the source's; of several sources, the first one's. warp is the map. empty (H, W): `Reason` flags of the
     target pixels on which nothing landed, or only what was not traced in the source. steps: the source's depth
-    discontinuities, where they were found on the way; None of several sources. by: "numpy" or "gpu", which warped it.
+    discontinuities, where they were found on the way; None of several sources. cubic (H, W): the share, 0 to 1, of the
+    cubic lookup in the light, where that was looked up with the adaptive interpolation. by: "numpy" or "gpu", which
+    warped it.
     """
 
     passes: Passes
@@ -27,4 +29,5 @@ class WarpedView:
     warp: Warp
     empty: NDArray[np.uint16]
     steps: DepthDiscontinuities | None = None
+    cubic: NDArray[np.float32] | None = None
     by: str = "numpy"

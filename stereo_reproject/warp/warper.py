@@ -67,8 +67,8 @@ def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULT
     steps = disparity_steps(disparity_of(depth, camera, target.camera))
     cut_right, cut_down = steps.torn()
     warp = forward_warp(depth, camera, target.camera, grid, cut_right=cut_right, cut_down=cut_down)
-    passes = warp_passes(source, target, warp, options)
-    return WarpedView(passes, grid, warp, empty_reasons(warp, camera, target.camera), steps)
+    seen = warp_passes(source, target, warp, options)
+    return WarpedView(seen.passes, grid, warp, empty_reasons(warp, camera, target.camera), steps, seen.cubic)
 
 
 NUMPY = Warper(warp_view)

@@ -24,7 +24,7 @@ def warp_pair(passes, source, target, *, how=warp_view, motion=None, **options):
 
 def warp_passes_of_pair(passes, warp, source, target, *, motion=None, **options):
     """The passes alone, looked up by this map."""
-    return warp_passes(*views_of(passes, source, target, motion=motion), warp, WarpOptions(**options))
+    return warp_passes(*views_of(passes, source, target, motion=motion), warp, WarpOptions(**options)).passes
 
 
 def reproject_pair(passes, source, target, *, accuracy, invalid, optics=NO_OPTICS, how=warp_view, **options):

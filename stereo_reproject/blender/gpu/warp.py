@@ -125,10 +125,10 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
         def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
             return _looked_up(shaders, image, how, other)
 
-        passes = passes_seen(source, target, warp, depth, look_up, options)
+        seen = passes_seen(source, target, warp, depth, look_up, options)
     finally:
         gpu.shader.unbind()
-    return WarpedView(passes, grid, warp, empty, by="gpu")
+    return WarpedView(seen.passes, grid, warp, empty, cubic=seen.cubic, by="gpu")
 
 
 def _size(camera: Camera) -> tuple[int, int]:

@@ -1,0 +1,79 @@
+"""Sharpness of a lookup: the cubic kernel where the picture stands above its noise, the linear one where noise rules.
+
+Between pixels a linear lookup blurs what is fine and evens out what is noise; a cubic one keeps more of both. With l
+and c the two values, d = c - l, s² the variance of a source pixel's noise, and <a, b> the sum of the products of two
+lookups' weights, the mean square error of l + k d against the scene itself is smallest for
+
+    k = (D - s² <l, d>) / (D + s² <d, d>),    D = the mean of d² around the pixel, less s² <d, d>,
+
+if what is left of d² without the noise is what the linear lookup has lost (a Wiener filter between the two).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contrast import box_sum
+from .lookup import lookup, variance_share, weight_product
+from .metrics import squared_error, tone
+from .tuning import TUNING
+
+
+def cubic_share(
+    colour: NDArray[np.float32],
+    linear: NDArray[np.float32],
+    cubic: NDArray[np.float32],
+    x: NDArray[np.float32],
+    y: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Return the share (h, w), 0 to 1, of the cubic lookup in the best mixture of it and the linear one.
+
+    colour (H, W, >= 3) is the scene-linear picture that was looked up; linear and cubic (h, w, >= 3) are its values at
+    the positions x, y (h, w), in pixels. It is 0 where a position is NaN, and where both lookups are equal all around.
+    """
+    known = ~(np.isnan(x) | np.isnan(y))
+    variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
+    linear_alone, between = (weight_product(x, y, "linear", other) for other in ("linear", "cubic"))
+    of_difference = variance_share(x, y, interpolation="cubic") - 2.0 * between + linear_alone
+    lost = np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
+    pixels = np.maximum(box_sum(known, TUNING.sharpness_reach_px), 1.0)
+    lost = np.maximum(box_sum(lost, TUNING.sharpness_reach_px) / pixels, 0.0)
+    whole = lost + variance * of_difference
+    best = (lost - variance * (between - linear_alone)) / np.where(whole > 0.0, whole, 1.0)
+    return np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0).astype(np.float32)
+
+
+def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (H, W) the variance that noise gives a single pixel of a scene-linear colour (H, W, >= 3), after
+    `metrics.tone`, as the mean over a small window around it.
+
+    It is that of the second difference down of the second difference across (Immerkaer 1996, Fast Noise Variance
+    Estimation), which is 0 for everything that is straight along either axis: of a picture's detail much less is taken
+    for noise than by the variance around a mean. A picture of fewer than three rows or columns has none.
+    """
+    toned = tone(colour)
+    squared = np.zeros(toned.shape[:2], np.float32)
+    if min(squared.shape) < 3:
+        return squared
+    across = toned[:, 2:] - 2.0 * toned[:, 1:-1] + toned[:, :-2]
+    both = across[2:] - 2.0 * across[1:-1] + across[:-2]
+    # The squares of the nine weights add up to 36.
+    squared[1:-1, 1:-1] = np.mean(both**2, axis=-1) / 36.0
+    inner = np.zeros_like(squared)
+    inner[1:-1, 1:-1] = 1.0
+    reach = TUNING.sharpness_reach_px
+    return (box_sum(squared, reach) / np.maximum(box_sum(inner, reach), 1.0)).astype(np.float32)
+
+
+def mixed_variance_share(x: NDArray, y: NDArray, cubic: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (h, w) the share of a pixel's variance that a mixture of a linear and a cubic lookup keeps, as
+    `lookup.variance_share` does for one of them.
+
+    x, y (h, w) are the positions in pixels; cubic (h, w), 0 to 1, is the share of the cubic lookup.
+    """
+    alone, between, other = (
+        weight_product(x, y, *pair) for pair in (("linear", "linear"), ("linear", "cubic"), ("cubic", "cubic"))
+    )
+    linear = np.float32(1.0) - cubic
+    return (linear**2 * alone + np.float32(2.0) * linear * cubic * between + cubic**2 * other).astype(np.float32)
