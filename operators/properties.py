@@ -22,7 +22,7 @@ ENGINES = {
 }
 
 LOOKUPS = {
-    "auto": "Cubic for the colour of a denoised picture, linear for all else",
+    "auto": "Cubic for the colour of a denoised picture and for light that stands above its noise, linear for all else",
     "linear": "Keeps noise as quiet as it is",
     "cubic": "Sharper where textures are fine",
 }

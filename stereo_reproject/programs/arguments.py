@@ -268,7 +268,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         choices=INTERPOLATIONS,
         default=StereoSettings.interpolation,
         help="how passes are looked up between pixels; cubic is sharper, and what auto takes for the colour of a "
-        "denoised picture (%(default)s)",
+        "denoised picture, and for light that stands above its noise (%(default)s)",
     )
     parser.add_argument(
         "--warp",

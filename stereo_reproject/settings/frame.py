@@ -107,7 +107,8 @@ class StereoSettings:
     binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare has multiview rendered
     too, for comparison.
 
-    interpolation "auto" is cubic for the colour of a denoised picture, where it is sharper, and linear for all else.
+    interpolation "auto" is cubic for the colour of a denoised picture; for light in a noisy one it is cubic where the
+    picture stands above its noise and linear where noise rules; it is linear for all else.
     warp is what warps pixels: "gpu" falls back to numpy where no GPU works, and "auto" takes the faster one where that
     is measured.
     """
@@ -115,7 +116,7 @@ class StereoSettings:
     source: str = "left"
     accuracy: str = "balanced"
     fill: str = "auto"
-    grid_threshold: float = 1.0
+    grid_threshold: float = 0.25
     interpolation: str = "auto"
     compare: bool = False
     scene: SceneOverrides = field(default_factory=SceneOverrides)

@@ -18,7 +18,7 @@ class WarpOptions:
     parts must add up.
     """
 
-    grid_threshold: float = 1.0
+    grid_threshold: float = 0.25
     interpolation: str = "linear"
     colour_interpolation: str | None = None
 

@@ -1,4 +1,4 @@
-"""The mixture of a linear and a cubic lookup: cubic where a picture stands above its noise, linear where noise rules."""
+"""The mixture of both lookups: cubic where a picture stands above its noise, linear where noise rules."""
 
 import numpy as np
 import pytest
