@@ -117,6 +117,30 @@ def test_what_a_shader_calls_for(scene, kind, inputs, effects):
 
 
 @pytest.mark.parametrize(
+    ("kind", "inputs", "may_mirror"),
+    [
+        ("BsdfGlossy", {"Roughness": 0.05}, True),
+        ("BsdfGlossy", {"Roughness": 0.5}, False),
+        ("BsdfPrincipled", {"Metallic": 1.0, "Roughness": 0.1}, True),
+        ("BsdfPrincipled", {}, False),
+        ("BsdfGlass", {"Roughness": 0.0}, False),
+        ("BsdfDiffuse", {"Roughness": 1.0}, False),
+    ],
+)
+def test_what_may_be_a_flat_mirror_reflects_sharply_and_lets_nothing_through(scene, kind, inputs, may_mirror):
+    thing = add_plane(scene, shaded("a", kind, **inputs), location=AHEAD)
+    assert plan(scene).may_mirror == may_mirror
+    thing.hide_render = True
+    assert not plan(scene).may_mirror, "it cannot be seen"
+
+
+def test_a_roughness_from_a_texture_may_be_a_mirror_s_but_eevee_s_reflections_are_not_looked_for(scene):
+    add_plane(scene, fed(shaded("a", "BsdfGlossy"), "Roughness", "TexNoise"), location=AHEAD)
+    assert plan(scene).may_mirror
+    assert not plan(scene, source_engine="eevee").may_mirror
+
+
+@pytest.mark.parametrize(
     ("inputs", "effects"),
     [
         ({}, NOTHING),
