@@ -37,7 +37,7 @@ class RayPasses:
         follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
         mirrors = mirrors and follows
         self._tells = follows and (denoised or mirrors)
-        # They stay on, in the next frames of an animation too: with other passes, Cycles would begin anew.
+        # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
         for switch in SWITCHES if mirrors else (GUIDES_SWITCH,) if denoised else ():
             owner = layer.cycles if switch == GUIDES_SWITCH else layer
             if not getattr(owner, switch):
