@@ -128,8 +128,8 @@ class EffectsPlan:
     """Findings of a scene: which effects it calls for, and which materials have them.
 
     findings has one for each effect, in `Effect`'s order; materials has the effects of each visible material, by its
-    name. may_mirror: True where Cycles may show a flat mirror, because something visible that is neither hair nor
-    transmissive reflects sharply.
+    name. may_mirror: True where Cycles may show a flat mirror whose image `warp/mirrors` finds, because something
+    visible that is neither hair nor transmissive may reflect enough for one, smoothly enough.
     """
 
     findings: tuple[Finding, ...]

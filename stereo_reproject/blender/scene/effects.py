@@ -126,8 +126,8 @@ class _Claims:
             for effect in _each(shading.sharp):
                 self.sharp[effect].append(text)
             own |= shading.effects
-            reflects = bool(shading.sharp & Effect.GLOSSY) and not own & NEVER_MIRRORS
-            self._may_mirror = self._may_mirror or (self._cycles and reflects)
+            mirrors = self._cycles and shading.may_mirror and not own & NEVER_MIRRORS
+            self._may_mirror = self._may_mirror or mirrors
         known = self._materials.get(name)
         if known != own:
             self._materials[name] = own if known is None else known | own
