@@ -17,7 +17,7 @@ from ..images.masks import dilate
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
-from ..views.camera import PerspectiveCamera, see_the_same
+from ..views.camera import Camera, PerspectiveCamera, see_the_same
 from ..views.frustum import Lens, covered_by
 from ..views.view import View
 from ..warp.discontinuities import DepthDiscontinuities, disparity_of, disparity_of_nearness, disparity_steps
@@ -50,15 +50,15 @@ NO_OPTICS = Optics()
 """A pinhole, and no volume."""
 
 
-def ray_lengths_tell(source: RenderedView, target: View, optics: Optics) -> bool:
-    """Return whether the source's LENGTH_PASS may be read to find thin things and the images in flat mirrors.
+def ray_lengths_tell(source: Camera, target: Camera, optics: Optics) -> bool:
+    """Return whether the LENGTH_PASS of a source with this camera may be read, to find thin things and the images in
+    flat mirrors.
 
     It may for a perspective camera, if anything moves between source and target. It may not where the lens blurs, since
     that mixes depths everywhere, nor where there is a volume, which has no depth.
     """
     mixed = optics.lens.aperture or len(optics.volumes)
-    is_perspective = isinstance(source.camera, PerspectiveCamera)
-    return is_perspective and not mixed and not see_the_same(source.camera, target.camera)
+    return isinstance(source, PerspectiveCamera) and not mixed and not see_the_same(source, target)
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class HoleClassifier:
         not be read.
         """
         length, depth = self.source.passes.get(LENGTH_PASS), self.source.depth
-        tell = accuracy.silhouette_radius > 0 and ray_lengths_tell(self.source, self.target, self.optics)
+        tell = accuracy.silhouette_radius > 0 and ray_lengths_tell(self.source.camera, self.target.camera, self.optics)
         if length is None or not tell:
             return np.zeros(depth.shape, bool)
         camera = cast("PerspectiveCamera", self.source.camera)

@@ -85,6 +85,23 @@ class JudgedView:
             share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
         )
 
+    def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
+        """Return the colours (N, C) of the source's pixels nearest to those places in it that N target pixels show.
+
+        place is rows and columns (N,) of the target pixels. In those that show a flat mirror, the place is that of the
+        image that it shows.
+        """
+        warp, colour = self.warped.warp, self.classifier.source.passes[COLOUR_PASS]
+        x, y = warp.x[place], warp.y[place]
+        if self.mirrors is not None:
+            shown, images = self.mirrors.shown[place], self.mirrors.images.warped.warp
+            x, y = np.where(shown, images.x[place], x), np.where(shown, images.y[place], y)
+        rows, columns = (
+            np.clip(np.nan_to_num(at), 0, size - 1).astype(np.intp)
+            for at, size in zip((y, x), colour.shape, strict=False)
+        )
+        return colour[rows, columns]
+
 
 @dataclass(frozen=True)
 class Reprojection:
@@ -151,17 +168,8 @@ class Reprojection:
         place is rows and columns (N,) of the target pixels. The colours have the noise of a single pixel, where
         interpolated ones have less.
         """
-        colours = [view.classifier.source.passes[COLOUR_PASS] for view in self.views]
         number = self.warp.source[place]
-        result = np.empty((number.size, colours[0].shape[-1]), colours[0].dtype)
-        for index, colour in enumerate(colours):
-            chosen = number == index
-            rows, columns = (
-                np.clip(np.nan_to_num(at[place][chosen]), 0, size - 1).astype(np.intp)
-                for at, size in zip((self.warp.y, self.warp.x), colour.shape, strict=False)
-            )
-            result[chosen] = colour[rows, columns]
-        return result
+        return np.stack([view.sampled(place) for view in self.views])[number, np.arange(number.size)]
 
 
 def reproject(
@@ -195,7 +203,7 @@ def _judged(
         return JudgedView(warped, classifier, accuracy, options)
 
     seen = judged(source)
-    if not (accuracy.silhouette_radius > 0 and ray_lengths_tell(source, target, optics)):
+    if not (accuracy.silhouette_radius > 0 and ray_lengths_tell(source.camera, target.camera, optics)):
         return seen
     camera = cast("PerspectiveCamera", source.camera)
     found = images_in_mirrors(source.passes, camera, clip_start=optics.lens.near)

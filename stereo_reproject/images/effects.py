@@ -60,8 +60,8 @@ _PROBED = "probes measure how wrong its warped pixels are, the worst tiles are t
 
 HANDLING: dict[Effect, str] = {
     Effect.GLOSSY: (
-        "reflections are warped with the surface that shows them, in a denoised picture those in flat mirrors by where "
-        f"their image stands; {_PROBED}"
+        "reflections are warped with the surface that shows them, those in flat mirrors by where their image stands; "
+        f"{_PROBED}"
     ),
     Effect.TRANSMISSION: (
         "what is seen through it is traced where it may lie far behind and has contrast, else warped with its surface; "
@@ -128,11 +128,13 @@ class EffectsPlan:
     """Findings of a scene: which effects it calls for, and which materials have them.
 
     findings has one for each effect, in `Effect`'s order; materials has the effects of each visible material, by its
-    name.
+    name. may_mirror: True where Cycles may show a flat mirror whose image `warp/mirrors` finds, because something
+    visible that is neither hair nor transmissive may reflect enough for one, smoothly enough.
     """
 
     findings: tuple[Finding, ...]
     materials: Mapping[str, Effect]
+    may_mirror: bool = False
 
     @property
     def called_for(self) -> Effect:

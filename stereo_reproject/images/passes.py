@@ -38,14 +38,14 @@ NORMAL_PASS = ".Guiding Normal"
 """Normal (H, W, 3) that guides the denoiser."""
 
 LENGTH_PASS = ".Ray Length"
-"""Length (H, W, 1) of a pixel's rays in scene units, in a source that is denoised.
+"""Length (H, W, 1) of a pixel's rays in scene units, in a source that is denoised or may show flat mirrors.
 
 It is measured from the clip distance to the surface that guides the denoiser, as the mean over the samples. Behind a
 mirror the ray goes on, and that part of its length counts times the reflectance of all mirrors before it."""
 
 REFLECTANCE_PASS = ".Reflectance"
-"""Share (H, W, 3) of the light that glossy reflection of the first surface sends on, in a source that is denoised and
-shows anything glossy."""
+"""Share (H, W, 3) of the light that glossy reflection of the first surface sends on, in a source that may show flat
+mirrors: see `effects.EffectsPlan.may_mirror`."""
 
 SURFACE_NORMAL_PASS = ".Surface Normal"
 """Normal (H, W, 3) by which the first surface reflects, bumps included, in a source that has REFLECTANCE_PASS."""

@@ -1,5 +1,7 @@
 """A flat mirror's image is a world of its own behind it: held against a ray caster that looks through the mirror."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -228,6 +230,21 @@ def test_what_a_mirror_shows_is_carried_by_its_image(view, convergence):
     assert kept.sum() > 0.6 * glass(eyes[other]).sum()
     errors = [np.abs(one.passes[COLOUR_PASS] - truth[COLOUR_PASS])[kept].mean() for one in (by_image, by_surface)]
     assert errors[0] < 0.1 * errors[1]
+
+
+@pytest.mark.parametrize("view", ["left", "right"])
+def test_a_single_sample_in_a_mirror_is_of_its_image(view):
+    """It is of one source pixel, within half a pixel of what was looked up; by the surface, it is some pixels off."""
+    eyes = rig()
+    source = seen(eyes[view])
+    result = carried(source, eyes, view)
+    place = np.nonzero(result.views[0].mirrors.shown & (result.reasons == 0))
+    sampled, looked_up = result.sampled(place), result.passes[COLOUR_PASS][place]
+    row = {tuple(colour) for colour in source[COLOUR_PASS].reshape(-1, sampled.shape[-1])}
+    assert all(tuple(colour) in row for colour in sampled)
+    at_surface = replace(result, views=(replace(result.views[0], mirrors=None),)).sampled(place)
+    errors = [np.abs(colours - looked_up)[..., :3].mean() for colours in (sampled, at_surface)]
+    assert errors[0] < 0.3 * errors[1]
 
 
 def test_a_mirror_keeps_its_own_depth_and_index():

@@ -7,8 +7,7 @@ settings, its device and its denoiser, OpenImageDenoise or OptiX, as it does aft
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -20,23 +19,13 @@ from ...images.exr import read_channels, write_channels
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from ..scene.working import changed, rendered_layer
 
-ALBEDO, NORMAL, DEPTH = "Denoising Albedo", "Denoising Normal", "Denoising Depth"
+NOISY, ALBEDO, NORMAL, DEPTH = "Noisy Image", "Denoising Albedo", "Denoising Normal", "Denoising Depth"
 
-GUIDES = (ALBEDO, NORMAL, DEPTH, "Denoising Specular Albedo", "Denoising Roughness")
+GUIDES = (NOISY, ALBEDO, NORMAL, DEPTH, "Denoising Specular Albedo", "Denoising Roughness")
 """All that Blender adds to a render for the sake of denoising it."""
 
 CHANNELS = ((NOISY_PASS, COLOUR_PASS, "RGB"), (ALBEDO_PASS, ALBEDO, "RGB"), (NORMAL_PASS, NORMAL, "XYZ"))
 """The passes that are denoised or guide it: by our name, by Blender's, and their channels."""
-
-
-@contextmanager
-def left_noisy(scene: bpy.types.Scene) -> Iterator[None]:
-    """Have a working scene rendered without denoising, but with all passes that denoising its pictures later takes, for
-    the time of a `with` block; its settings are restored afterwards, also after an error.
-    """
-    layer = rendered_layer(scene)
-    with changed(scene.cycles, use_denoising=False), changed(layer.cycles, denoising_store_passes=True):
-        yield
 
 
 def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder: Path) -> list[NDArray[np.float32]]:
@@ -102,15 +91,13 @@ def _of_layer(channels: dict[str, NDArray[np.float32]], name: str) -> NDArray[np
     return np.stack([channels[f"{name}.{COLOUR_PASS}.{letter}"] for letter in "RGB"], axis=-1)[::-1]
 
 
-def guided_by(passes: Passes, *, keep: bool) -> Passes:
+def guided_by(passes: Passes) -> Passes:
     """Return the passes of a render with those that `images/denoising` needs added, under our names: the noisy colour,
-    albedo and normal. Blender's own passes for the denoiser stay only with `keep`.
+    albedo and normal. Blender's name for that colour is added to its own passes for the denoiser.
 
     Raises BadInputError where one of them is missing, which is how a full disk shows.
     """
     if not {ALBEDO, NORMAL, DEPTH} <= set(passes):
         raise BadInputError("the render result has nothing to guide the denoiser: is the disk full?")
     ours = {NOISY_PASS: passes[COLOUR_PASS], ALBEDO_PASS: passes[ALBEDO], NORMAL_PASS: passes[NORMAL]}
-    if keep:
-        return {**passes, **ours, "Noisy Image": passes[COLOUR_PASS]}
-    return {name: image for name, image in passes.items() if name not in GUIDES} | ours
+    return {**passes, **ours, NOISY: passes[COLOUR_PASS]}

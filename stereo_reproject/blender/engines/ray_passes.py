@@ -6,40 +6,51 @@ import bpy
 
 from ...images.passes import LENGTH_PASS, REFLECTANCE_PASS, ROUGHNESS_PASS, SURFACE_NORMAL_PASS, Passes
 from ..scene.working import rendered_layer
-from .denoise import DEPTH
+from .denoise import DEPTH, GUIDES
 
 GLOSSY_COLOUR = "Glossy Color" if bpy.app.version >= (5, 0, 0) else "GlossCol"
 NORMAL, ROUGHNESS = "Normal", "Denoising Roughness"
 
-SWITCHES = {"use_pass_glossy_color": GLOSSY_COLOUR, "use_pass_normal": NORMAL}
-"""Properties of a view layer, and the passes that they switch on."""
+GUIDES_SWITCH = "denoising_store_passes"
+"""Property of a view layer's Cycles settings that has the passes written that guide a denoiser."""
+
+SWITCHES = {GUIDES_SWITCH: GUIDES, "use_pass_glossy_color": (GLOSSY_COLOUR,), "use_pass_normal": (NORMAL,)}
+"""Properties of a view layer or of its Cycles settings, and the passes that they switch on."""
 
 ADDED_PREFIX = "stereo_reproject_"
 """Beginning of the names of properties of a working scene's layer that mark switches as not the user's."""
 
 
 class RayPasses:
-    """Source of the passes that tell of the ways of rays, for a working scene that is rendered with passes for a
-    denoiser. Making the object switches on passes about the surface, with `glossy`, that the scene lacks. `of` picks
-    the passes out of a render.
+    """Passes that a working scene is rendered with besides those that its user asks for: those that guide a denoiser,
+    for a picture that is `denoised`, and those that tell of the ways of rays.
+
+    Making the object switches them on, `of` picks those about rays out of a render, and `without_added` takes out all
+    that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be found. A
+    noisy picture has passes about rays only there: without, it has no LENGTH_PASS, by which things thinner than a pixel
+    are found too.
     """
 
-    def __init__(self, scene: bpy.types.Scene, *, glossy: bool) -> None:
+    def __init__(self, scene: bpy.types.Scene, *, denoised: bool, mirrors: bool) -> None:
         layer = rendered_layer(scene)
         # Without, a ray's length is the depth of what it meets first, and says nothing of a mirror.
-        self._follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
-        # They stay on, in the next frames of an animation too: with other passes, Cycles would begin anew.
-        for switch in SWITCHES if glossy else ():
-            if not getattr(layer, switch):
+        follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
+        mirrors = mirrors and follows
+        self._tells = follows and (denoised or mirrors)
+        # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
+        for switch in SWITCHES if mirrors else (GUIDES_SWITCH,) if denoised else ():
+            owner = layer.cycles if switch == GUIDES_SWITCH else layer
+            if not getattr(owner, switch):
                 layer[ADDED_PREFIX + switch] = True
-                setattr(layer, switch, True)
-        self._added = {name for switch, name in SWITCHES.items() if ADDED_PREFIX + switch in layer}
+                setattr(owner, switch, True)
+        added = (names for switch, names in SWITCHES.items() if ADDED_PREFIX + switch in layer)
+        self._added = {name for names in added for name in names}
 
     def of(self, rendered: Passes) -> Passes:
         """Return the passes about rays among those of a render, by our names; none where the scene's passes do not
-        follow reflections.
+        follow reflections, or where nothing calls for them.
         """
-        if not self._follows:
+        if not self._tells:
             return {}
         ours = {
             LENGTH_PASS: DEPTH,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...estimate.tracing import ProbedTracing, TargetTracing, WarpedTarget
+from ...holes.classifier import Optics, ray_lengths_tell
 from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
@@ -27,8 +28,8 @@ from ..scene.effects import plan_effects
 from ..scene.motion import eyes_in_motion, vector_pass_asked_for
 from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, volume_boxes
-from ..scene.working import CYCLES, evaluated, rendered_layer
-from .denoise import denoise_pictures, guided_by, left_noisy
+from ..scene.working import CYCLES, changed, evaluated, rendered_layer
+from .denoise import denoise_pictures, guided_by
 from .hole_camera import packed_blocker
 from .mask_card import card_blocker, trace_card
 from .packed_views import switch_on_positions, without_added_positions
@@ -83,12 +84,11 @@ class BlenderRenderer:
         self.metadata: dict[str, str] = {}
         if views and scene.render.engine == CYCLES:
             switch_on_positions(scene)
-        self._keeps_guides = rendered_layer(scene).cycles.denoising_store_passes
         self.denoise: Denoise | None = None
-        self._rays: RayPasses | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
-            self._rays = RayPasses(scene, glossy=bool(self.plan.called_for & Effect.GLOSSY))
+        tells = ray_lengths_tell(eyes["left"], eyes["right"], Optics(self.lens, self.volumes))
+        self._rays = RayPasses(scene, denoised=self.denoise is not None, mirrors=self.plan.may_mirror and tells)
         self._traces = 0
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
@@ -104,16 +104,14 @@ class BlenderRenderer:
         """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards; else one
         that does nothing.
         """
-        return nullcontext() if self.denoise is None else left_noisy(self.scene)
+        return nullcontext() if self.denoise is None else changed(self.scene.cycles, use_denoising=False)
 
     def _guided(self, passes: Passes) -> Passes:
         """Return the passes of a render without those that only we have switched on, and with those that denoising
         needs.
         """
         passes = without_added_positions(self.scene, passes)
-        if self._rays is None:
-            return passes
-        return self._rays.without_added(guided_by(passes, keep=self._keeps_guides))
+        return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. If anything may look different from each eye,
@@ -132,9 +130,7 @@ class BlenderRenderer:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(rendered.attributes)
-        passes = without_counts(self.scene, self._guided(rendered.views[view]))
-        if self._rays is not None:
-            passes |= self._rays.of(rendered.views[view])
+        passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
         if not ours_too:
             return self._as_asked_for(passes), cost_of(rendered)
         layer = rendered_layer(self.scene).name

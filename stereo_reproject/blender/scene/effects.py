@@ -19,6 +19,9 @@ from .working import CYCLES, evaluated, layers_to_render, rendered_layer
 DEFAULT_SURFACE = "default_surface"
 """Cycles' name for the material of an object that has none."""
 
+NEVER_MIRRORS = Effect.TRANSMISSION | Effect.HAIR
+"""Effects of things in which the image of a flat mirror is never looked for: `warp/mirrors`."""
+
 MOVING_MODIFIERS = {
     "ARMATURE",
     "BUILD",
@@ -90,6 +93,7 @@ class _Claims:
         self._cycles = scene.render.engine == CYCLES
         self._by: dict[Effect, dict[str, list[str]]] = {effect: {} for effect in Effect}
         self._materials: dict[str, Effect] = {}
+        self._may_mirror = False
 
     def add(self, effects: Effect, *by: str, kind: str = "") -> None:
         """Note that the things named in `by` call for the effects. kind groups names: in the plan, one of each kind
@@ -122,6 +126,8 @@ class _Claims:
             for effect in _each(shading.sharp):
                 self.sharp[effect].append(text)
             own |= shading.effects
+            mirrors = self._cycles and shading.may_mirror and not own & NEVER_MIRRORS
+            self._may_mirror = self._may_mirror or mirrors
         known = self._materials.get(name)
         if known != own:
             self._materials[name] = own if known is None else known | own
@@ -129,7 +135,7 @@ class _Claims:
     def plan(self) -> EffectsPlan:
         """Return the effects plan of all that was noted."""
         findings = (self._finding(effect, _one_of_each_first(by.values())) for effect, by in self._by.items())
-        return EffectsPlan(tuple(findings), self._materials)
+        return EffectsPlan(tuple(findings), self._materials, self._may_mirror)
 
     def _finding(self, effect: Effect, by: tuple[str, ...]) -> Finding:
         """Return the plan's finding about an effect, by the names of what calls for it."""

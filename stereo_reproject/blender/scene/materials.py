@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
 from ...images.effects import Effect
-from .node_trees import WORLD_OUTPUTS, Groups, depends_on_camera, is_constant, is_fed, origin, upstream
+from ...warp.tuning import TUNING as WARP_TUNING
+from .node_trees import WORLD_OUTPUTS, Groups, constant, depends_on_camera, is_constant, is_fed, origin, upstream
 from .working import CYCLES
 
 MAX_CAUSTIC_ROUGHNESS = 0.25
@@ -35,6 +36,17 @@ LEAVES: dict[str, tuple[Effect, str]] = {
 
 PRINCIPLED = "ShaderNodeBsdfPrincipled"
 
+MIRROR_COLOURS = {
+    "ShaderNodeBsdfAnisotropic": "Color",
+    "ShaderNodeBsdfMetallic": "Base Color",
+    PRINCIPLED: "Base Color",
+}
+"""Closures that may be a flat mirror, and the socket that has the share of light that they, or their metallic part,
+reflect straight on."""
+
+ROUGHNESS_ROUNDING = 1e-6
+"""Roughness by which a socket's float32 may be above the number that was meant."""
+
 EMISSIONS = ("ShaderNodeEmission", "ShaderNodeBackground")
 
 VOLUME_SOURCES: dict[str, tuple[str, ...]] = {
@@ -49,15 +61,27 @@ VOLUME_SOURCES: dict[str, tuple[str, ...]] = {
 @dataclass(frozen=True)
 class Shading:
     """Effects of a shader. sharp: those of GLOSSY and TRANSMISSION that are smooth enough to throw caustics. displaced:
-    True where the shader moves the surface, so that it may leave the bounds that Blender knows.
+    True where the shader moves the surface, so that it may leave the bounds that Blender knows. mirrored: share of the
+    light that it may at most reflect straight on, smoothly enough for a flat mirror.
     """
 
     effects: Effect = NOTHING
     sharp: Effect = NOTHING
     displaced: bool = False
+    mirrored: float = 0.0
 
     def __or__(self, other: Shading) -> Shading:
-        return Shading(self.effects | other.effects, self.sharp | other.sharp, self.displaced or other.displaced)
+        return Shading(
+            self.effects | other.effects,
+            self.sharp | other.sharp,
+            self.displaced or other.displaced,
+            self.mirrored + other.mirrored,
+        )
+
+    @property
+    def may_mirror(self) -> bool:
+        """True where the shader may reflect as much as a flat mirror whose image is looked for: `warp/mirrors`."""
+        return self.mirrored >= WARP_TUNING.least_reflectance
 
 
 def material_shading(material: bpy.types.Material, engine: str = CYCLES) -> Shading:
@@ -149,7 +173,7 @@ def _closure(socket: bpy.types.NodeSocket, groups: Groups = (), *, weighted: boo
     effects = Effect.CAMERA_DEPENDENT if from_camera else NOTHING
     if weighted or from_camera:
         effects |= _directional_emission(node, groups, weighted)
-    return shading | Shading(effects)
+    return shading | Shading(effects, mirrored=_mirrored(node, groups))
 
 
 def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
@@ -161,8 +185,13 @@ def _mixed(node: bpy.types.Node, groups: Groups, weighted: bool) -> Shading:
         return _closure(second, groups, weighted=weighted)
     from_camera = depends_on_camera([factor], groups)
     weighted = weighted or from_camera
-    parts = _closure(first, groups, weighted=weighted) | _closure(second, groups, weighted=weighted)
-    return parts | Shading(Effect.CAMERA_DEPENDENT if from_camera else NOTHING)
+    one, other = (_closure(side, groups, weighted=weighted) for side in (first, second))
+    share = constant(factor, groups)
+    if isinstance(share, float):
+        share = min(max(share, 0.0), 1.0)
+        one = replace(one, mirrored=(1.0 - share) * one.mirrored)
+        other = replace(other, mirrored=share * other.mirrored)
+    return one | other | Shading(Effect.CAMERA_DEPENDENT if from_camera else NOTHING)
 
 
 def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
@@ -179,10 +208,17 @@ def _leaf(node: bpy.types.Node, groups: Groups) -> Shading:
         # Nobody knows what it does.
         return Shading(Effect.CAMERA_DEPENDENT)
     effects, colour = LEAVES[node.bl_idname]
-    if colour and is_constant(node.inputs[colour], groups, 0.0):
+    if colour and not _has_refraction(node) and is_constant(node.inputs[colour], groups, 0.0):
         return Shading()
     sharp = effects & (Effect.GLOSSY | Effect.TRANSMISSION)
     return Shading(effects, sharp if _is_sharp(node, groups) else NOTHING)
+
+
+def _has_refraction(node: bpy.types.Node) -> bool:
+    """Return whether a node is a Metallic BSDF that takes its colour from its refraction. Its Base Color counts for
+    nothing then, and Blender 4.5 does not find that input by its name.
+    """
+    return getattr(node, "fresnel_type", "") == "PHYSICAL_CONDUCTOR"
 
 
 def _rough_diffuse(roughness: bpy.types.NodeSocket, groups: Groups) -> Shading:
@@ -199,6 +235,39 @@ def _is_sharp(node: bpy.types.Node, groups: Groups) -> bool:
         return True
     source, _ = origin(roughness, groups)
     return source is None or source.default_value < MAX_CAUSTIC_ROUGHNESS
+
+
+def _mirrored(node: bpy.types.Node, groups: Groups) -> float:
+    """Return the share of light (0 to 1) that a closure node may at most reflect straight on, smoothly enough for a
+    flat mirror. What a texture or another node feeds counts as 1.
+
+    A dielectric reflects more at grazing angles, and the coat of a Principled BSDF a little: neither counts, or every
+    polished floor would be a mirror.
+    """
+    if node.bl_idname not in MIRROR_COLOURS:
+        return 0.0
+
+    def at_most(name: str) -> float:
+        value = constant(node.inputs[name], groups)
+        if isinstance(value, tuple):
+            return sum(value[:3]) / 3.0
+        return 1.0 if value is None else value
+
+    roughness = constant(node.inputs["Roughness"], groups)
+    if isinstance(roughness, float) and roughness > WARP_TUNING.max_roughness + ROUGHNESS_ROUNDING:
+        return 0.0
+    film = node.inputs.get("Thin Film Thickness")
+    by_film = film is not None and not is_constant(film, groups, 0.0)
+    if by_film or _has_refraction(node):
+        return 1.0
+    colour = at_most(MIRROR_COLOURS[node.bl_idname])
+    if node.bl_idname != PRINCIPLED:
+        return colour
+    ior = constant(node.inputs["IOR"], groups)
+    bare = ((ior - 1.0) / (ior + 1.0)) ** 2 if isinstance(ior, float) else 1.0
+    dielectric = 2.0 * at_most("Specular IOR Level") * bare
+    metallic = at_most("Metallic")
+    return max(dielectric, metallic * colour + (1.0 - metallic) * dielectric)
 
 
 def _principled(node: bpy.types.Node, groups: Groups) -> Shading:

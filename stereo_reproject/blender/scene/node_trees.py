@@ -109,12 +109,15 @@ def constant(socket: bpy.types.NodeSocket, groups: Groups = ()) -> Value | None:
     """Return the socket's value, a number or a tuple, where it is the same all over the surface as camera rays see it;
     None where it may vary. groups is as for `origin`.
     """
-    source, _ = origin(socket, groups)
+    source, inside = origin(socket, groups)
     if source is None:
         return None
     if source.is_output:
         if source.node.bl_idname == "ShaderNodeLightPath":
             return AS_CAMERA_RAYS_SEE.get(source.name)
+        if source.node.bl_idname == "ShaderNodeMath" and source.node.operation == "MULTIPLY":
+            # glTF's importer multiplies a texture by a factor that is often 0.
+            return 0.0 if any(is_constant(factor, inside, 0.0) for factor in source.node.inputs[:2]) else None
         if source.node.bl_idname not in ("ShaderNodeValue", "ShaderNodeRGB"):
             return None
     value = getattr(source, "default_value", None)

@@ -116,6 +116,103 @@ def test_what_a_shader_calls_for(scene, kind, inputs, effects):
     assert worn(scene, shaded("a", kind, **inputs)) == effects
 
 
+GREY, DARK = (0.6, 0.6, 0.6, 1.0), (0.1, 0.1, 0.1, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "may_mirror"),
+    [
+        ("BsdfGlossy", {"Color": GREY, "Roughness": 0.05}, True),
+        ("BsdfGlossy", {"Color": GREY, "Roughness": 0.1}, True),
+        ("BsdfGlossy", {"Color": GREY, "Roughness": 0.15}, False),
+        ("BsdfGlossy", {"Color": DARK, "Roughness": 0.0}, False),
+        ("BsdfGlossy", {"Color": (0.6, 0.0, 0.0, 1.0), "Roughness": 0.0}, True),
+        ("BsdfMetallic", {"Base_Color": GREY, "Roughness": 0.0}, True),
+        ("BsdfMetallic", {"Base_Color": GREY, "Roughness": 0.3}, False),
+        ("BsdfMetallic", {"Base_Color": DARK, "Roughness": 0.0}, False),
+        ("BsdfPrincipled", {"Metallic": 1.0, "Roughness": 0.1}, True),
+        ("BsdfPrincipled", {"Metallic": 1.0, "Roughness": 0.2}, False),
+        ("BsdfPrincipled", {"Metallic": 1.0, "Roughness": 0.0, "Base_Color": DARK}, False),
+        ("BsdfPrincipled", {"Metallic": 0.1, "Roughness": 0.0}, False),
+        ("BsdfPrincipled", {"Roughness": 0.0}, False),
+        ("BsdfPrincipled", {"Roughness": 0.0, "Specular_IOR_Level": 1.0}, False),
+        ("BsdfPrincipled", {"Roughness": 0.0, "Coat_Weight": 1.0}, False),
+        ("BsdfPrincipled", {"Roughness": 0.0, "IOR": 10.0}, True),
+        ("BsdfPrincipled", {"Roughness": 0.0, "Thin_Film_Thickness": 300.0}, True),
+        ("BsdfPrincipled", {"Metallic": 0.9, "Roughness": 0.0, "Transmission_Weight": 0.5}, False),
+        ("BsdfGlass", {"Roughness": 0.0}, False),
+        ("BsdfSheen", {"Color": GREY, "Roughness": 0.0}, False),
+        ("BsdfHair", {"Color": GREY}, False),
+        ("BsdfDiffuse", {"Roughness": 1.0}, False),
+    ],
+)
+def test_what_may_be_a_flat_mirror_reflects_much_and_smoothly_and_lets_nothing_through(scene, kind, inputs, may_mirror):
+    thing = add_plane(scene, shaded("a", kind, **inputs), location=AHEAD)
+    assert plan(scene).may_mirror == may_mirror
+    thing.hide_render = True
+    assert not plan(scene).may_mirror, "it cannot be seen"
+
+
+@pytest.mark.parametrize("name", ["Base Color", "Roughness", "Metallic", "IOR"])
+def test_an_input_that_is_fed_may_make_a_mirror(scene, name):
+    values = {"Base Color": DARK, "Roughness": 0.5, "Metallic": 0.0, "IOR": 1.5}
+    mirror = {"Base Color": GREY, "Roughness": 0.0, "Metallic": float(name != "IOR"), "IOR": 1.5}
+    inputs = {key.replace(" ", "_"): value for key, value in {**mirror, name: values[name]}.items()}
+    material = shaded("a", "BsdfPrincipled", **inputs)
+    add_plane(scene, material, location=AHEAD)
+    assert not plan(scene).may_mirror
+    fed(material, name, "TexNoise")
+    assert plan(scene).may_mirror
+
+
+@pytest.mark.parametrize(("roughness", "may_mirror"), [(0.05, True), (0.5, False)])
+def test_a_value_node_makes_a_mirror_as_the_value_does(scene, roughness, may_mirror):
+    material = fed(shaded("a", "BsdfGlossy", Color=GREY), "Roughness", "Value")
+    shader_of(material).inputs["Roughness"].links[0].from_node.outputs[0].default_value = roughness
+    add_plane(scene, material, location=AHEAD)
+    assert plan(scene).may_mirror == may_mirror
+
+
+@pytest.mark.parametrize("colour", [DARK, (0.0, 0.0, 0.0, 1.0)])
+def test_a_conductor_s_colour_is_in_its_refraction(scene, colour):
+    material = shaded("a", "BsdfMetallic", Base_Color=colour, Roughness=0.0)
+    add_plane(scene, material, location=AHEAD)
+    assert not plan(scene).may_mirror
+    shader_of(material).fresnel_type = "PHYSICAL_CONDUCTOR"
+    assert plan(scene).may_mirror
+
+
+@pytest.mark.parametrize(
+    ("kind", "factor", "may_mirror"),
+    [
+        ("MixShader", 0.5, True),
+        ("MixShader", 0.3, False),
+        ("MixShader", None, True),
+        ("AddShader", None, True),
+    ],
+)
+def test_of_a_mirror_in_a_mix_counts_its_share(scene, kind, factor, may_mirror):
+    """A factor of None is one from a texture."""
+    material = Material("mixed")
+    mix = material.node(kind)
+    shaders = (material.node("BsdfDiffuse"), material.node("BsdfGlossy", Color=GREY, Roughness=0.0))
+    sockets = [socket for socket in mix.inputs if socket.type == "SHADER"]
+    for shader, socket in zip(shaders, sockets, strict=True):
+        material.link(shader.outputs[0], socket)
+    if factor is not None:
+        mix.inputs[0].default_value = factor
+    elif kind == "MixShader":
+        material.link(material.node("TexNoise").outputs[0], mix.inputs[0])
+    add_plane(scene, material.surface(mix), location=AHEAD)
+    assert plan(scene).may_mirror == may_mirror
+
+
+def test_eevee_s_reflections_are_not_looked_for(scene):
+    add_plane(scene, shaded("a", "BsdfGlossy", Color=GREY, Roughness=0.0), location=AHEAD)
+    assert plan(scene).may_mirror
+    assert not plan(scene, source_engine="eevee").may_mirror
+
+
 @pytest.mark.parametrize(
     ("inputs", "effects"),
     [
@@ -151,6 +248,16 @@ def test_a_value_node_is_as_good_as_the_value(scene):
     assert called_for(scene) == NOTHING
     value.outputs[0].default_value = 0.5
     assert called_for(scene) == Effect.ALPHA
+
+
+@pytest.mark.parametrize(("operation", "effects"), [("MULTIPLY", NOTHING), ("ADD", Effect.GLOSSY)])
+def test_a_texture_times_0_is_0(scene, operation, effects):
+    """So glTF's importer leaves a metallic texture that does not count."""
+    material = fed(matte(), "Metallic", "Math")
+    math = shader_of(material).inputs["Metallic"].links[0].from_node
+    math.operation, math.inputs[1].default_value = operation, 0.0
+    material.link(material.node("TexNoise").outputs[0], math.inputs[0])
+    assert worn(scene, material) == effects
 
 
 def test_an_animated_value_counts_as_it_is_in_the_frame(scene):
