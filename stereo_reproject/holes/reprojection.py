@@ -24,7 +24,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from ..warp.warper import DEFAULTS, NUMPY, Warper
-from .classifier import NO_OPTICS, HoleClassifier, Optics, ray_lengths_tell
+from .classifier import NO_OPTICS, HoleClassifier, Optics, SourceEdges, ray_lengths_tell
 from .seams import seams
 
 
@@ -51,12 +51,14 @@ class InMirrors:
 class JudgedView:
     """The target as one source shows it, with the rules that tell for which pixels that source does not answer.
 
-    mirrors is None where no flat mirror is seen.
+    edges are the source's by this accuracy; the lookups of the warped view leave out the pixels that are unusable by
+    them. mirrors is None where no flat mirror is seen.
     """
 
     warped: WarpedView
     classifier: HoleClassifier
     accuracy: Accuracy
+    edges: SourceEdges
     mirrors: InMirrors | None = None
 
     @cached_property
@@ -65,8 +67,14 @@ class JudgedView:
         return self.reasons_at(self.accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view."""
-        reasons = self.classifier.reasons(self.warped, accuracy)
+        """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view.
+
+        Its thresholds decide which pixels of the source are unusable, and so which target pixels a frame of that
+        accuracy would trace or look up without them. The view itself keeps the lookups of its own accuracy: the flags
+        tell how many pixels would be traced, and not how wrong the others would be.
+        """
+        edges = self.edges if accuracy == self.accuracy else self.classifier.source_edges(accuracy)
+        reasons = self.classifier.reasons(self.warped, accuracy, edges)
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
 
@@ -106,7 +114,7 @@ class Reprojection:
         return self._merged([view.reasons for view in self.views], self.views[0].accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the `Reason` flags that another accuracy would set for the same warp."""
+        """Return (H, W) the `Reason` flags that another accuracy would set for the same warp, as in `JudgedView`."""
         return self._merged([view.reasons_at(accuracy) for view in self.views], accuracy)
 
     def _merged(self, flags: Sequence[NDArray[np.uint16]], accuracy: Accuracy) -> NDArray[np.uint16]:
@@ -169,7 +177,9 @@ def _judged(
 
     def judged(source: RenderedView) -> JudgedView:
         warped = warper.warp([source], target, options)
-        return JudgedView(warped, HoleClassifier.of_source(source, target, warped, optics, options), accuracy)
+        classifier = HoleClassifier.of_source(source, target, warped, optics, options)
+        edges = classifier.source_edges(accuracy)
+        return JudgedView(classifier.without_unusable(warped, edges), classifier, accuracy, edges)
 
     seen = judged(source)
     if not (accuracy.silhouette_radius > 0 and ray_lengths_tell(source, target, optics)):

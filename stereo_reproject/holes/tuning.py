@@ -11,6 +11,10 @@ class HoleTuning:
 
     max_flagged_weight: float = 0.02
     """Share of a looked-up colour that may come from a pixel that must not be looked up: less hardly shows."""
+    max_left_out_weight: float = 0.5
+    """Share of a looked-up colour up to which pixels that must not be looked up are left out of it, and the others are
+    taken alone: with half of the weight, what is seen moves by half a pixel at most. At 64 samples this leaves 0.5 % of
+    living-room's pixels and 1.7 % of classroom's untraced."""
     fur_pixels: int = 3
     """Pixels each way within which nothing but hair makes it fur: as many as the sides of an edge are taken from."""
 
@@ -19,6 +23,10 @@ class HoleTuning:
     """Pixels around an edge pixel, each way, from which the colours of its two sides are taken."""
     least_side_pixels: int = 4
     """Pixels that a side must have in the window for its colour to be known: fewer have no variance to speak of."""
+    indirect_tolerance_share: float = 0.25
+    """Share of an accuracy's colour_tolerance that is allowed where a pixel's own colour cannot tell its error: between
+    the mean colours of two sides, and for the error to be expected beyond a blurred edge. So much was allowed there
+    when that was the only rule, for all settings but `high` (0.35 against 0.25 standard deviations now)."""
     unseen_difference: float = 1e-3
     """Difference after tone mapping that nobody sees, noise or not: a quarter of an 8-bit step."""
 

@@ -31,6 +31,28 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
     return result
 
 
+def lookup_without(
+    image: NDArray[np.float32], x: NDArray, y: NDArray, excluded: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Return the values (N, C) of an image (H, W, C) at positions x, y (N,), in pixels, interpolated between those of
+    the four pixels around each that are not set in `excluded` (H, W).
+
+    The weights are bilinear, divided by the sum of those that are left. The value is 0 where none is left.
+    """
+    texels, out = _Texels(image), _Texels(excluded[..., None])
+    row, down = _split(y)
+    column, across = _split(x)
+    corners = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
+    weights = [vertical * level for vertical in (1.0 - down, down) for level in (1.0 - across, across)]
+    left = [weight * ~out.take(*at)[:, 0] for at, weight in zip(corners, weights, strict=True)]
+    total = np.maximum(sum(left), np.finfo(np.float32).tiny)
+    result = np.zeros((x.size, texels.channels), np.float32)
+    for at, weight in zip(corners, left, strict=True):
+        # What is left out may be no number.
+        result += np.where(weight[:, None] > 0.0, texels.take(*at), 0.0) * (weight / total)[:, None]
+    return result
+
+
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
     """Return (h, w) the positions at which a bilinear lookup would take more than `share` of its weight from set
     pixels.

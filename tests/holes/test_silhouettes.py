@@ -11,7 +11,7 @@ from stereo_reproject.warp.discontinuities import disparity_steps
 SIZE = (80, 120)
 EDGE = 60
 NOISE = 0.1
-TOLERANCE = 0.5
+TOLERANCE = 2.0
 """Standard deviations of the noise, as the balanced setting has it."""
 
 CHANCE = 0.25
