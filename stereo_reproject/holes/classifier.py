@@ -144,7 +144,7 @@ class HoleClassifier:
         warp, reasons = warped.warp, warped.empty.copy()
         answered = reasons == 0
         target = _TargetEdges(self, warped)
-        silhouettes = target.silhouettes(accuracy, edges) | touches(
+        silhouettes = target.silhouettes(reasons, accuracy, edges) | touches(
             edges.unusable, warp.x, warp.y, share=edges.max_weight
         )
         silhouettes |= self._sub_pixel_features(warp, edges.unusable, accuracy)
@@ -235,17 +235,20 @@ class _TargetEdges:
         self._steps = disparity_steps(self._disparity)
         self._blur = circle_of_confusion(warped.passes[DEPTH_PASS][..., 0], target, self._lens)
 
-    def silhouettes(self, accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
+    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
-        Left out are pixels whose lookup touches the band of the source, unless accuracy has a colour_tolerance of 0.
-        They show an edge that the source has too, at nearly the same place within the pixel, and the source's colours
-        have been judged there. Beside the others stands something that does not in the source.
+        Left out are pixels whose lookup touches the band of the source. They show an edge that the source has too, at
+        nearly the same place within the pixel, and the source's colours have been judged there. Beside the others
+        stands something that does not in the source. With a colour_tolerance of 0 all pixels at edges are set, and all
+        beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
         if accuracy.colour_tolerance > 0.0:
             band[band] = ~touches(edges.band, self._warp.x[None, band], self._warp.y[None, band], share=0.0)[0]
+        else:
+            band |= dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
         unknown = ~self._warp.covered | _strands(self._passes)
         colour = self._passes[COLOUR_PASS]
         return differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)

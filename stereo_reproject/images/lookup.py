@@ -37,20 +37,22 @@ def lookup_without(
     """Return the values (N, C) of an image (H, W, C) at positions x, y (N,), in pixels, interpolated between those of
     the four pixels around each that are not set in `excluded` (H, W).
 
-    The weights are bilinear, divided by the sum of those that are left. The value is 0 where none is left.
+    The weights are bilinear, divided by the sum of those that are left; the values are held within the range of the
+    pixels that they come from. They are 0 where no pixel is left.
     """
     texels, out = _Texels(image), _Texels(excluded[..., None])
     row, down = _split(y)
     column, across = _split(x)
     corners = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
-    weights = [vertical * level for vertical in (1.0 - down, down) for level in (1.0 - across, across)]
-    left = [weight * ~out.take(*at)[:, 0] for at, weight in zip(corners, weights, strict=True)]
-    total = np.maximum(sum(left), np.finfo(np.float32).tiny)
-    result = np.zeros((x.size, texels.channels), np.float32)
-    for at, weight in zip(corners, left, strict=True):
-        # What is left out may be no number.
-        result += np.where(weight[:, None] > 0.0, texels.take(*at), 0.0) * (weight / total)[:, None]
-    return result
+    bilinear = np.stack([vertical * level for vertical in (1.0 - down, down) for level in (1.0 - across, across)])
+    weights = bilinear[..., None] * ~np.stack([out.take(*at) for at in corners])
+    used = weights > 0.0
+    # What is left out may be no number.
+    values = np.where(used, np.stack([texels.take(*at) for at in corners]), np.float32(0.0))
+    with np.errstate(over="ignore"):
+        mean = (values * (weights / np.maximum(weights.sum(axis=0), np.finfo(np.float32).tiny))).sum(axis=0)
+    low, high = values.min(axis=0, where=used, initial=np.inf), values.max(axis=0, where=used, initial=-np.inf)
+    return np.where(used.any(axis=0), np.clip(mean, low, high), np.float32(0.0))
 
 
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
