@@ -238,15 +238,16 @@ class _TargetEdges:
     def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
-        Left out are pixels whose lookup touches the band of the source. They show an edge that the source has too, at
-        nearly the same place within the pixel, and the source's colours have been judged there. Beside the others
-        stands something that does not in the source. With a colour_tolerance of 0 all pixels at edges are set, and all
-        beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
+        Left out are pixels whose lookup takes min_band_weight (a quarter) of its weight from the band of the source.
+        They show an edge that the source has too, at nearly the same place within the pixel, and the source's colours
+        have been judged there. Beside the others stands something that does not in the source. With a colour_tolerance
+        of 0 all pixels at edges are set, and all beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
         if accuracy.colour_tolerance > 0.0:
-            band[band] = ~touches(edges.band, self._warp.x[None, band], self._warp.y[None, band], share=0.0)[0]
+            x, y = self._warp.x[None, band], self._warp.y[None, band]
+            band[band] = ~touches(edges.band, x, y, share=TUNING.min_band_weight)[0]
         else:
             band |= dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
         unknown = ~self._warp.covered | _strands(self._passes)
