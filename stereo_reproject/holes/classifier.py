@@ -26,7 +26,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
-from .silhouettes import differing, edge_band, mixed
+from .silhouettes import differing, edge_band, mixed_and_contrasting
 from .thin import isolated, target_pixels, thin_things
 from .transmission import transmission_parallax
 from .tuning import TUNING
@@ -65,13 +65,15 @@ def ray_lengths_tell(source: RenderedView, target: View, optics: Optics) -> bool
 class SourceEdges:
     """Source pixels at edges, by the thresholds of one accuracy.
 
-    band (H, W): pixels so near a depth edge that their colour may mix its two sides. unusable (H, W): those of them
-    whose colour does, and pixels with something thin before the surface that their depth tells of. max_weight: share of
+    band (H, W): pixels so near a depth edge that their colour may mix its two sides. contrasting (H, W): those of them
+    beside an edge of high contrast. unusable (H, W): those of them whose colour is mixed, and pixels with something
+    thin before the surface that their depth tells of. max_weight: share of
     a lookup's weight that unusable pixels may have in a target pixel that is not traced. left_out: True where they are
     then left out of the lookup.
     """
 
     band: NDArray[np.bool_]
+    contrasting: NDArray[np.bool_]
     unusable: NDArray[np.bool_]
     max_weight: float
     left_out: bool
@@ -111,10 +113,12 @@ class HoleClassifier:
         if self.source.invalid is not None:
             unknown |= self.source.invalid
         colour = self.source.passes[COLOUR_PASS]
-        unusable = mixed(band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
+        mixed, contrasting = mixed_and_contrasting(
+            band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown
+        )
         left_out = accuracy.colour_tolerance > 0.0
         max_weight = TUNING.max_left_out_weight if left_out else TUNING.max_flagged_weight
-        return SourceEdges(band, unusable | self._thin_things(accuracy), max_weight, left_out)
+        return SourceEdges(band, contrasting, mixed | self._thin_things(accuracy), max_weight, left_out)
 
     def without_unusable(self, warped: WarpedView, edges: SourceEdges) -> WarpedView:
         """Return the warped view with the pixels looked up anew whose lookup takes some of its weight, but no more than
@@ -238,21 +242,23 @@ class _TargetEdges:
     def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
-        Left out are pixels whose lookup takes min_band_weight (a quarter) of its weight from the band of the source.
-        They show an edge that the source has too, at nearly the same place within the pixel, and the source's colours
-        have been judged there. Beside the others stands something that does not in the source. With a colour_tolerance
-        of 0 all pixels at edges are set, and all beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
+        Where a lookup takes min_band_weight (a quarter) of its weight from the band of the source, the target shows an
+        edge that the source has too, and the source's colours have been judged there; but it lies elsewhere within the
+        pixel, and so counts where its contrast is high. Beside other pixels stands something that does not in the
+        source: there the sides are compared. With a colour_tolerance of 0 all pixels at edges are set, and all beside a
+        disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-        if accuracy.colour_tolerance > 0.0:
-            x, y = self._warp.x[None, band], self._warp.y[None, band]
-            band[band] = ~touches(edges.band, x, y, share=TUNING.min_band_weight)[0]
-        else:
-            band |= dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+        if accuracy.colour_tolerance <= 0.0:
+            return band | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+        x, y = self._warp.x[None, band], self._warp.y[None, band]
+        in_source, contrasting = np.zeros_like(band), np.zeros_like(band)
+        for found, pixels in ((in_source, edges.band), (contrasting, edges.contrasting)):
+            found[band] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
         unknown = ~self._warp.covered | _strands(self._passes)
-        colour = self._passes[COLOUR_PASS]
-        return differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
+        colour, tolerance = self._passes[COLOUR_PASS], accuracy.colour_tolerance
+        return contrasting | differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
 
     def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
         """Return (H, W) target pixels of edges out of focus (DEFOCUS) and of surfaces seen through others

@@ -2,7 +2,7 @@
 
 Cycles' filter gathers samples from beyond the pixel; next to an edge it mixes both sides. What mixes in the source is
 another background than what mixes in the target. Most pixels beside an edge hardly mix: in the source, a pixel's own
-colour tells (`mixed`). In the target, the colours of the two sides must do (`differing`).
+colour tells (`mixed_and_contrasting`). In the target, the colours of the two sides must do (`differing`).
 """
 
 from __future__ import annotations
@@ -33,29 +33,32 @@ def edge_band(steps: DepthDiscontinuities, *, threshold: float, radius: int) -> 
     return dilate(steps.mask(threshold), radius - 1)
 
 
-def mixed(
+def mixed_and_contrasting(
     band: NDArray[np.bool_], disparity: NDArray, colour: NDArray, *, tolerance: float, unknown: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return (H, W) those pixels of `band` (H, W) whose own colour is mixed of the two sides of the edge beside them.
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return two masks (H, W) of pixels of `band` (H, W): those whose own colour is mixed of the two sides of the edge
+    beside them, and those beside an edge of high contrast.
 
     Around each pixel a window of side_window_pixels (3) each way is divided into a near and a far side, at the middle
     of its range of disparity (H, W). The pixel is mixed if its colour is off from the mean colour of its own side
     towards that of the other side, by more than `tolerance` (`Accuracy.colour_tolerance`) standard deviations: those of
-    single pixels on the side that varies less. The sides must differ by more than that too. Pixels of `band` are left
-    out of the means, as they may be mixed themselves, unless the other side has no others.
+    single pixels' noise on the side that has less. The sides must differ by more than that too. Of high contrast is an
+    edge whose sides differ by contrast_ratio times as much: moved within the pixel, it would show. Pixels of `band` are
+    left out of the means, as they may be mixed themselves, unless the other side has no others.
 
     colour (H, W, C >= 3) is scene-linear and compared after tone mapping. A pixel whose own side has too few pixels
     outside of the band, as on a wire, is judged by the two sides as in `differing`. Pixels whose window holds one of
-    `unknown` (H, W), whose depth or colour is not known, are returned. With tolerance 0 all of band is.
+    `unknown` (H, W), whose depth or colour is not known, are set in both masks. With tolerance 0 all of band is.
     """
     if tolerance <= 0.0:
-        return band
+        return band, band
     texels, depths, borders = colour.reshape(band.size, -1), disparity.ravel(), band.ravel()
 
-    def is_mixed(window: NDArray) -> NDArray[np.bool_]:
+    def judge(window: NDArray) -> NDArray[np.bool_]:
         return _own_is_mixed(_looks(texels, window), depths.take(window), ~borders.take(window), tolerance)
 
-    return _judged(band, unknown, _window(), is_mixed)
+    mixed, contrasting = _judged(band, unknown, _window(), judge)
+    return mixed, contrasting
 
 
 def differing(
@@ -76,9 +79,9 @@ def differing(
     texels, depths = colour.reshape(band.size, -1), disparity.ravel()
 
     def differs(window: NDArray) -> NDArray[np.bool_]:
-        return _sides_differ(_looks(texels, window), depths.take(window), tolerance)
+        return _sides_differ(_looks(texels, window), depths.take(window), tolerance)[None]
 
-    return _judged(band, unknown, _window()[:, ::CHESSBOARD_STEP], differs)
+    return _judged(band, unknown, _window()[:, ::CHESSBOARD_STEP], differs)[0]
 
 
 def _looks(texels: NDArray, window: NDArray) -> NDArray[np.float32]:
@@ -87,28 +90,25 @@ def _looks(texels: NDArray, window: NDArray) -> NDArray[np.float32]:
 
 
 def _judged(
-    band: NDArray[np.bool_],
-    unknown: NDArray[np.bool_],
-    offsets: NDArray,
-    judge: Callable[[NDArray], NDArray[np.bool_]],
-) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels of `band` (H, W) that `judge` returns True for, or whose window holds a pixel of
-    `unknown` (H, W).
+    band: NDArray[np.bool_], unknown: NDArray[np.bool_], offsets: NDArray, judge: Callable[[NDArray], NDArray[np.bool_]]
+) -> list[NDArray[np.bool_]]:
+    """Return one or more masks (H, W) of the pixels of `band` (H, W) that `judge` returns True for, or whose window
+    holds a pixel of `unknown` (H, W).
 
     offsets (2, K), down and right, are those of a window's pixels. judge takes windows (K, N), as indices in a
-    flattened picture, and returns (N,).
+    flattened picture, and returns (M, N) for M masks.
     """
-    result, gaps = band.copy(), unknown.ravel()
+    gaps = unknown.ravel()
+    masks = [band.copy() for _ in judge(np.empty((offsets.shape[1], 0), np.intp))]
     for rows in bands(band.shape):
         pixels = np.flatnonzero(band[rows]) + rows.start * band.shape[1]
         for start in range(0, pixels.size, CHUNK_WINDOWS):
             chosen = pixels[start : start + CHUNK_WINDOWS]
             window = _window_around(chosen, band.shape, offsets)
-            flagged = gaps.take(window).any(axis=0)
-            known = np.flatnonzero(~flagged)
-            flagged[known] = judge(window[:, known])
-            result.ravel()[chosen] = flagged
-    return result
+            known = np.flatnonzero(~gaps.take(window).any(axis=0))
+            for mask, flagged in zip(masks, judge(window[:, known]), strict=True):
+                mask.ravel()[chosen[known]] = flagged
+    return masks
 
 
 def _window_around(pixels: NDArray, shape: tuple[int, int], offsets: NDArray) -> NDArray:
@@ -133,7 +133,8 @@ def _window() -> NDArray:
 
 
 def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_], tolerance: float) -> NDArray[np.bool_]:
-    """Return (N,) the windows whose middle pixel is mixed, as `mixed` says.
+    """Return (2, N) the windows whose middle pixel is mixed, and those with an edge of high contrast, as
+    `mixed_and_contrasting` says.
 
     colour (K, N, C), tone-mapped, and disparity (K, N) are those of N windows of K pixels. clean (K, N) are the pixels
     outside of the band.
@@ -142,27 +143,48 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
     near = disparity > 0.5 * (disparity.min(axis=0) + disparity.max(axis=0))
     of_own = near == near[middle]
     own, other = of_own & clean, ~of_own & clean
+    noise = _noise(colour, own, other)
     scarce = other.sum(axis=0) < TUNING.least_side_pixels
     own, other = own.astype(np.float32), np.where(scarce, ~of_own, other).astype(np.float32)
     count_own, count_other = own.sum(axis=0), other.sum(axis=0)
-    difference, towards, variance_own, variance_other = (np.zeros(near.shape[1], np.float32) for _ in range(4))
+    difference, towards = (np.zeros(near.shape[1], np.float32) for _ in range(2))
     for channel in np.moveaxis(colour, -1, 0):
-        mean_own, varies_own = _mean_and_variance(channel, own, count_own)
-        mean_other, varies_other = _mean_and_variance(channel, other, count_other)
+        mean_own = (channel * own).sum(axis=0) / np.maximum(count_own, 1.0)
+        mean_other = (channel * other).sum(axis=0) / np.maximum(count_other, 1.0)
         difference += (mean_other - mean_own) ** 2 / 3.0
         towards += (channel[middle] - mean_own) * (mean_other - mean_own) / 3.0
-        variance_own += varies_own / 3.0
-        variance_other += varies_other / 3.0
-    # Where the other side's pixels are all in the band, they vary as mixed ones do.
-    variance = np.where(scarce, variance_own, np.minimum(variance_own, variance_other))
-    allowed = np.maximum(tolerance**2 * variance, TUNING.unseen_difference**2)
-    differs = difference - variance_own / np.maximum(count_own, 1.0) > allowed
-    result = differs & (towards > np.sqrt(allowed * difference))
+    allowed = np.maximum(tolerance**2 * noise, TUNING.unseen_difference**2)
+    beyond_chance = difference - noise / np.maximum(count_own, 1.0)
+    mixed = (beyond_chance > allowed) & (towards > np.sqrt(allowed * difference))
+    result = np.stack([mixed, beyond_chance > TUNING.contrast_ratio**2 * allowed])
     few = np.flatnonzero((count_own < TUNING.least_side_pixels) | (count_other == 0.0))
-    result[few] = _sides_differ(
+    result[:, few] = _sides_differ(
         colour[::CHESSBOARD_STEP].take(few, axis=1), disparity[::CHESSBOARD_STEP].take(few, axis=1), tolerance
     )
     return result
+
+
+def _noise(colour: NDArray, own: NDArray[np.bool_], other: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return (N,) the variance that noise gives a single pixel, on the side of N windows where it is smaller.
+
+    colour (K, N, C), tone-mapped, is that of windows of K pixels. own and other (K, N) are the pixels of either side
+    that count; where `other` has few pairs of neighbours, `own` alone tells. It is half of the mean squared difference
+    of neighbours, so that a shade or a texture, which changes little from a pixel to the next, is no noise.
+    """
+    side = round(len(colour) ** 0.5)
+    grid = colour.reshape(side, side, *colour.shape[1:])
+    result = []
+    for mask in (own.reshape(side, side, -1), other.reshape(side, side, -1)):
+        squares, count = np.zeros(mask.shape[-1], np.float32), np.zeros(mask.shape[-1], np.float32)
+        for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
+            pairs = (mask[here] & mask[there]).astype(np.float32)
+            count += pairs.sum(axis=(0, 1))
+            for channel in range(colour.shape[-1]):
+                step = grid[here][..., channel] - grid[there][..., channel]
+                squares += (step * step * pairs).sum(axis=(0, 1)) / 6.0
+        result.append((squares / np.maximum(count, 1.0), count))
+    (of_own, _), (of_other, pairs_of_other) = result
+    return np.where(pairs_of_other < TUNING.least_side_pixels, of_own, np.minimum(of_own, of_other))
 
 
 def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
