@@ -124,12 +124,16 @@ class HoleClassifier:
         """Return the warped view with the pixels looked up anew whose lookup takes some of its weight, but no more than
         edges.max_weight, from unusable pixels: of the passes that may be mixed, they take the other pixels alone.
 
-        Where hair is around hair they stay: nothing there is traced for its edges, so nothing tells what is unusable.
+        Where a pass is looked up cubically, so are pixels beside these and beside edges of high contrast. The new
+        lookups are linear. Where hair is around hair they stay: nothing there is traced for its edges, so nothing tells
+        what is unusable.
         """
         if not edges.left_out:
             return warped
         x, y = warped.warp.x, warped.warp.y
-        pixels = touches(edges.unusable, x, y, share=TUNING.max_flagged_weight) & ~_within_fur(warped)
+        # The cubic kernel reaches one pixel further, and takes colours of beyond the edge where no weight is theirs.
+        reached = dilate(edges.unusable | edges.contrasting, 1) if self.cubic else edges.unusable
+        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight) & ~_within_fur(warped)
         pixels[pixels] = ~touches(edges.unusable, x[None, pixels], y[None, pixels], share=edges.max_weight)[0]
         if not pixels.any():
             return warped
