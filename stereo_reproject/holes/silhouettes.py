@@ -52,10 +52,10 @@ def mixed_and_contrasting(
     """
     if tolerance <= 0.0:
         return band, band
-    texels, depths, borders = colour.reshape(band.size, -1), disparity.ravel(), band.ravel()
+    looks, depths, borders = _looks(colour, band), disparity.ravel(), band.ravel()
 
     def judge(window: NDArray) -> NDArray[np.bool_]:
-        return _own_is_mixed(_looks(texels, window), depths.take(window), ~borders.take(window), tolerance)
+        return _own_is_mixed(looks.take(window, axis=1), depths.take(window), ~borders.take(window), tolerance)
 
     mixed, contrasting = _judged(band, unknown, _window(), judge)
     return mixed, contrasting
@@ -76,17 +76,24 @@ def differing(
     """
     if tolerance <= 0.0:
         return band
-    texels, depths = colour.reshape(band.size, -1), disparity.ravel()
+    looks, depths = _looks(colour, band), disparity.ravel()
 
     def differs(window: NDArray) -> NDArray[np.bool_]:
-        return _sides_differ(_looks(texels, window), depths.take(window), tolerance)[None]
+        return _sides_differ(looks.take(window, axis=1), depths.take(window), tolerance)[None]
 
     return _judged(band, unknown, _window()[:, ::CHESSBOARD_STEP], differs)[0]
 
 
-def _looks(texels: NDArray, window: NDArray) -> NDArray[np.float32]:
-    """Return the colours (K, N, C) by which windows (K, N) are judged: tone-mapped. texels (P, C) are scene-linear."""
-    return tone(texels.take(window, axis=0))
+def _looks(colour: NDArray, band: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the channels (C, P) by which the P = H x W pixels of a colour (H, W, >= 3) are judged: tone-mapped.
+
+    They are computed for the pixels in windows around those of `band` (H, W), and 0 elsewhere.
+    """
+    needed = np.flatnonzero(dilate(band, TUNING.side_window_pixels))
+    toned = tone(colour.reshape(band.size, -1).take(needed, axis=0))
+    result = np.zeros((toned.shape[-1], band.size), np.float32)
+    result[:, needed] = toned.T
+    return result
 
 
 def _judged(
@@ -136,7 +143,7 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
     """Return (2, N) the windows whose middle pixel is mixed, and those with an edge of high contrast, as
     `mixed_and_contrasting` says.
 
-    colour (K, N, C), tone-mapped, and disparity (K, N) are those of N windows of K pixels. clean (K, N) are the pixels
+    colour (C, K, N), tone-mapped, and disparity (K, N) are those of N windows of K pixels. clean (K, N) are the pixels
     outside of the band.
     """
     middle = len(disparity) // 2
@@ -148,7 +155,7 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
     own, other = own.astype(np.float32), np.where(scarce, ~of_own, other).astype(np.float32)
     count_own, count_other = own.sum(axis=0), other.sum(axis=0)
     difference, towards = (np.zeros(near.shape[1], np.float32) for _ in range(2))
-    for channel in np.moveaxis(colour, -1, 0):
+    for channel in colour:
         mean_own = (channel * own).sum(axis=0) / np.maximum(count_own, 1.0)
         mean_other = (channel * other).sum(axis=0) / np.maximum(count_other, 1.0)
         difference += (mean_other - mean_own) ** 2 / 3.0
@@ -159,7 +166,7 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
     result = np.stack([mixed, beyond_chance > TUNING.contrast_ratio**2 * allowed])
     few = np.flatnonzero((count_own < TUNING.least_side_pixels) | (count_other == 0.0))
     result[:, few] = _sides_differ(
-        colour[::CHESSBOARD_STEP].take(few, axis=1), disparity[::CHESSBOARD_STEP].take(few, axis=1), tolerance
+        colour[:, ::CHESSBOARD_STEP].take(few, axis=2), disparity[::CHESSBOARD_STEP].take(few, axis=1), tolerance
     )
     return result
 
@@ -167,20 +174,20 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
 def _noise(colour: NDArray, own: NDArray[np.bool_], other: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return (N,) the variance that noise gives a single pixel, on the side of N windows where it is smaller.
 
-    colour (K, N, C), tone-mapped, is that of windows of K pixels. own and other (K, N) are the pixels of either side
+    colour (C, K, N), tone-mapped, is that of windows of K pixels. own and other (K, N) are the pixels of either side
     that count; where `other` has few pairs of neighbours, `own` alone tells. It is half of the mean squared difference
     of neighbours, so that a shade or a texture, which changes little from a pixel to the next, is no noise.
     """
-    side = round(len(colour) ** 0.5)
-    grid = colour.reshape(side, side, *colour.shape[1:])
+    side = round(colour.shape[1] ** 0.5)
+    grid = colour.reshape(len(colour), side, side, -1)
     result = []
     for mask in (own.reshape(side, side, -1), other.reshape(side, side, -1)):
         squares, count = np.zeros(mask.shape[-1], np.float32), np.zeros(mask.shape[-1], np.float32)
         for here, there in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
             pairs = (mask[here] & mask[there]).astype(np.float32)
             count += pairs.sum(axis=(0, 1))
-            for channel in range(colour.shape[-1]):
-                step = grid[here][..., channel] - grid[there][..., channel]
+            for channel in grid:
+                step = channel[here] - channel[there]
                 squares += (step * step * pairs).sum(axis=(0, 1)) / 6.0
         result.append((squares / np.maximum(count, 1.0), count))
     (of_own, _), (of_other, pairs_of_other) = result
@@ -191,7 +198,7 @@ def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDAr
     """Return (N,) the windows whose near and far side differ in colour, as `differing` says, or have too few pixels on
     a side.
 
-    colour (K, N, C), tone-mapped, and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows
+    colour (C, K, N), tone-mapped, and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows
     fastest.
     """
     middle = 0.5 * (disparity.min(axis=0) + disparity.max(axis=0))
@@ -200,7 +207,7 @@ def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDAr
     count_near, count_far = near.sum(axis=0), far.sum(axis=0)
     known = (count_near >= TUNING.least_side_pixels) & (count_far >= TUNING.least_side_pixels)
     difference, variance_near, variance_far = (np.zeros(near.shape[1], np.float32) for _ in range(3))
-    for channel in np.moveaxis(colour, -1, 0):
+    for channel in colour:
         mean_near, varies_near = _mean_and_variance(channel, near, count_near)
         mean_far, varies_far = _mean_and_variance(channel, far, count_far)
         difference += (mean_near - mean_far) ** 2 / 3.0
