@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..images.contrast import contrast_of, gradient_of
 from ..images.effects import Effect
 from ..images.effects_pass import shows
-from ..images.lookup import touches
+from ..images.lookup import lookup_without, touches
 from ..images.masks import dilate
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes
+from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
 from ..views.camera import Camera, PerspectiveCamera, see_the_same
@@ -26,7 +26,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
-from .silhouettes import differing, edge_band
+from .silhouettes import differing, edge_band, mixed_and_contrasting
 from .thin import isolated, target_pixels, thin_things
 from .transmission import transmission_parallax
 from .tuning import TUNING
@@ -62,6 +62,24 @@ def ray_lengths_tell(source: Camera, target: Camera, optics: Optics) -> bool:
 
 
 @dataclass(frozen=True)
+class SourceEdges:
+    """Source pixels at edges, by the thresholds of one accuracy.
+
+    band (H, W): pixels so near a depth edge that their colour may mix its two sides. contrasting (H, W): those of them
+    beside an edge of high contrast. unusable (H, W): those of them whose colour is mixed, and pixels with something
+    thin before the surface that their depth tells of. max_weight: share of
+    a lookup's weight that unusable pixels may have in a target pixel that is not traced. left_out: True where they are
+    then left out of the lookup.
+    """
+
+    band: NDArray[np.bool_]
+    contrasting: NDArray[np.bool_]
+    unusable: NDArray[np.bool_]
+    max_weight: float
+    left_out: bool
+
+
+@dataclass(frozen=True)
 class HoleClassifier:
     """The rules by which target pixels are flagged to be traced, with all that they need to know of one source.
 
@@ -85,22 +103,62 @@ class HoleClassifier:
         steps = warped.steps or disparity_steps(disparity)
         return cls(source, target, disparity, steps, optics, options.cubic)
 
-    def reasons(self, warped: WarpedView, accuracy: Accuracy) -> NDArray[np.uint16]:
+    def source_edges(self, accuracy: Accuracy) -> SourceEdges:
+        """Return the source's pixels at edges by this accuracy. With a colour_tolerance of 0 no lookup leaves any
+        out."""
+        blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
+        steps = in_focus(self.steps, blur)
+        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        unknown = ~np.isfinite(self.disparity) | _strands(self.source.passes)
+        if self.source.invalid is not None:
+            unknown |= self.source.invalid
+        colour = self.source.passes[COLOUR_PASS]
+        mixed, contrasting = mixed_and_contrasting(
+            band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown
+        )
+        left_out = accuracy.colour_tolerance > 0.0
+        max_weight = TUNING.max_left_out_weight if left_out else TUNING.max_flagged_weight
+        return SourceEdges(band, contrasting, mixed | self._thin_things(accuracy), max_weight, left_out)
+
+    def without_unusable(self, warped: WarpedView, edges: SourceEdges) -> WarpedView:
+        """Return the warped view with the pixels looked up anew whose lookup takes some of its weight, but no more than
+        edges.max_weight, from unusable pixels: of the passes that may be mixed, they take the other pixels alone.
+
+        Where a pass is looked up cubically, so are pixels beside these and beside edges of high contrast. The new
+        lookups are linear. Where hair is around hair they stay: nothing there is traced for its edges, so nothing tells
+        what is unusable.
+        """
+        if not edges.left_out:
+            return warped
+        x, y = warped.warp.x, warped.warp.y
+        # The cubic kernel reaches one pixel further, and takes colours of beyond the edge where no weight is theirs.
+        reached = dilate(edges.unusable | edges.contrasting, 1) if self.cubic else edges.unusable
+        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight) & ~_within_fur(warped)
+        pixels[pixels] = ~touches(edges.unusable, x[None, pixels], y[None, pixels], share=edges.max_weight)[0]
+        if not pixels.any():
+            return warped
+        passes = dict(warped.passes)
+        for name in filter(filtered, passes):
+            passes[name] = passes[name].copy()
+            passes[name][pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable)
+        return replace(warped, passes=passes)
+
+    def reasons(self, warped: WarpedView, accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.uint16]:
         """Return (H, W) `Reason` flags of the pixels of a warped view; 0 for those that need no tracing.
 
-        They include the view's own flags of empty pixels, which get no others. accuracy has the thresholds.
+        They include the view's own flags of empty pixels, which get no others. accuracy has the thresholds, and edges
+        are the source's by the same accuracy.
         """
         warp, reasons = warped.warp, warped.empty.copy()
         answered = reasons == 0
-        blurred = self._source_silhouettes(accuracy) | self._thin_things(accuracy)
         target = _TargetEdges(self, warped)
-        edges = target.silhouettes(reasons, accuracy) | touches(
-            blurred, warp.x, warp.y, share=TUNING.max_flagged_weight
+        silhouettes = target.silhouettes(reasons, accuracy, edges) | touches(
+            edges.unusable, warp.x, warp.y, share=edges.max_weight
         )
-        edges |= self._sub_pixel_features(warp, blurred, accuracy)
+        silhouettes |= self._sub_pixel_features(warp, edges.unusable, accuracy)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
-            edges &= ~_within_fur(warped)
-        reasons[answered & edges] |= Reason.SILHOUETTE.bit
+            silhouettes &= ~_within_fur(warped)
+        reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
             for reason, pixels in (target.seen_through_or_blurred(accuracy) | self._volumes(warped)).items():
                 reasons[answered & pixels] |= reason.bit
@@ -116,27 +174,16 @@ class HoleClassifier:
             reasons[answered & touches(reached, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
         return reasons
 
-    def _source_silhouettes(self, accuracy: Accuracy) -> NDArray[np.bool_]:
-        """Return (H, W) source pixels whose colour mixes the two sides of a depth edge that look different."""
-        blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
-        steps = in_focus(self.steps, blur)
-        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-        unknown = ~np.isfinite(self.disparity) | _strands(self.source.passes)
-        if self.source.invalid is not None:
-            unknown |= self.source.invalid
-        colour = self.source.passes[COLOUR_PASS]
-        return differing(band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
-
-    def _sub_pixel_features(self, warp: Warp, blurred: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
+    def _sub_pixel_features(self, warp: Warp, unusable: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
         """Return (H, W) target pixels on and beside which wires and other things about as thin as a pixel land.
 
-        The grid draws next to nothing of such things. Only those count whose pixels are set in `blurred` (H, W), the
-        source's silhouettes and thin things.
+        The grid draws next to nothing of such things. Only those count whose pixels are set in `unusable` (H, W), as
+        `SourceEdges` has it.
         """
         depth = self.source.depth
         cut_right, cut_down = self.steps.torn()
         alone = sub_pixel_features(depth, cut_right=cut_right, cut_down=cut_down)
-        landed = target_pixels(isolated(alone) & blurred, depth, self.source.camera, self.target.camera, warp)
+        landed = target_pixels(isolated(alone) & unusable, depth, self.source.camera, self.target.camera, warp)
         return dilate(landed, accuracy.silhouette_radius)
 
     def _thin_things(self, accuracy: Accuracy) -> NDArray[np.bool_]:
@@ -188,26 +235,34 @@ class _TargetEdges:
     """Edges of the target, found by the warped depth: a plain render would filter or blur its colours over them."""
 
     def __init__(self, classifier: HoleClassifier, warped: WarpedView) -> None:
-        self._passes, self._covered = warped.passes, warped.warp.covered
+        self._passes, self._warp = warped.passes, warped.warp
         source, target = classifier.source.camera, classifier.target.camera
         self._lens, self._is_perspective = classifier.optics.lens, isinstance(target, PerspectiveCamera)
         self._disparity = disparity_of_nearness(warped.warp.nearness, target, source)
-        np.copyto(self._disparity, np.nan, where=~self._covered)
+        np.copyto(self._disparity, np.nan, where=~warped.warp.covered)
         self._steps = disparity_steps(self._disparity)
         self._blur = circle_of_confusion(warped.passes[DEPTH_PASS][..., 0], target, self._lens)
 
-    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy) -> NDArray[np.bool_]:
+    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
-        empty (H, W) are `WarpedView.empty`. Beside a disoccluded pixel the colour of the other side is not known, and
-        all pixels are set.
+        Where a lookup takes min_band_weight (a quarter) of its weight from the band of the source, the target shows an
+        edge that the source has too, and the source's colours have been judged there; but it lies elsewhere within the
+        pixel, and so counts where its contrast is high. Beside other pixels stands something that does not in the
+        source: there the sides are compared. With a colour_tolerance of 0 all pixels at edges are set, and all beside a
+        disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-        unknown = ~self._covered | _strands(self._passes)
-        colour = self._passes[COLOUR_PASS]
-        edges = differing(band, self._disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown)
-        return edges | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+        if accuracy.colour_tolerance <= 0.0:
+            return band | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
+        x, y = self._warp.x[None, band], self._warp.y[None, band]
+        in_source, contrasting = np.zeros_like(band), np.zeros_like(band)
+        for found, pixels in ((in_source, edges.band), (contrasting, edges.contrasting)):
+            found[band] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
+        unknown = ~self._warp.covered | _strands(self._passes)
+        colour, tolerance = self._passes[COLOUR_PASS], accuracy.colour_tolerance
+        return contrasting | differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
 
     def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
         """Return (H, W) target pixels of edges out of focus (DEFOCUS) and of surfaces seen through others
@@ -219,12 +274,12 @@ class _TargetEdges:
         blurred, through = bool(self._lens.aperture), bool(glass.any())
         if not (blurred or through):
             return {}
-        colour, covered = self._passes[COLOUR_PASS], self._covered
+        colour, covered = self._passes[COLOUR_PASS], self._warp.covered
         gradient, contrast = gradient_of(colour, covered), contrast_of(colour, covered)
         result = {}
         if blurred:
             radius = nearer_side(self._blur, self._disparity)
-            step, tolerance = accuracy.silhouette_step, accuracy.colour_tolerance
+            step, tolerance = accuracy.silhouette_step, TUNING.indirect_tolerance_share * accuracy.colour_tolerance
             result[Reason.DEFOCUS] = blurred_edges(
                 self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
             )

@@ -26,7 +26,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from ..warp.warper import DEFAULTS, NUMPY, Warper
-from .classifier import NO_OPTICS, HoleClassifier, Optics, ray_lengths_tell
+from .classifier import NO_OPTICS, HoleClassifier, Optics, SourceEdges, ray_lengths_tell
 from .seams import seams
 
 
@@ -53,13 +53,15 @@ class InMirrors:
 class JudgedView:
     """The target as one source shows it, with the rules that tell for which pixels that source does not answer.
 
-    options are those of the warp. mirrors is None where no flat mirror is seen.
+    options are those of the warp. edges are the source's by this accuracy; the lookups of the warped view leave out
+    the pixels that are unusable by them. mirrors is None where no flat mirror is seen.
     """
 
     warped: WarpedView
     classifier: HoleClassifier
     accuracy: Accuracy
     options: WarpOptions
+    edges: SourceEdges
     mirrors: InMirrors | None = None
 
     @cached_property
@@ -68,8 +70,14 @@ class JudgedView:
         return self.reasons_at(self.accuracy)
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view."""
-        reasons = self.classifier.reasons(self.warped, accuracy)
+        """Return (H, W) the `Reason` flags that another accuracy would set in the same warped view.
+
+        Its thresholds decide which pixels of the source are unusable, and so which target pixels a frame of that
+        accuracy would trace or look up without them. The view itself keeps the lookups of its own accuracy: the flags
+        tell how many pixels would be traced, and not how wrong the others would be.
+        """
+        edges = self.edges if accuracy == self.accuracy else self.classifier.source_edges(accuracy)
+        reasons = self.classifier.reasons(self.warped, accuracy, edges)
         return reasons if self.mirrors is None else reasons | self.mirrors.reasons_at(accuracy)
 
     @cached_property
@@ -145,7 +153,7 @@ class Reprojection:
         return of_chosen(self.warp.source, [view.variance_share for view in self.views])
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
-        """Return (H, W) the `Reason` flags that another accuracy would set for the same warp."""
+        """Return (H, W) the `Reason` flags that another accuracy would set for the same warp, as in `JudgedView`."""
         return self._merged([view.reasons_at(accuracy) for view in self.views], accuracy)
 
     def _merged(self, flags: Sequence[NDArray[np.uint16]], accuracy: Accuracy) -> NDArray[np.uint16]:
@@ -200,7 +208,8 @@ def _judged(
     def judged(source: RenderedView) -> JudgedView:
         warped = warper.warp([source], target, options)
         classifier = HoleClassifier.of_source(source, target, warped, optics, options)
-        return JudgedView(warped, classifier, accuracy, options)
+        edges = classifier.source_edges(accuracy)
+        return JudgedView(classifier.without_unusable(warped, edges), classifier, accuracy, options, edges)
 
     seen = judged(source)
     if not (accuracy.silhouette_radius > 0 and ray_lengths_tell(source.camera, target.camera, optics)):

@@ -61,6 +61,30 @@ def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.f
     return result
 
 
+def lookup_without(
+    image: NDArray[np.float32], x: NDArray, y: NDArray, excluded: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Return the values (N, C) of an image (H, W, C) at positions x, y (N,), in pixels, interpolated between those of
+    the four pixels around each that are not set in `excluded` (H, W).
+
+    The weights are bilinear, divided by the sum of those that are left; the values are held within the range of the
+    pixels that they come from. They are 0 where no pixel is left.
+    """
+    texels, out = _Texels(image), _Texels(excluded[..., None])
+    row, down = _split(y)
+    column, across = _split(x)
+    corners = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
+    bilinear = np.stack([vertical * level for vertical in (1.0 - down, down) for level in (1.0 - across, across)])
+    weights = bilinear[..., None] * ~np.stack([out.take(*at) for at in corners])
+    used = weights > 0.0
+    # What is left out may be no number.
+    values = np.where(used, np.stack([texels.take(*at) for at in corners]), np.float32(0.0))
+    with np.errstate(over="ignore"):
+        mean = (values * (weights / np.maximum(weights.sum(axis=0), np.finfo(np.float32).tiny))).sum(axis=0)
+    low, high = values.min(axis=0, where=used, initial=np.inf), values.max(axis=0, where=used, initial=-np.inf)
+    return np.where(used.any(axis=0), np.clip(mean, low, high), np.float32(0.0))
+
+
 def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
     """Return (h, w) the positions at which a bilinear lookup would take more than `share` of its weight from set
     pixels.

@@ -17,8 +17,14 @@ class Accuracy:
     """One accuracy setting as numbers: what it promises, and the thresholds by which pixels are traced to keep that.
 
     silhouette_step: step in disparity, in pixels, from which a depth edge counts. silhouette_radius: number of pixels
-    traced on either side of it; Cycles' default filter reaches 1.5. colour_tolerance: difference between the colours on
-    the two sides, in standard deviations of the picture's noise, below which the edge is left warped.
+    traced on either side of it; Cycles' default filter reaches 1.5.
+
+    colour_tolerance: error of a pixel at an edge, in standard deviations of a single pixel's noise, up to which it is
+    left warped. Most pixels beside an edge hardly mix its sides: when all were traced whose sides differed by half a
+    deviation, the median had been wrong by a seventh of one (a squared error of 0.02 of the noise). With two, which is
+    `balanced`, living-room at 960 x 540 and 64 samples traces 8.4 in place of 11.0 % of its pixels, classroom at 480 x
+    270 traces 14.9 in place of 25.2 %, and the honest ratio rises by 0.002 and 0.024. The other settings are graded
+    around it. With 0 all pixels beside an edge are traced, whatever they show.
 
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
     places no probes. probe_spacing: side in pixels of the tiles that have one probe each, see `for_size`. tile_limit:
@@ -43,15 +49,15 @@ class Accuracy:
 
 
 SETTINGS: dict[str, Accuracy] = {
-    "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=1.0),
+    "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=4.0),
     "preview": Accuracy(
-        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=0.75, promise=1.25, probe_spacing=12, tile_limit=3.0
+        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=3.0, promise=1.25, probe_spacing=12, tile_limit=3.0
     ),
-    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=0.5, promise=1.1),
+    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=2.0, promise=1.1),
     "high": Accuracy(
         silhouette_step=0.15,
         silhouette_radius=2,
-        colour_tolerance=0.35,
+        colour_tolerance=1.0,
         promise=1.05,
         tile_limit=1.5,
         unseen_steps=0.5,

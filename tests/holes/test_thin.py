@@ -227,3 +227,24 @@ def test_what_something_nearer_hides_lands_nowhere():
     warp, alone = drawn(depth, eyes["left"], eyes["right"])
     warp.nearness[:] = 1.0
     assert not target_pixels(alone, depth, eyes["left"], eyes["right"], warp).any()
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_wire_of_one_colour_before_a_wall_of_another_stays_whole(width):
+    """With noise, of which by chance some pixel of the wire looks like the wall: none of it is left to be warped."""
+    eyes, depth = rig(), slat(width)
+    picture = np.where(depth[..., None] < WALL, np.float32(0.8), np.float32(0.3)) * np.ones(4, np.float32)
+    picture += np.random.default_rng(6).normal(0.0, 0.1, picture.shape).astype(np.float32)
+    carried = reproject_pair(
+        {COLOUR_PASS: picture, DEPTH_PASS: depth[..., None]},
+        eyes["left"],
+        eyes["right"],
+        accuracy=SETTINGS["balanced"],
+        invalid=np.zeros(depth.shape, bool),
+    )
+    warp, alone = drawn(depth, eyes["left"], eyes["right"])
+    landed = target_pixels(alone, depth, eyes["left"], eyes["right"], warp)
+    assert landed.any(axis=1).all()
+    columns = np.flatnonzero(landed.any(axis=0))
+    wire = (carried.reasons & Reason.SILHOUETTE.bit)[:, columns.min() - 1 : columns.max() + 2]
+    assert wire.all(), "and what is right beside it"

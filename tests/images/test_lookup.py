@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.images.lookup import lookup, touches, variance_share
+from stereo_reproject.images.lookup import lookup, lookup_without, touches, variance_share
 
 INTERPOLATIONS = ["linear", "cubic", "nearest"]
 SIZE = (30, 150)  # width and height in pixels
@@ -235,3 +235,31 @@ def test_the_variance_share_of_a_whole_picture_and_where_nothing_is_looked_up():
     # Over all fractions, linear keeps 2 / 3 along each axis.
     assert variance_share(x, y).mean() == pytest.approx(4.0 / 9.0, abs=0.01)
     assert variance_share(x, y, interpolation="cubic").mean() > 0.6
+
+
+def test_what_is_left_out_has_no_weight_and_the_others_share_it():
+    """By hand: at a third across and a quarter down the weights are 6, 3, 2 and 1 twelfths; the second is left out."""
+    image = np.array([[[6.0], [np.nan]], [[3.0], [9.0]]], np.float32)
+    excluded = np.array([[False, True], [False, False]])
+    x, y = np.float32([0.5 + 1.0 / 3.0]), np.float32([0.75])
+    np.testing.assert_allclose(lookup_without(image, x, y, excluded), [[(6 * 6.0 + 2 * 3.0 + 9.0) / 9.0]], rtol=1e-6)
+
+
+def test_with_nothing_left_out_it_is_the_linear_lookup_and_with_all_it_is_0():
+    rng = np.random.default_rng(4)
+    image = rng.random((7, 9, 3), np.float32)
+    x, y = rng.uniform(-1.0, 10.0, 50).astype(np.float32), rng.uniform(-1.0, 8.0, 50).astype(np.float32)
+    nothing = np.zeros((7, 9), bool)
+    linear = lookup(image, x[None], y[None])[0]
+    np.testing.assert_allclose(lookup_without(image, x, y, nothing), linear, rtol=1e-5, atol=1e-6)
+    assert not lookup_without(image, x, y, ~nothing).any()
+
+
+def test_a_constant_stays_constant_whatever_is_left_out():
+    rng = np.random.default_rng(5)
+    largest = np.float32(3.4e38)
+    excluded = rng.random((6, 6)) < 0.4
+    x, y = rng.uniform(0.0, 6.0, 200).astype(np.float32), rng.uniform(0.0, 6.0, 200).astype(np.float32)
+    values = lookup_without(np.full((6, 6, 1), largest), x, y, excluded)
+    assert set(np.unique(values)) <= {np.float32(0.0), largest}
+    assert (values > 0.0).mean() > 0.8

@@ -255,7 +255,8 @@ def test_higher_accuracies_trace_no_less_and_miss_no_more(subpixels):
         missed.append(np.mean(warped_error(renderer, frame, asked) > COLOUR_TOLERANCE))
         assert missed[-1] <= allowed
     assert np.all(np.diff(traced) >= 0)
-    assert np.all(np.diff(missed) <= 0)
+    # A pixel of a mixed colour may be right by chance, where one without it is not.
+    assert np.all(np.diff(missed) <= 1.0 / (SIZE[0] * SIZE[1]))
 
 
 @pytest.mark.parametrize("step", [1.5, 2.2])
@@ -588,12 +589,15 @@ def test_a_depth_that_is_none_becomes_a_hole_and_does_not_spread(value, source):
 
 
 def check_the_rest(frame, whole, asked, places):
-    """What is warped is what would have been; fresh holes are there, no further than the edge band looks around."""
+    """What is warped is what would have been; fresh holes are there, no further than the edge band looks around. As far
+    as that, a lookup may leave out pixels that it would have taken: they cannot be judged beside what is unknown."""
     holes, before = holes_of(frame), holes_of(whole)
     assert not np.any(holes & ~before & ~near(places, holes.shape, EDGE_REACH))
     for name, image in target_of(frame, asked).items():
-        kept = ~holes & ~before
-        np.testing.assert_array_equal(image[kept], target_of(whole, asked)[name][kept], err_msg=name)
+        kept, far = ~holes & ~before, ~near(places, holes.shape, EDGE_REACH)
+        would_be = target_of(whole, asked)[name]
+        np.testing.assert_array_equal(image[kept & far], would_be[kept & far], err_msg=name)
+        np.testing.assert_allclose(image[kept], would_be[kept], rtol=0.0, atol=COLOUR_TOLERANCE, err_msg=name)
     # What is warped now and was traced before: there must be little of it, and no black.
     freed = before & ~holes
     assert not np.any(freed & ~near(places, holes.shape, EDGE_REACH))
@@ -731,12 +735,13 @@ def test_draft_has_no_probes():
 
 ELSEWHERE = {"packed": 0.1, "card": 0.6}
 """Share of the picture beside the sphere that is traced with it, in whole tiles: a card's are 24 pixels wide, which is
-a quarter of this picture's height, and each is judged by those around it."""
+a quarter of this picture's height, and each is judged by those around it. Edges that are left warped are among what
+probes find in them."""
 
 
 @pytest.mark.parametrize("method", ["packed", "card"])
 def test_what_looks_different_from_each_eye_is_found_and_traced(method):
-    renderer = caster(noise=0.1, view_dependent=("mirror",), spoil=polished("left"))
+    renderer = caster(noise=0.1, subpixels=3, view_dependent=("mirror",), spoil=polished("left"))
     frame = render_stereo_frame(renderer, settings(fill=method))
     refined = (frame.reasons & Reason.REFINED.bit) > 0
     sphere = polished_part(renderer.picture("right", seed=9))
@@ -750,7 +755,7 @@ def test_what_looks_different_from_each_eye_is_found_and_traced(method):
 @pytest.mark.parametrize("method", ["packed", "card"])
 def test_a_large_picture_has_larger_tiles(method, monkeypatch):
     """One of four times as many pixels as those of which tiles are small."""
-    renderer = caster(noise=0.1, view_dependent=("mirror",))
+    renderer = caster(noise=0.1, subpixels=3, view_dependent=("mirror",))
     asked = settings(fill=method)
     small = render_stereo_frame(renderer, asked)
     smaller = replace(TUNING, small_picture_px=SIZE[0] * SIZE[1] // 4)

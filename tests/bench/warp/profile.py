@@ -26,6 +26,9 @@ CARRY_STEPS = {
 }
 """What `warp_view` calls, by step. The depth test is in the map: a row's nearest is kept as it is drawn."""
 
+REASONS_STEPS = (HoleClassifier.source_edges, HoleClassifier.without_unusable, HoleClassifier.reasons)
+"""What judges the pixels that are warped; the first two are called before `reproject` returns."""
+
 REASONS, REST = "reasons", "rest"
 STEPS = (*CARRY_STEPS, REASONS, REST)
 
@@ -44,6 +47,6 @@ def _profile(stage: Callable[[], object]) -> dict[str, float]:
     seconds = {
         step: sum(carried[function.__code__] for function in functions) for step, functions in CARRY_STEPS.items()
     }
-    seconds[REASONS] = entries[HoleClassifier.reasons.__code__].totaltime
+    seconds[REASONS] = sum(entries[function.__code__].totaltime for function in REASONS_STEPS)
     whole = max(entry.totaltime for entry in entries.values())
     return {**seconds, REST: whole - sum(seconds.values())}
