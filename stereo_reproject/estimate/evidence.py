@@ -24,6 +24,10 @@ from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
 from .tuning import TUNING
 
+MIN_CONTRAST = 1e-9
+"""Variance, after tone mapping, that every warped pixel has at least as its contrast: far less than can be seen. Flat
+tiles of a picture without noise then differ by their number of pixels alone, and none divides by 0."""
+
 
 @dataclass(frozen=True)
 class ProbeTraces:
@@ -75,8 +79,8 @@ class TileEvidence:
     (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on average.
     smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed. noise:
     variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
-    pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess is taken to
-    be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if unknown.
+    pixels: number of the tile's warped pixels. contrast: their summed contrast, above 0, to which an unknown excess is
+    taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if unknown.
     remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised pictures,
     else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by the second
     traces alone.
@@ -151,7 +155,7 @@ def measure_tiles(
     w, a, b = traces.toned(traces.finite)
     noise = remaining_noise * np.mean((a - b) ** 2, axis=-1) / 2.0
     share = _heard_share(probes, noise)
-    expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
+    expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise + MIN_CONTRAST, 0.0)
     kept = traces.variance_share
     excess = probes.weight * share * (np.mean((w - a) * (w - b), axis=-1) - kept * noise)
     by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)

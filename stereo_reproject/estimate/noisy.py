@@ -33,9 +33,8 @@ class NoisyEstimator:
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
-        is contrast."""
-        return place_random_probes(warped, self.contrast, spacing=spacing, seed=seed)
+        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W)."""
+        return place_random_probes(warped, spacing=spacing, seed=seed)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""
