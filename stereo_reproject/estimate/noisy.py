@@ -13,10 +13,8 @@ from ..images.effects_pass import materials_of
 from ..images.passes import is_light
 from .bias import SourceNoise, bias_of, multiplied
 from .evidence import ProbeTraces, TileEvidence, measure_tiles
-from .noise_ratio import estimate
 from .probes import Probes, place_random_probes
 from .target import Target
-from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,3 @@ class NoisyEstimator:
             light = {name: multiplied(image, warped, factor) for name, image in target.passes.items() if is_light(name)}
             target = replace(target, passes={**target.passes, **light})
         return target, bias.at_probes(traces.warped, without_own=True)
-
-    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
-        """Return whether the promise is not kept yet, or the gain is large."""
-        return estimate(evidence).honest_ratio > promise or gain > TUNING.min_gain

@@ -17,8 +17,8 @@ from ..images.contrast import box_sum
 class Probes:
     """Places of the probes, one in each tile of `spacing` x `spacing` pixels that has a warped pixel.
 
-    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of warped pixels in each probe's tile, for
-    all of which it stands. shape is that of the picture, (H, W).
+    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of warped pixels in each probe's tile,
+    for all of which it stands. shape is that of the picture, (H, W).
     """
 
     rows: NDArray[np.intp]

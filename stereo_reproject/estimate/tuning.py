@@ -76,20 +76,12 @@ class EstimateTuning:
     source_noise_reach_tiles: int = 2
     """Tiles each way over which all pixels tell the noise of the probes."""
 
-    # How often, and for what, something is traced
+    # When a pilot goes ahead
     pilot_spacing_ratio: int = 4
     """Times further apart that the probes of a pilot are."""
     pilot_min_hole_share: float = 0.12
     """Share of holes from which a pilot is worth its render call: with fewer, a frame that turns out to need everything
     has lost little."""
-    max_refining_renders: int = 2
-    """Refining renders of a frame, at most. Varied by `make spending`."""
-    min_gain: float = 0.02
-    """Excess that another refining render must be expected to take away where the promise is kept without it. By hand:
-    a render call costs as much as a few percent of a frame."""
-    min_gain_denoised: float = 0.3
-    """Excess that another refining render of a denoised picture must be expected to take away. By hand: the estimate of
-    such a picture is less sure, and a render must be worth it for certain."""
 
 
 TUNING = EstimateTuning()
