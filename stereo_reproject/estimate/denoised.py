@@ -118,11 +118,6 @@ class DenoisedEstimator:
         expected = np.concatenate([light, before[:, 3:]], axis=-1)
         return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
 
-    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:  # noqa: ARG002
-        """Return whether the gain is large; whether the promise is kept does not count, as the estimate of a denoised
-        picture is too unsure."""
-        return gain > TUNING.min_gain_denoised
-
 
 def source_noise(
     probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]

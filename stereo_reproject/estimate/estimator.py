@@ -37,13 +37,6 @@ class Estimator(Protocol):
         """
         ...
 
-    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
-        """Return whether it is worth one more render call to trace tiles from which `gain` is expected.
-
-        gain is the amount by which the frame's excess would fall; promise is the honest ratio that is promised.
-        """
-        ...
-
 
 def estimator_of(
     reprojection: Reprojection, accuracy: Accuracy, denoising: Denoising | None, *, probed: bool

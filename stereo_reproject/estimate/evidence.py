@@ -24,6 +24,10 @@ from .probes import Probes
 from .shown_materials import ShownMaterials, materials_by_tile
 from .tuning import TUNING
 
+MIN_CONTRAST = 1e-9
+"""Variance, after tone mapping, that every warped pixel has at least as its contrast: far less than can be seen. Flat
+tiles of a picture without noise then differ by their number of pixels alone, and none divides by 0."""
+
 
 @dataclass(frozen=True)
 class ProbeTraces:
@@ -75,11 +79,11 @@ class TileEvidence:
     (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on average.
     smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed. noise:
     variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
-    pixels: number of the tile's warped pixels. contrast: their summed contrast, to which an unknown excess is taken to
-    be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if unknown.
-    remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised pictures,
-    else None. selection: excess expected of each tile by the first traces alone. left_by_second: excess by the second
-    traces alone.
+    pixels: number of the tile's warped pixels. contrast: their summed contrast, above 0, to which an unknown excess is
+    taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
+    unknown. remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised
+    pictures, else None. selection: excess expected of each tile by the first traces alone, 0 in refined ones.
+    remaining_by_second: excess by the second traces alone.
     """
 
     probes: Probes
@@ -151,7 +155,7 @@ def measure_tiles(
     w, a, b = traces.toned(traces.finite)
     noise, remaining_noise = _delivered_noise(a - b, probes.weight, remaining_noise)
     share = _heard_share(probes, noise)
-    expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise, 0.0)
+    expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise + MIN_CONTRAST, 0.0)
     kept = traces.variance_share
     excess = probes.weight * share * (channel_mean((w - a) * (w - b)) - kept * noise)
     by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)
@@ -278,28 +282,9 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
     return replace(
         evidence,
-        selection=None if evidence.selection is None else _selection_after(evidence, refined, excess),
+        selection=None if evidence.selection is None else np.where(refined, 0.0, evidence.selection),
         excess=np.where(refined, excess, evidence.excess),
         remaining=np.where(refined, evidence.remaining - taken, evidence.remaining),
         smoothed_noise=np.where(refined, 0.0, evidence.smoothed_noise),
         refined=evidence.refined | refined,
     )
-
-
-def _selection_after(
-    evidence: TileEvidence, refined: NDArray[np.bool_], excess: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the expected excess (N,) of tiles once some were traced: more around those that had more than was
-    expected.
-
-    refined (N,) are the tiles just traced, excess (N,) is what they had. Traced tiles have 0.
-    """
-    expected = evidence.selection
-    assert expected is not None
-    had, foretold = (
-        evidence.probes.neighbour_sum(np.where(refined, a, 0.0)) for a in (np.maximum(excess, 0.0), expected)
-    )
-    usual = max(float(expected.mean()), 1e-12)
-    limit = TUNING.max_neighbour_scale
-    factor = np.clip((had + usual) / (foretold + usual), 1.0 / limit, limit)
-    return np.where(refined | evidence.refined, 0.0, expected * factor)

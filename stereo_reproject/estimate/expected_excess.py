@@ -36,15 +36,15 @@ def neighbours_excess(evidence: TileEvidence, reach: int) -> Uncertain:
     """Return the excess (N,) of a pixel of each tile, with its standard error (N,), by the probes of the tiles within
     `reach`.
 
-    A tile's own probe is left out. The excess is mostly taken to be in proportion to the tile's contrast.
+    A tile's own probe is left out. The excess is taken to be in proportion to contrast; a tile has no more of it than
+    all its neighbours together.
     """
-    probes, unmoved = evidence.probes, TUNING.unmoved_share
+    probes = evidence.probes
     around = probes.neighbour_sum(evidence.excess, reach)
-    contrast = np.maximum(np.maximum(probes.neighbour_sum(evidence.contrast, reach), evidence.contrast), 1e-30)
-    pixels = np.maximum(probes.neighbour_sum(evidence.pixels, reach), 1.0)
+    contrast = np.maximum(probes.neighbour_sum(evidence.contrast, reach), evidence.contrast)
     # The excess of a refined tile is known; that of each other by one probe.
     chance = probes.neighbour_sum(np.where(evidence.refined, 0.0, evidence.excess) ** 2, reach)
-    per_pixel = (1.0 - unmoved) * evidence.contrast / contrast / evidence.pixels + unmoved / pixels
+    per_pixel = evidence.contrast / contrast / evidence.pixels
     return around * per_pixel, np.sqrt(np.maximum(chance, 0.0)) * per_pixel
 
 

@@ -13,10 +13,8 @@ from ..images.effects_pass import materials_of
 from ..images.passes import is_light
 from .bias import SourceNoise, bias_of, multiplied
 from .evidence import ProbeTraces, TileEvidence, measure_tiles
-from .noise_ratio import estimate
 from .probes import Probes, place_random_probes
 from .target import Target
-from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,8 @@ class NoisyEstimator:
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
-        is contrast."""
-        return place_random_probes(warped, self.contrast, spacing=spacing, seed=seed)
+        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W)."""
+        return place_random_probes(warped, spacing=spacing, seed=seed)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""
@@ -77,7 +74,3 @@ class NoisyEstimator:
             light = {name: multiplied(image, warped, factor) for name, image in target.passes.items() if is_light(name)}
             target = replace(target, passes={**target.passes, **light})
         return target, bias.at_probes(traces.warped, without_own=True)
-
-    def is_worth_a_render(self, evidence: TileEvidence, gain: float, promise: float) -> bool:
-        """Return whether the promise is not kept yet, or the gain is large."""
-        return estimate(evidence).honest_ratio > promise or gain > TUNING.min_gain

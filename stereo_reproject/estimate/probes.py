@@ -10,16 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.contrast import Contrast, box_sum
-from .tuning import TUNING
+from ..images.contrast import box_sum
 
 
 @dataclass(frozen=True)
 class Probes:
     """Places of the probes, one in each tile of `spacing` x `spacing` pixels that has a warped pixel.
 
-    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of its tile's warped pixels that each
-    stands for, which is one over the chance with which its pixel was drawn. shape is that of the picture, (H, W).
+    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of warped pixels in each probe's tile,
+    for all of which it stands. shape is that of the picture, (H, W).
     """
 
     rows: NDArray[np.intp]
@@ -91,28 +90,11 @@ class Probes:
         return self.over_pixels(chosen, False)
 
 
-def place_random_probes(warped: NDArray[np.bool_], contrast: Contrast, *, spacing: int, seed: int) -> Probes:
-    """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W); none for a tile without
-    any.
-
-    A share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to the contrast's
-    signal, where an error would show.
-    """
-    rng = np.random.default_rng(seed)
-    rows, columns = np.nonzero(warped)
-    tiles = rows // spacing, columns // spacing
-    signal = np.where(warped, contrast.signal, 0.0)
-    even = 1.0 / _tile_sums(warped, spacing)[tiles] if rows.size else np.zeros(0)
-    total = _tile_sums(signal, spacing)[tiles]
-    uneven = signal[rows, columns] / np.where(total > 0.0, total, 1.0)
-    share = TUNING.even_probe_chance
-    chance = np.where(total > 0.0, share * even + (1.0 - share) * uneven, even)
-    # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
-    order = np.argsort(-(np.log(chance) + rng.gumbel(size=chance.size)), kind="stable")
-    names = tiles[0] * -(-warped.shape[1] // spacing) + tiles[1]
-    _, first = np.unique(names[order], return_index=True)
-    chosen = np.sort(order[first])
-    return Probes(rows[chosen], columns[chosen], 1.0 / chance[chosen], spacing, (warped.shape[0], warped.shape[1]))
+def place_random_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
+    """Return one probe for each tile of `spacing` pixels, at any pixel of `warped` (H, W) in it with the same chance,
+    drawn by the seed; a tile without any has no probe."""
+    order = np.random.default_rng(seed).permutation(np.count_nonzero(warped))
+    return _first_of_tiles(warped, order, spacing)
 
 
 def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -121,13 +103,21 @@ def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) 
     It is the pixel of `warped` (H, W) nearest to that place; a tile without any has no probe. Together the probes are a
     small picture, which can be denoised.
     """
-    height, width = warped.shape
     place = np.random.default_rng(seed).integers(0, spacing, 2)
     rows, columns = np.nonzero(warped)
     apart = (rows % spacing - place[0]) ** 2 + (columns % spacing - place[1]) ** 2
-    names = rows // spacing * -(-width // spacing) + columns // spacing
-    order = np.lexsort((apart, names))
-    _, first, pixels = np.unique(names[order], return_index=True, return_counts=True)
+    return _first_of_tiles(warped, np.argsort(apart, kind="stable"), spacing)
+
+
+def _first_of_tiles(warped: NDArray[np.bool_], order: NDArray[np.intp], spacing: int) -> Probes:
+    """Return one probe for each tile of `spacing` pixels: that of its pixels which comes first in `order`.
+
+    order (P,) has the numbers of the P set pixels of `warped` (H, W), counted row by row.
+    """
+    height, width = warped.shape
+    rows, columns = np.nonzero(warped)
+    tiles = rows // spacing * -(-width // spacing) + columns // spacing
+    _, first, pixels = np.unique(tiles[order], return_index=True, return_counts=True)
     chosen = order[first]
     in_order = np.argsort(chosen)
     chosen = chosen[in_order]

@@ -70,15 +70,6 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
     return ~evidence.refined & (evidence.excess > np.maximum(limit, doubt))
 
 
-def expected_gain(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> float:
-    """Return the amount by which tracing the chosen tiles (N,) is expected to lower the frame's excess, as a share of
-    its noise."""
-    if not evidence.frame_noise:
-        return 0.0
-    expected = expected_excess(evidence, TUNING.tile_reach_tiles)[0] * evidence.pixels
-    return float(expected[chosen].sum()) / evidence.frame_noise
-
-
 def _on_mostly_traced_materials(evidence: TileEvidence, chosen: NDArray[np.bool_], unseen: float) -> NDArray[np.bool_]:
     """Return the tiles (N,) of a denoised picture on whose material most tiles are chosen (N,), or were traced before.
 

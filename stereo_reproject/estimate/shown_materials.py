@@ -14,8 +14,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .tuning import TUNING
-
 
 @dataclass(frozen=True)
 class ShownMaterials:
@@ -49,15 +47,15 @@ class ShownMaterials:
         """Return the excess (P,) that each pair of tile and material would have by that material in all other tiles,
         and its error.
 
-        It is found there for some contrast, and scaled to the pair's own. Where too few other probes tell, or there is
-        more contrast here than there, it is the pair's part of nearby (N,), with an error of 0.
+        It is found there for some contrast, and scaled to the pair's own. Where no other probe tells, or there is more
+        contrast here than there, it is the pair's part of nearby (N,), with an error of 0.
         """
         others = self._by_material(np.ones_like(self.found)) - self._own
         elsewhere = (
             np.bincount(self.material, weights=self.contrast, minlength=self._count)[self.material] - self.contrast
         )
         # Little contrast elsewhere must not be scaled up to much.
-        known = (others >= TUNING.min_material_probes) & (elsewhere >= self.contrast)
+        known = (others > 0.0) & (elsewhere >= self.contrast)
         per_contrast = np.where(known, self.contrast / np.where(known, elsewhere, 1.0), 0.0)
         found = self._by_material(self.found) - self._own * self.found[self.tile]
         squares = self._by_material(self.found**2) - self._own * self.found[self.tile] ** 2

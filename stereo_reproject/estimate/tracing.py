@@ -1,4 +1,4 @@
-"""Tracing with probes: holes and probes in one render, then the tiles that the probes ask for in one or two more."""
+"""Tracing with probes: holes and probes in one render, then the tiles that the probes ask for in another."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .estimator import estimator_of
 from .evidence import ProbeTraces, RefinedTiles, TileEvidence, with_refined
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
-from .refinement import choose_tiles, expected_gain, outlier_tiles
+from .refinement import choose_tiles, outlier_tiles
 from .target import Provenance, Target
 from .tuning import TUNING
 
@@ -33,14 +33,14 @@ NOTHING_DIFFERS = "nothing that is seen looks different from each eye, and calls
 class Refinement:
     """Pixels that were traced because probes asked for it, and the error that is left.
 
-    pixels (H, W) are these; fills are the renders in which they were traced. estimate is that of the frame's ratios,
-    None where there were no probes, and no_estimate then says why. evidence is that of the probes, None without any.
-    whole: all of the target was traced in the end, and so it is as good as rendered. can_promise is False where probes
-    cannot tell anything, so that only a full render could promise more.
+    pixels (H, W) are these; fill is the render in which they were traced, None without any. estimate is that of the
+    frame's ratios, None where there were no probes, and no_estimate then says why. evidence is that of the probes, None
+    without any. whole: all of the target was traced in the end, and so it is as good as rendered. can_promise is False
+    where probes cannot tell anything, so that only a full render could promise more.
     """
 
     pixels: NDArray[np.bool_]
-    fills: tuple[FillChoice, ...] = ()
+    fill: FillChoice | None = None
     estimate: Estimate | None = None
     evidence: TileEvidence | None = field(default=None, repr=False)
     whole: bool = False
@@ -176,32 +176,29 @@ class ProbedTracing:
         return choice
 
     def refine(self) -> Refinement:
-        """Trace as few tiles as bring the frame to its promise, in a few renders at most, and return the outcome.
+        """Trace as few tiles as bring the frame to its promise, in one render, and return the outcome.
 
-        Traced tiles tell more of their neighbours than a probe does; another render is for the tiles that this shows to
-        be wrong. Where a full render is not clearly dearer, it is taken, and all that is still warped is traced.
+        Where a full render is not clearly dearer, it is taken, and all that is still warped is traced.
         """
         evidence = self._evidence
         if evidence is None:
             return self._unrefined()
-        before, fills = self.target.traced, list[FillChoice]()
-        while len(fills) < TUNING.max_refining_renders:
-            chosen, outliers = self._tiles_to_trace(evidence)
-            pixels = evidence.probes.pixels_of(chosen) & ~self.target.traced
-            if not pixels.any() or (fills and not self._worth_a_render(evidence, chosen)):
-                break
-            fills.append(self._planner.plan(float(np.mean(pixels))))
-            if fills[-1].method == "full":
-                self._trace("full", ~self.target.traced)
-                self._flag_refined(np.ones_like(pixels))
-                newly = self.target.traced & ~before
-                return Refinement(newly, tuple(fills), as_rendered(evidence), evidence, whole=True)
-            noise, warped = local_noise(evidence), self.target.colour
-            self._trace(fills[-1].method, pixels)
-            self._flag_refined(evidence.probes.pixels_of(chosen))
-            done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers, self._variance_share)
-            evidence = with_refined(evidence, done, noise)
-        return Refinement(self.target.traced & ~before, tuple(fills), estimate(evidence), evidence)
+        chosen, outliers = self._tiles_to_trace(evidence)
+        pixels = evidence.probes.pixels_of(chosen) & ~self.target.traced
+        if not pixels.any():
+            return Refinement(pixels, estimate=estimate(evidence), evidence=evidence)
+        fill = self._planner.plan(float(np.mean(pixels)))
+        if fill.method == "full":
+            pixels = ~self.target.traced
+            self._trace("full", pixels)
+            self._flag_refined(pixels | self.target.traced)
+            return Refinement(pixels, fill, as_rendered(evidence), evidence, whole=True)
+        noise, warped = local_noise(evidence), self.target.colour
+        self._trace(fill.method, pixels)
+        self._flag_refined(evidence.probes.pixels_of(chosen))
+        done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers, self._variance_share)
+        evidence = with_refined(evidence, done, noise)
+        return Refinement(pixels, fill, estimate(evidence), evidence)
 
     def _unrefined(self) -> Refinement:
         """Return the refinement of a target without probes' evidence: nothing probed it, or it was rendered whole at
@@ -219,15 +216,6 @@ class ProbedTracing:
         chosen = choose_tiles(evidence, self._promise, worst=worst, unseen=unseen)
         outliers = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
         return chosen | outliers, outliers
-
-    def _worth_a_render(self, evidence: TileEvidence, chosen: NDArray[np.bool_]) -> bool:
-        """Return whether tracing the chosen tiles (N,) is worth one more render call.
-
-        It always is where the accuracy promises something of the worst tiles.
-        """
-        assert self._estimator is not None
-        gain = expected_gain(evidence, chosen)
-        return self._accuracy.promises_worst_tiles or self._estimator.is_worth_a_render(evidence, gain, self._promise)
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:
         """Flag these pixels (H, W) of the target as refined, but for holes."""

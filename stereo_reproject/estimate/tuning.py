@@ -12,15 +12,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class EstimateTuning:
-    """Numbers by which probes are placed, heard and believed, and tiles are chosen.
+    """Numbers by which probes are heard and believed, and tiles are chosen.
 
     Distances in tiles count tiles each way; sigmas are standard errors; excess is relative to the frame's noise.
     """
 
-    # Where probes are, and how much each may say
-    even_probe_chance: float = 0.5
-    """Share of a probe's chance that is spread evenly over its tile, so that no pixel stands for more than the rest
-    allows. Varied by `make spending`."""
+    # How much each probe may say
     max_probe_noise_ratio: float = 25.0
     """Times the mean noise of the probes around it, or of all others, that a probe's noise may be. One firefly in one
     trace is more than the noise of a whole frame; taken as it is, nothing would seem wrong beside it. By hand: ordinary
@@ -28,8 +25,6 @@ class EstimateTuning:
     noise_weight: float = 0.5
     """Weight of noise beside contrast in a tile's expected error: where nothing is to be seen, tiles differ by little
     else. By hand."""
-    max_neighbour_scale: float = 3.0
-    """Times that a tile's expected excess may go up or down because of traced tiles around it. By hand."""
 
     # How tiles are judged
     frame_reach_tiles: int = 2
@@ -38,11 +33,6 @@ class EstimateTuning:
     tile_reach_tiles: int = 1
     """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be
     averaged away. By hand: the nearest there are."""
-    unmoved_share: float = 0.25
-    """Share of a tile's expected excess that does not follow its contrast: an error of brightness, and not of place.
-    Varied by `make spending`."""
-    min_material_probes: int = 4
-    """Other probes on a material without which it tells nothing. Varied by `make spending`."""
     tile_outlier_sigmas: float = 10.0
     """Times the noise around it that a probe's excess must be before its tile is traced for that alone. By hand: chance
     does not reach it in any frame that was seen."""
@@ -69,8 +59,8 @@ class EstimateTuning:
     hand, on pictures without any error: there next to nothing is corrected."""
     bias_contrast_share: float = 0.5
     """Share of the contrast around a probe that it may be off by without that being slow: an edge that is half a pixel
-    aside. Probes of a denoised picture lie in one place of each tile, and along an edge all are off to one side; those
-    of a noisy one are drawn to contrast."""
+    aside. Probes of a denoised picture lie in one place of each tile, and along an edge all are off to one side. By
+    hand."""
     max_bias_factor: float = 2.0
     """Times brighter or darker that a correction may make a colour: bright ones are a hair from white after tone
     mapping."""
@@ -86,20 +76,12 @@ class EstimateTuning:
     source_noise_reach_tiles: int = 2
     """Tiles each way over which all pixels tell the noise of the probes."""
 
-    # How often, and for what, something is traced
+    # When a pilot goes ahead
     pilot_spacing_ratio: int = 4
     """Times further apart that the probes of a pilot are."""
     pilot_min_hole_share: float = 0.12
     """Share of holes from which a pilot is worth its render call: with fewer, a frame that turns out to need everything
     has lost little."""
-    max_refining_renders: int = 2
-    """Refining renders of a frame, at most. Varied by `make spending`."""
-    min_gain: float = 0.02
-    """Excess that another refining render must be expected to take away where the promise is kept without it. By hand:
-    a render call costs as much as a few percent of a frame."""
-    min_gain_denoised: float = 0.3
-    """Excess that another refining render of a denoised picture must be expected to take away. By hand: the estimate of
-    such a picture is less sure, and a render must be worth it for certain."""
 
 
 TUNING = EstimateTuning()

@@ -207,7 +207,7 @@ def render_stereo_frame(
     composite, denoise_target, and account, which comes after the pair is finished and is not in the total. A watch
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
-    for a picture up to `SettingsTuning.small_picture_px`; findings are those of other frames of the same animation.
+    for a picture of `SettingsTuning.unscaled_picture_px`; findings are those of other frames of the same animation.
     Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)

@@ -73,7 +73,7 @@ def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> 
     if name == WHOLE:
         more = max(apart - seconds.get("pilot", 0.0) + planner.cost.fixed + planner.cost.per_frame - total, 0.0)
         return NextAccuracy(name, total + more, more, 1.0, complete=True)
-    predicted = sum(choice.predicted_seconds for choice in (target.fill, *target.refinement.fills))
+    predicted = sum(choice.predicted_seconds for choice in (target.fill, target.refinement.fill) if choice)
     pace = spent / predicted if predicted > 0.0 else 1.0
     accuracy = for_size(SETTINGS[name], target.reprojection.reasons.size)
     accuracy = for_denoised(accuracy) if planner.cost.denoise_seconds else accuracy

@@ -37,10 +37,11 @@ def pair_report(
     """Return the report of a rendered pair. facts are those of its view layers in their order, the main one first;
     memory is that of this process."""
     frame, main = pair.main_frame, facts[0]
+    refined = frame.refinement.fill
     return FrameReport(
         **vars(main.header),
         fill=frame.fill,
-        refine=tuple(RefineReport(method=fill.method, reason=fill.reason) for fill in frame.refinement.fills) or None,
+        refine=None if refined is None else (RefineReport(method=refined.method, reason=refined.reason),),
         grid=GridReport(
             cells=frame.grid.cells, subdivided=int(frame.grid.subdivided.sum()), triangles=frame.grid.triangles
         ),

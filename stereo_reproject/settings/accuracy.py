@@ -27,7 +27,8 @@ class Accuracy:
     around it. With 0 all pixels beside an edge are traced, whatever they show.
 
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
-    places no probes. probe_spacing: side in pixels of the tiles that have one probe each, see `for_size`. tile_limit:
+    places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of
+    the size that `for_size` starts from. tile_limit:
     honest ratio above which a tile is traced even if the frame as a whole keeps its promise. promises_worst_tiles: True
     if the worst tiles must not exceed tile_limit either. unseen_steps: standard deviation of noise, in display steps,
     that nobody sees; where the picture has less noise, a tile's error is compared with this much.
@@ -37,7 +38,7 @@ class Accuracy:
     silhouette_radius: int
     colour_tolerance: float
     promise: float | None = None
-    probe_spacing: int = 8
+    probe_spacing: int = 12
     tile_limit: float = 2.0
     promises_worst_tiles: bool = False
     unseen_steps: float = 1.0
@@ -51,7 +52,7 @@ class Accuracy:
 SETTINGS: dict[str, Accuracy] = {
     "draft": Accuracy(silhouette_step=1.0, silhouette_radius=1, colour_tolerance=4.0),
     "preview": Accuracy(
-        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=3.0, promise=1.25, probe_spacing=12, tile_limit=3.0
+        silhouette_step=0.5, silhouette_radius=1, colour_tolerance=3.0, promise=1.25, probe_spacing=18, tile_limit=3.0
     ),
     "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=2.0, promise=1.1),
     "high": Accuracy(
@@ -67,6 +68,7 @@ SETTINGS: dict[str, Accuracy] = {
         silhouette_radius=2,
         colour_tolerance=0.0,
         promise=1.02,
+        probe_spacing=8,
         tile_limit=1.2,
         promises_worst_tiles=True,
         unseen_steps=0.0,
@@ -86,18 +88,19 @@ def accuracy_of(settings: StereoSettings) -> Accuracy:
 
 
 def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
-    """Return the accuracy for a picture of `pixels` pixels in all. Large pictures get larger tiles, because as many
-    probes find as much there, see `SettingsTuning`. An accuracy that promises something of the worst tiles stays as it
-    is."""
+    """Return the accuracy for a picture of `pixels` pixels in all. Tiles are larger in larger pictures, within limits
+    (see `SettingsTuning`), because as many probes find as much there. An accuracy that promises something of the worst
+    tiles stays as it is."""
     if accuracy.promises_worst_tiles:
         return accuracy
-    longer = min(max((pixels / TUNING.small_picture_px) ** 0.5, 1.0), TUNING.max_tile_growth)
-    return replace(accuracy, probe_spacing=int(longer * accuracy.probe_spacing))
+    least, most = TUNING.tile_scale_limits
+    scale = min(max((pixels / TUNING.unscaled_picture_px) ** 0.5, least), most)
+    return replace(accuracy, probe_spacing=round(scale * accuracy.probe_spacing))
 
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
-    """Return the accuracy for a denoised picture. Errors are seen more easily there, so that tiles are smaller and
-    probes more; the limit for one tile is wider, because the estimate is noisier."""
-    spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), 2)
+    """Return the accuracy for a denoised picture, to be applied after `for_size`. Errors are seen more easily there, so
+    that tiles are smaller and probes more; the limit for one tile is wider, because the estimate is noisier."""
+    spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), TUNING.min_denoised_spacing_px)
     limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
     return replace(accuracy, probe_spacing=spacing, tile_limit=limit)

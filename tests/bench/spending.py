@@ -39,7 +39,7 @@ from stereo_reproject.holes.tuning import HoleTuning
 from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles, wrong_tiles
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes
 from stereo_reproject.images.seen_light import display_scale, scaled_colour, scaled_light
-from stereo_reproject.settings.accuracy import SETTINGS, Accuracy
+from stereo_reproject.settings.accuracy import SETTINGS, Accuracy, for_size
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
@@ -94,12 +94,8 @@ class Knob:
 KNOBS = (
     Knob("probe_spacing", (6, 8, 12, 16)),
     Knob("frame_reach_tiles", (1, 2, 3)),
-    Knob("unmoved_share", (0.0, 0.25, 0.5)),
-    Knob("min_material_probes", (2, 4, 8, 10**6)),
-    Knob("even_probe_chance", (1.0, 0.5, 0.2)),
     Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
     Knob("tile_limit", (1.5, 2.0, 3.0)),
-    Knob("max_refining_renders", (1, 2)),
     Knob("max_flagged_weight", (0.005, 0.02, 0.1)),
     Knob("isolated_share", (0.2, 1.0 / 3.0, 0.5)),
 )
@@ -290,7 +286,8 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 def measure(options: argparse.Namespace, tell: Callable[[str], None]) -> list[Outcome]:
     outcomes: list[Outcome] = []
-    accuracy = SETTINGS[options.accuracy]
+    width, height = options.size
+    accuracy = for_size(SETTINGS[options.accuracy], width * height)
     for name in options.names:
         scene = prepare(name, options)
         for knob in KNOBS:

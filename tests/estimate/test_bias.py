@@ -188,25 +188,27 @@ def test_a_dim_corner_of_a_noisy_picture_stays_as_bright(share):
     """Between two pixels the warp has their mean, which is less noisy, and so is brighter after `tone`: against that
     all probes agree that it is too bright."""
     size, mean = (180, 240), 0.3
-    rng = np.random.default_rng(4)
+    everything, shown = np.ones(size, bool), np.zeros(size, int)
 
-    def traced(*shape):
-        return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
+    def changes(seed):
+        """How much brighter the picture becomes where probes are held against single samples, and against means."""
+        rng = np.random.default_rng(seed)
 
-    source = traced(size[0], size[1] + 1)
-    warped = 0.5 * (source[:, 1:] + source[:, :-1])
-    found = contrast_of(warped, np.ones(size, bool))
-    probes = place_random_probes(np.ones(size, bool), found, spacing=8, seed=1)
-    a, b = (traced(probes.rows.size) for _ in range(2))
-    shown = np.zeros(size, int)
-    noise = SourceNoise.of_noisy(probes.neighbourhood_mean(found.noise[probes.rows, probes.columns]))
+        def traced(*shape):
+            return np.broadcast_to((rng.random((*shape, 1)) < share) * mean / share, (*shape, 4)).astype(np.float32)
 
-    def brightness(at_probes):
-        bias = bias_of(probes, ProbeTraces(at_probes, a, b), found.signal, shown, noise=noise)
-        return bias.corrected(warped, np.ones(size, bool), shown)[..., :3].mean() / warped[..., :3].mean()
+        source = traced(size[0], size[1] + 1)
+        warped = 0.5 * (source[:, 1:] + source[:, :-1])
+        found = contrast_of(warped, everything)
+        probes = place_random_probes(everything, spacing=8, seed=seed)
+        a, b = (traced(probes.rows.size) for _ in range(2))
+        noise = SourceNoise.of_noisy(probes.neighbourhood_mean(found.noise[probes.rows, probes.columns]))
+        for at_probes in (source[probes.rows, probes.columns], warped[probes.mask]):
+            bias = bias_of(probes, ProbeTraces(at_probes, a, b), found.signal, shown, noise=noise)
+            yield bias.corrected(warped, everything, shown)[..., :3].mean() / warped[..., :3].mean() - 1.0
 
-    off, off_by_means = (abs(brightness(w) - 1.0) for w in (source[probes.rows, probes.columns], warped[probes.mask]))
-    assert off < 0.01
+    off, off_by_means = np.abs(np.mean([list(changes(seed)) for seed in range(12)], axis=0))
+    assert off < 0.012
     assert off < 0.5 * off_by_means
 
 

@@ -10,7 +10,6 @@ import pytest
 from stereo_reproject.estimate.evidence import ProbeTraces, RefinedTiles, measure_tiles, with_refined
 from stereo_reproject.estimate.expected_excess import local_noise
 from stereo_reproject.estimate.noise_ratio import as_rendered, estimate, wrong_tiles
-from stereo_reproject.estimate.noisy import NoisyEstimator
 from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.estimate.refinement import choose_tiles
 from stereo_reproject.estimate.target import Provenance, Target
@@ -53,7 +52,7 @@ class Frame:
 
     def measured(self, seed=3):
         contrast = contrast_of(self.warped, self.everything)
-        probes = place_random_probes(self.everything, contrast, spacing=8, seed=seed)
+        probes = place_random_probes(self.everything, spacing=8, seed=seed)
         colours = (image[probes.mask] for image in (self.warped, self.traced(), self.traced()))
         return measure_tiles(probes, self.everything, contrast, ProbeTraces(*colours, self.share[probes.mask]))
 
@@ -96,9 +95,7 @@ def test_the_credit_of_smoothing_cannot_be_spent_on_bias():
     told = estimate(measured)
     assert told.noise_ratio < 1.1 < told.honest_ratio
     assert choose_tiles(measured, 1.1).any()
-    estimator = NoisyEstimator(None, None, None)
-    assert estimator.is_worth_a_render(measured, gain=0.0, promise=1.1)
-    assert not estimator.is_worth_a_render(measured, gain=0.0, promise=1.25)
+    assert not choose_tiles(measured, 1.25).any()
 
 
 def test_refined_tiles_are_no_less_noisy_than_a_render():

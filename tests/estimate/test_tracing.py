@@ -1,6 +1,6 @@
 """The target eye while it is made: what a pilot finds out early, and what refinement adds."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,10 +8,9 @@ import pytest
 
 from stereo_reproject.estimate.target import Provenance
 from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
-from stereo_reproject.estimate.tuning import EstimateTuning
 from stereo_reproject.images.metrics import noise_ratio
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.accuracy import SETTINGS, for_size
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 from tests.estimate.colours import opaque
@@ -19,8 +18,7 @@ from tests.estimate.colours import opaque
 SIZE = (160, 240)
 NOISE = 0.05
 COST = SourceCost(60.0, 1.0)
-BALANCED = SETTINGS["balanced"]
-ROUNDS = EstimateTuning().max_refining_renders
+BALANCED, HIGH = (for_size(SETTINGS[name], SIZE[0] * SIZE[1]) for name in ("balanced", "high"))
 
 
 @dataclass
@@ -106,30 +104,18 @@ def test_a_pilot_is_sent_only_where_it_may_save_something():
     assert not Frame().eye(blockers={"packed": "no OSL"}).wants_pilot
 
 
-def test_refinement_takes_few_renders_and_keeps_the_promise():
+def test_refinement_takes_one_render_and_keeps_the_promise():
     frame = Frame(wrong=0.15)
-    eye = frame.eye(SETTINGS["high"], asked="packed")
+    eye = frame.eye(HIGH, asked="packed")
     eye.fill()
     refinement = eye.refine()
-    assert 1 <= len(refinement.fills) <= ROUNDS
-    assert len(frame.asked) == 1 + len(refinement.fills)
+    assert refinement.fill.method == "packed"
+    assert len(frame.asked) == 2
+    refined, probes = (eye.target.any_of(flag) for flag in (Provenance.REFINED, Provenance.PROBE))
+    np.testing.assert_array_equal(refinement.pixels, refined & ~probes)
     assert refinement.pixels[:, :30].mean() > 0.8
     assert refinement.pixels[:, 60:].mean() < 0.1
-    assert frame.ratio(eye) <= SETTINGS["high"].promise + 0.02
-
-
-def test_the_second_render_is_for_what_the_first_uncovered():
-    """The more is promised of single tiles, the rather: what is left at the end of one round is found by its rim."""
-    accuracy = replace(SETTINGS["exact"], probe_spacing=8)
-    frame = Frame(wrong=0.15, shift=2)
-    one, two = frame.eye(accuracy, asked="packed"), Frame(wrong=0.15, shift=2).eye(accuracy, asked="packed")
-    one.fill()
-    two.fill()
-    one._worth_a_render = lambda *_: False
-    once, twice = one.refine(), two.refine()
-    assert (len(once.fills), len(twice.fills)) == (1, ROUNDS) == (1, 2)
-    assert two.target.traced[:, :36].mean() > one.target.traced[:, :36].mean()
-    assert frame.ratio(two) <= frame.ratio(one) + 0.01
+    assert frame.ratio(eye) <= HIGH.promise + 0.02
 
 
 def test_where_tracing_the_rest_is_no_dearer_all_of_it_is_traced():
@@ -138,7 +124,7 @@ def test_where_tracing_the_rest_is_no_dearer_all_of_it_is_traced():
     eye.fill()
     refinement = eye.refine()
     assert refinement.whole
-    assert refinement.fills[-1].method == "full"
+    assert refinement.fill.method == "full"
     assert eye.target.traced.all()
 
 

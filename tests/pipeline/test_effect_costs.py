@@ -125,7 +125,7 @@ def test_the_interval_of_an_effect_holds_what_its_pixels_are_off():
         warped, a, b = (truth + rng.normal(0.0, noise, truth.shape) for _ in range(3))
         warped[:, :120] += bias
         contrast = contrast_of(warped, np.ones(size, bool))
-        probes = place_random_probes(np.ones(size, bool), contrast, spacing=8, seed=seed)
+        probes = place_random_probes(np.ones(size, bool), spacing=8, seed=seed)
         traces = ProbeTraces(*(image[probes.mask] for image in (warped, a, b)))
         measured = measure_tiles(probes, np.ones(size, bool), contrast, traces)
         told = effect_costs(

@@ -7,7 +7,7 @@ import pytest
 
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.pipeline.next_accuracy import WHOLE, FinishedTarget, cost_of
-from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.accuracy import SETTINGS, for_size
 from stereo_reproject.trace.fill import FillChoice, SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 
@@ -46,7 +46,9 @@ def test_nothing_better_is_cheaper():
 def test_probes_have_their_price_where_there_are_any():
     unwatched, watched = price(), price(needs_probes=True)
     assert watched.seconds > unwatched.seconds
-    assert watched.traced == pytest.approx(unwatched.traced + 1.0 / SETTINGS["high"].probe_spacing ** 2)
+    assert watched.traced == pytest.approx(
+        unwatched.traced + 1.0 / for_size(SETTINGS["high"], SIZE[0] * SIZE[1]).probe_spacing ** 2
+    )
     assert unwatched.complete
     assert not watched.complete, "what the probes would ask for is not known"
 

@@ -120,7 +120,7 @@ def test_a_frame_that_is_all_hole_is_rendered_plainly(tmp_path, change):
     change(scene)
     frame = render_frame(scene, tmp_path)
     assert frame.fill.method == "full"
-    assert not frame.refinement.fills
+    assert frame.refinement.fill is None
     assert frame.traced.all()
     assert ratio(frame, plain_renders(scene, tmp_path)) == pytest.approx(1.0, abs=0.03)
 

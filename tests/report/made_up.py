@@ -44,7 +44,7 @@ def stereo_frame(*, whole: bool = True) -> StereoFrame:
     """A frame with an estimate, a correction, refinement and a GPU; or, unless `whole`, without all that."""
     eye = {"Combined": np.zeros((*SIZE, 4), np.float32)}
     flags = reasons() if whole else np.zeros(SIZE, np.uint16)
-    refined = (FillChoice("packed", "few pixels", 0.25), FillChoice("full", "cheapest", 0.5)) if whole else ()
+    refined = FillChoice("full", "cheapest", 0.5) if whole else None
     subdivided = np.array([[True, False]])
     return StereoFrame(
         eyes={"left": eye, "right": eye},

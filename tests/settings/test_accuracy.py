@@ -6,7 +6,7 @@ import pytest
 
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.pipeline.next_accuracy import WHOLE, next_better
-from stereo_reproject.settings.accuracy import SETTINGS, accuracy_of, for_size
+from stereo_reproject.settings.accuracy import SETTINGS, accuracy_of, for_denoised, for_size
 from stereo_reproject.settings.frame import ACCURACIES, CUSTOM, StereoSettings
 
 
@@ -66,14 +66,34 @@ def test_the_next_better_setting_promises_more_until_there_is_none():
     ("name", "size", "spacing"),
     [
         ("balanced", (320, 180), 8),
-        ("balanced", (960, 540), 8),
-        ("balanced", (1440, 810), 12),
-        ("balanced", (1920, 1080), 16),
+        ("balanced", (480, 270), 8),
+        ("balanced", (640, 360), 8),
+        ("balanced", (800, 450), 10),
+        ("balanced", (960, 540), 12),
+        ("balanced", (1280, 720), 16),
         ("balanced", (7680, 4320), 16),
+        ("high", (960, 540), 12),
+        ("preview", (480, 270), 12),
+        ("preview", (960, 540), 18),
         ("preview", (1920, 1080), 24),
+        ("exact", (320, 180), 8),
         ("exact", (7680, 4320), 8),
     ],
 )
-def test_tiles_grow_with_large_pictures_but_where_the_worst_are_promised_something(name, size, spacing):
+def test_tiles_grow_with_pictures_but_where_the_worst_are_promised_something(name, size, spacing):
     sized = for_size(SETTINGS[name], size[0] * size[1])
     assert sized == replace(SETTINGS[name], probe_spacing=spacing)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "spacing"),
+    [
+        ("balanced", (480, 270), 6),
+        ("balanced", (960, 540), 6),
+        ("balanced", (1920, 1080), 8),
+        ("preview", (960, 540), 9),
+        ("exact", (960, 540), 6),
+    ],
+)
+def test_tiles_of_denoised_pictures_are_smaller(name, size, spacing):
+    assert for_denoised(for_size(SETTINGS[name], size[0] * size[1])).probe_spacing == spacing

@@ -281,7 +281,7 @@ def _make(
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)
-    refined = frame.refinement.fills
+    refined = frame.refinement.fill
     return Row(
         name=case.name,
         kind=case.kind,
@@ -291,7 +291,7 @@ def _make(
         **multiview.judge(colour(frame.eyes[settings.target]), frame.variance_share),
         traced=fractions.pop("rerendered"),
         fill=frame.fill.method,
-        refine_fill=refined[-1].method if refined else None,
+        refine_fill=None if refined is None else refined.method,
         fractions=fractions,
         estimate=_estimate(frame, case),
     )
