@@ -21,13 +21,15 @@ from ...settings.frame import EYES
 from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
+from ...views.frustum import covered_by
+from ...warp.tuning import TUNING as WARP_TUNING
 from ..gpu.warp import gpu_warper
 from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
 from ..scene.effects import plan_effects
 from ..scene.motion import eyes_in_motion, vector_pass_asked_for
 from ..scene.rig import stereo_cameras
-from ..scene.visible import lens_of, volume_boxes
+from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
 from .hole_camera import packed_blocker
@@ -87,13 +89,27 @@ class BlenderRenderer:
         self.denoise: Denoise | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
-        tells = ray_lengths_tell(eyes["left"], eyes["right"], Optics(self.lens, self.volumes))
-        self._rays = RayPasses(scene, denoised=self.denoise is not None, mirrors=self.plan.may_mirror and tells)
+        self._rays = RayPasses(scene, denoised=self.denoise is not None, mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
         """Reason why those samples cannot be told, if they cannot: then nothing is traced."""
+
+    def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:
+        """Return whether the eyes may see flat mirrors whose images can be found, worth the passes that tell of them.
+
+        A denoised picture has most of these passes anyway; for a noisy one, boxes around what may be a mirror must
+        cover min_mirror_boxes_share of the picture.
+        """
+        if not self.plan.may_mirror or not ray_lengths_tell(
+            eyes["left"], eyes["right"], Optics(self.lens, self.volumes)
+        ):
+            return False
+        if self.denoise is not None:
+            return True
+        covered = covered_by(mirror_boxes(self.scene), eyes["left"], self.lens)
+        return float(covered.mean()) >= WARP_TUNING.min_mirror_boxes_share
 
     @property
     def view_dependent(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ off there and on in the render counts with all that it may bring along, wherever
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -18,7 +18,7 @@ from ...images.effects import Effect
 from ...views.camera import Camera
 from ...views.frustum import Frustum, Lens
 from .instancing import brought_along
-from .materials import Shadings
+from .materials import Shading, Shadings
 from .working import evaluated, focus_distance, rendered_layer
 
 SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
@@ -82,12 +82,26 @@ def volume_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
     """Return the corners (8, 3), in the world, of a box around each volume of a working scene; infinite where Blender's
     bounds may not hold it. The world's own volume is left out, since it looks the same to both eyes far away.
     """
+    return _boxes(scene, lambda seen, shading: seen.kind == "VOLUME" or bool(shading.effects & Effect.VOLUME))
+
+
+def mirror_boxes(scene: bpy.types.Scene) -> tuple[NDArray[np.float64], ...]:
+    """Return the corners (8, 3), in the world, of a box around each object of a working scene that has a material which
+    may be a mirror (`Shading.may_mirror`); infinite where Blender's bounds may not hold it.
+    """
+    return _boxes(scene, lambda _, shading: shading.may_mirror)
+
+
+def _boxes(scene: bpy.types.Scene, wanted: Callable[[Seen, Shading], bool]) -> tuple[NDArray[np.float64], ...]:
+    """Return the corners (8, 3), in the world, of a box around each instance of which `wanted` is True for any of its
+    materials, or for an empty shading where it has none; infinite where Blender's bounds may not hold it.
+    """
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
     boxes: list[NDArray[np.float64]] = []
     for instance, seen in _rendered_instances(layer, rendered, shadings, set()):
-        materials = filter(None, seen.materials)
-        if seen.kind == "VOLUME" or any(shadings.of(material).effects & Effect.VOLUME for material in materials):
+        shown = [shadings.of(material) for material in seen.materials if material is not None] or [Shading()]
+        if any(wanted(seen, shading) for shading in shown):
             certain = seen.bounded and not scene.render.use_motion_blur
             boxes.append(_corners([_box(instance)])[0] if certain else EVERYWHERE)
     return tuple(boxes)
