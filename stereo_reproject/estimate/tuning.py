@@ -33,9 +33,10 @@ class EstimateTuning:
     tile_reach_tiles: int = 1
     """Tiles each way whose probes tell that for the limit on single tiles: an error in a small place must not be
     averaged away. By hand: the nearest there are."""
-    tile_outlier_sigmas: float = 10.0
-    """Times the noise around it that a probe's excess must be before its tile is traced for that alone. By hand: chance
-    does not reach it in any frame that was seen."""
+    tile_outlier_sigmas: float = 20.0
+    """Times the noise around it that a probe's excess must be before its tile is traced for that alone. Measured on
+    eight scenes at 480 x 270 with 64 samples: 10 traces 0.2 to 1.8 points more, most of them for fireflies, and lowers
+    the honest ratio by 0.004 in the mean; without the rule, tiles in glass are left that are seen."""
     mostly_traced_share: float = 0.5
     """Share of a material's tiles in a denoised frame from which all of them are traced: an error that is nearly
     everywhere, as in a mirror, is also where the picture is too faint for probes, and traced parts of it show. By
