@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.holes.silhouettes import differing, edge_band, mixed_and_contrasting
-from stereo_reproject.images.lookup import touches
+from stereo_reproject.images.lookup import lookup, touches
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
@@ -219,13 +219,15 @@ def test_around_a_disc_at_most_three_fifths_are_traced_and_the_others_are_right(
     assert np.mean(error[beside] > SETTINGS["balanced"].colour_tolerance) < 0.01
 
 
-def test_exact_traces_all_that_touches_the_band():
+def test_exact_traces_all_that_touches_the_band_and_looks_up_as_ever():
     result, _ = disc_warped(SETTINGS["exact"])
     (view,) = result.views
     np.testing.assert_array_equal(view.edges.unusable, view.edges.band)
     touched = touches(view.edges.band, result.warp.x, result.warp.y, share=0.02) & (view.warped.empty == 0)
     assert touched.any()
     assert (result.reasons[touched] & Reason.SILHOUETTE.bit).all()
+    plain = lookup(view.classifier.source.passes[COLOUR_PASS], result.warp.x, result.warp.y)
+    np.testing.assert_array_equal(result.passes[COLOUR_PASS], plain, err_msg="no lookup leaves anything out")
 
 
 def test_a_pixel_that_touches_mixed_ones_a_little_takes_the_others():
