@@ -10,11 +10,11 @@ import pytest
 from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
 from stereo_reproject.images.denoising import Denoising
 from stereo_reproject.images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS
-from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.settings.accuracy import SETTINGS, for_size
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 
-SIZE = (120, 160)
+SIZE = (216, 288)
 NOISE = 0.02
 WRONG = 0.3
 HALF = np.s_[:, : SIZE[1] // 2]
@@ -41,7 +41,10 @@ class Catcher:
         denoising = Denoising(lambda pictures: [p[NOISY_PASS][..., :3] for p in pictures], 0.05) if denoised else None
         planner = FillPlanner("packed", SourceCost(60.0, 1.0), {})
         self.eye = ProbedTracing(
-            self, WarpedTarget("right", view, planner, SETTINGS["balanced"], denoising, True, seed)
+            self,
+            WarpedTarget(
+                "right", view, planner, for_size(SETTINGS["balanced"], SIZE[0] * SIZE[1]), denoising, True, seed
+            ),
         )
 
     def traced(self):

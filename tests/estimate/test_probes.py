@@ -116,7 +116,7 @@ def test_flat_tiles_without_noise_are_judged_by_their_neighbours():
     frame.truth = np.where(quiet, 0.5, frame.truth)
     once, again = (np.where(quiet, frame.truth, frame.traced()) for _ in range(2))
     frame.warped = np.where(quiet, frame.truth, frame.warped)
-    frame.warped[160:240] += 0.05
+    frame.warped[160:240, :, :3] += 0.05
     probes, contrast = frame.probes()
     measured = measure_tiles(probes, ~frame.holes, contrast, traces_of(probes, frame.warped, once, again))
     assert (measured.contrast > 0.0).all()
@@ -270,12 +270,12 @@ def test_a_frame_that_is_mostly_without_noise_has_worst_tiles():
     assert (told[probes.tiles[0] > 14] == 1.0).all()
 
 
-def lone_tiles(seed, bias=0.5):
+def lone_tiles(seed, bias=0.8):
     """A frame in which single tiles, far apart, are wrong: nothing around them tells."""
     frame = Frame(0.0, seed=seed)
     for row in range(16, 304, 64):
         for column in range(16, 288, 64):
-            frame.warped[row : row + SPACING, column : column + SPACING] += bias
+            frame.warped[row : row + SPACING, column : column + SPACING, :3] += bias
     return frame
 
 

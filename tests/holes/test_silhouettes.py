@@ -14,6 +14,7 @@ from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.warp.discontinuities import disparity_steps
+from tests.estimate.colours import opaque
 from tests.warp.analytic import stereo_rig
 from tests.warp.pairs import reproject_pair
 
@@ -33,7 +34,7 @@ def scene(step: float, seed: int = 1):
     disparity[:, EDGE:] = 10.0
     colour = np.full((*SIZE, 4), 0.6, np.float32)
     colour[:, EDGE:] += step
-    return disparity, colour + np.random.default_rng(seed).normal(0.0, NOISE, colour.shape).astype(np.float32)
+    return disparity, opaque(colour + np.random.default_rng(seed).normal(0.0, NOISE, colour.shape).astype(np.float32))
 
 
 def judged(step, *, tolerance=TOLERANCE, unknown=None, radius=1):
@@ -193,7 +194,8 @@ def disc_seen_by(camera, noise):
     inside = np.hypot(at[0] + origin[0] + DISC * right, at[1] + origin[1] + DISC * up) < DISC_RADIUS
     coverage = inside.reshape(camera.height, fine, camera.width, fine).mean(axis=(1, 3))
     middle = inside[fine // 2 :: fine, fine // 2 :: fine]
-    colour = np.repeat((0.2 + 0.6 * coverage)[..., None], 4, axis=-1).astype(np.float32)
+    colour = np.ones((*coverage.shape, 4), np.float32)
+    colour[..., :3] = (0.2 + 0.6 * coverage)[..., None]
     colour[..., :3] += np.random.default_rng(5).normal(0.0, noise, colour[..., :3].shape).astype(np.float32)
     return {COLOUR_PASS: colour, DEPTH_PASS: np.where(middle, DISC, WALL).astype(np.float32)[..., None]}
 
