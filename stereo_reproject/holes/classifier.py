@@ -261,10 +261,11 @@ class _TargetEdges:
             return band | ring
         fragments = ~disoccluded & ~opened(~disoccluded, TUNING.surface_reach_pixels)
         ring &= dilate(fragments, TUNING.isolated_reach_pixels)
-        x, y = self._warp.x[None, band], self._warp.y[None, band]
+        place = np.nonzero(band)
+        x, y = self._warp.x[place][None], self._warp.y[place][None]
         in_source, contrasting = np.zeros_like(band), np.zeros_like(band)
         for found, pixels in ((in_source, edges.band), (contrasting, edges.contrasting)):
-            found[band] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
+            found[place] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
         unknown = ~self._warp.covered | _strands(self._passes)
         colour, tolerance = self._passes[COLOUR_PASS], accuracy.colour_tolerance
         new_edges = differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
