@@ -13,7 +13,7 @@ from ..images.contrast import contrast_of, gradient_of
 from ..images.effects import Effect
 from ..images.effects_pass import shows
 from ..images.lookup import lookup_without, touches
-from ..images.masks import dilate
+from ..images.masks import dilate, opened
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
@@ -249,20 +249,27 @@ class _TargetEdges:
         Where a lookup takes min_band_weight (a quarter) of its weight from the band of the source, the target shows an
         edge that the source has too, and the source's colours have been judged there; but it lies elsewhere within the
         pixel, and so counts where its contrast is high. Beside other pixels stands something that does not in the
-        source: there the sides are compared. With a colour_tolerance of 0 all pixels at edges are set, and all beside a
-        disoccluded one: `empty` (H, W) are `WarpedView.empty`.
+        source: there the sides are compared. Pixels right beside disoccluded ones are set where fragments of surfaces
+        lie between those, as their depth is noise. With a colour_tolerance of 0 all pixels at edges are set, and all
+        beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
         steps = in_focus(self._steps, self._blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        disoccluded = (empty & Reason.DISOCCLUDED.bit) > 0
+        ring = dilate(disoccluded, accuracy.silhouette_radius)
         if accuracy.colour_tolerance <= 0.0:
-            return band | dilate((empty & Reason.DISOCCLUDED.bit) > 0, accuracy.silhouette_radius)
-        x, y = self._warp.x[None, band], self._warp.y[None, band]
+            return band | ring
+        fragments = ~disoccluded & ~opened(~disoccluded, TUNING.surface_reach_pixels)
+        ring &= dilate(fragments, TUNING.isolated_reach_pixels)
+        place = np.nonzero(band)
+        x, y = self._warp.x[place][None], self._warp.y[place][None]
         in_source, contrasting = np.zeros_like(band), np.zeros_like(band)
         for found, pixels in ((in_source, edges.band), (contrasting, edges.contrasting)):
-            found[band] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
+            found[place] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
         unknown = ~self._warp.covered | _strands(self._passes)
         colour, tolerance = self._passes[COLOUR_PASS], accuracy.colour_tolerance
-        return contrasting | differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
+        new_edges = differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
+        return contrasting | ring | new_edges
 
     def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
         """Return (H, W) target pixels of edges out of focus (DEFOCUS) and of surfaces seen through others

@@ -17,6 +17,13 @@ def count_within(mask: NDArray[np.bool_], radius: int) -> NDArray[np.uint8]:
     return sum((down[:, shift : shift + width] for shift in range(1, 2 * radius + 1)), start=down[:, :width].copy())
 
 
+def opened(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Return those pixels of a mask (H, W) that lie in a square of set pixels that reaches `reach` pixels each way from
+    its middle. Pixels beyond the border count as set."""
+    outside = dilate(~np.pad(mask, reach, constant_values=True), reach)
+    return dilate(~outside, reach)[reach:-reach, reach:-reach]
+
+
 def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
     """Return the mask (H, W) widened by `radius` pixels each way along the given axes (0 is down, 1 across).
 

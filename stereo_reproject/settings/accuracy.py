@@ -22,9 +22,9 @@ class Accuracy:
     colour_tolerance: error of a pixel at an edge, in standard deviations of a single pixel's noise, up to which it is
     left warped. Most pixels beside an edge hardly mix its sides: when all were traced whose sides differed by half a
     deviation, the median had been wrong by a seventh of one (a squared error of 0.02 of the noise). With two, which is
-    `balanced`, living-room at 960 x 540 and 64 samples traces 8.4 in place of 11.0 % of its pixels, classroom at 480 x
-    270 traces 14.9 in place of 25.2 %, and the honest ratio rises by 0.002 and 0.024. The other settings are graded
-    around it. With 0 all pixels beside an edge are traced, whatever they show.
+    `balanced`, living-room at 960 x 540 and 64 samples traces 8.7 in place of 11.0 % of its pixels, classroom at 480 x
+    270 traces 15.2 in place of 25.2 %, and the honest ratio rises by less than 0.001 and by 0.025. The other settings
+    are graded around it. With 0 all pixels beside an edge are traced, whatever they show.
 
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
     places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of

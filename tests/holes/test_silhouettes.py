@@ -245,3 +245,19 @@ def test_a_pixel_that_touches_mixed_ones_a_little_takes_the_others():
         left = int(np.floor(x[row, column] - 0.5))
         (taken,) = (c for c in (left, left + 1) if not view.edges.unusable[row, c])
         np.testing.assert_allclose(result.passes[COLOUR_PASS][row, column], source[row, taken], rtol=1e-5)
+
+
+def test_beside_holes_pixels_are_traced_among_fragments_alone():
+    """Of one colour, so that no side differs: left of a step a wall, right of it one whose depth is noise."""
+    eyes = stereo_rig(DISC_SIZE, mode="parallel", ipd=0.11, convergence=3.0)
+    depth = np.full(DISC_SIZE[::-1], WALL, np.float32)
+    depth[:, 60:] = np.random.default_rng(7).uniform(DISC, WALL, (DISC_SIZE[1], 60)).astype(np.float32)
+    depth[20:70, 20:40] = DISC
+    passes = {COLOUR_PASS: np.full((*depth.shape, 4), 0.5, np.float32), DEPTH_PASS: depth[..., None]}
+    nothing = np.zeros(depth.shape, bool)
+    result = reproject_pair(passes, eyes["left"], eyes["right"], accuracy=SETTINGS["balanced"], invalid=nothing)
+    ring = dilate((result.reasons & Reason.DISOCCLUDED.bit) > 0, 1) & (result.warped.empty == 0)
+    flagged = (result.reasons & Reason.SILHOUETTE.bit) > 0
+    assert ring[:, :50].sum() > 50
+    assert flagged[:, :50][ring[:, :50]].mean() < 0.2
+    assert flagged[:, 60:100][ring[:, 60:100]].mean() > 0.9
