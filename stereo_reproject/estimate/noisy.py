@@ -32,7 +32,7 @@ class NoisyEstimator:
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
         """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W)."""
-        return place_random_probes(warped, spacing=spacing, seed=seed)
+        return place_random_probes(warped, spacing=spacing, seed=seed, contrast=self.contrast)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""

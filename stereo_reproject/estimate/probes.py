@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.contrast import box_sum
+from ..images.contrast import Contrast, box_sum
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
@@ -90,11 +91,27 @@ class Probes:
         return self.over_pixels(chosen, False)
 
 
-def place_random_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-    """Return one probe for each tile of `spacing` pixels, at any pixel of `warped` (H, W) in it with the same chance,
-    drawn by the seed; a tile without any has no probe."""
-    order = np.random.default_rng(seed).permutation(np.count_nonzero(warped))
-    return _first_of_tiles(warped, order, spacing)
+def place_random_probes(
+    warped: NDArray[np.bool_], *, spacing: int, seed: int, contrast: Contrast | None = None
+) -> Probes:
+    """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W) in it; none for a tile
+    without any. The seed is that of the places.
+
+    With contrast, a share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to
+    the contrast's signal, where an error would show; without, all pixels have the same chance.
+    """
+    rows, columns = np.nonzero(warped)
+    tiles = rows // spacing, columns // spacing
+    chance = 1.0 / _tile_sums(warped, spacing)[tiles] if rows.size else np.zeros(0)
+    if contrast is not None:
+        signal = np.where(warped, contrast.signal, 0.0)
+        total = _tile_sums(signal, spacing)[tiles]
+        uneven = signal[rows, columns] / np.where(total > 0.0, total, 1.0)
+        share = TUNING.even_probe_chance
+        chance = np.where(total > 0.0, share * chance + (1.0 - share) * uneven, chance)
+    # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
+    order = np.argsort(-(np.log(chance) + np.random.default_rng(seed).gumbel(size=chance.size)), kind="stable")
+    return _first_of_tiles(warped, order, spacing, chance)
 
 
 def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -109,19 +126,22 @@ def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) 
     return _first_of_tiles(warped, np.argsort(apart, kind="stable"), spacing)
 
 
-def _first_of_tiles(warped: NDArray[np.bool_], order: NDArray[np.intp], spacing: int) -> Probes:
+def _first_of_tiles(
+    warped: NDArray[np.bool_], order: NDArray[np.intp], spacing: int, chance: NDArray | None = None
+) -> Probes:
     """Return one probe for each tile of `spacing` pixels: that of its pixels which comes first in `order`.
 
-    order (P,) has the numbers of the P set pixels of `warped` (H, W), counted row by row.
+    order (P,) has the numbers of the P set pixels of `warped` (H, W), counted row by row. A probe stands for one over
+    the chance (P,) with which its pixel was drawn; None: for all of its tile's set pixels.
     """
     height, width = warped.shape
     rows, columns = np.nonzero(warped)
     tiles = rows // spacing * -(-width // spacing) + columns // spacing
     _, first, pixels = np.unique(tiles[order], return_index=True, return_counts=True)
-    chosen = order[first]
-    in_order = np.argsort(chosen)
-    chosen = chosen[in_order]
-    return Probes(rows[chosen], columns[chosen], pixels[in_order].astype(np.float64), spacing, (height, width))
+    in_order = np.argsort(order[first])
+    chosen = order[first][in_order]
+    weight = pixels[in_order].astype(np.float64) if chance is None else 1.0 / chance[chosen]
+    return Probes(rows[chosen], columns[chosen], weight, spacing, (height, width))
 
 
 def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:

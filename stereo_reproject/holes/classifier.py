@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -126,7 +126,7 @@ class HoleClassifier:
 
         Where a pass is looked up cubically, so are pixels beside these and beside edges of high contrast. The new
         lookups are linear. Where hair is around hair they stay: nothing there is traced for its edges, so nothing tells
-        what is unusable.
+        what is unusable. The passes are changed in place: no one else has them yet.
         """
         if not edges.left_out:
             return warped
@@ -137,11 +137,10 @@ class HoleClassifier:
         pixels[pixels] = ~touches(edges.unusable, x[None, pixels], y[None, pixels], share=edges.max_weight)[0]
         if not pixels.any():
             return warped
-        passes = dict(warped.passes)
-        for name in filter(filtered, passes):
-            passes[name] = passes[name].copy()
-            passes[name][pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable)
-        return replace(warped, passes=passes)
+        for name in filter(filtered, warped.passes):
+            image = warped.passes[name]
+            image[pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable)
+        return warped
 
     def reasons(self, warped: WarpedView, accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.uint16]:
         """Return (H, W) `Reason` flags of the pixels of a warped view; 0 for those that need no tracing.

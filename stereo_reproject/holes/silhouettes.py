@@ -8,6 +8,8 @@ colour tells (`mixed_and_contrasting`). In the target, the colours of the two si
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +55,8 @@ def mixed_and_contrasting(
     """
     if tolerance <= 0.0:
         return band, band
-    looks, depths, borders = _looks(colour, band, ~unknown), disparity.ravel(), band.ravel()
-
-    def judge(window: NDArray) -> NDArray[np.bool_]:
-        return _own_is_mixed(looks.take(window, axis=1), depths.take(window), ~borders.take(window), tolerance)
-
-    mixed, contrasting = _judged(band, unknown, _window(), judge)
+    judge = partial(_own_is_mixed, tolerance=tolerance)
+    mixed, contrasting = _judged_windows(_Picture(colour, disparity, unknown, band), _window(), judge, 2)
     return mixed, contrasting
 
 
@@ -77,54 +75,57 @@ def differing(
     """
     if tolerance <= 0.0:
         return band
-    looks, depths = _looks(colour, band, ~unknown), disparity.ravel()
-
-    def differs(window: NDArray) -> NDArray[np.bool_]:
-        return _sides_differ(looks.take(window, axis=1), depths.take(window), tolerance)[None]
-
-    return _judged(band, unknown, _window()[:, ::CHESSBOARD_STEP], differs)[0]
+    judge = partial(_sides_differ, tolerance=tolerance)
+    return _judged_windows(_Picture(colour, disparity, unknown, band), _window()[:, ::CHESSBOARD_STEP], judge, 1)[0]
 
 
-def _looks(colour: NDArray, band: NDArray[np.bool_], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the channels (C, P) by which the P = H x W pixels of a colour (H, W, >= 3) are judged: its tone-mapped
-    light, and its alpha where that differs among the pixels set in known (H, W).
+class _Picture(NamedTuple):
+    """A picture whose pixels are judged: its scene-linear colour (H, W, >= 3), its disparity (H, W), the pixels (H, W)
+    of which these are unknown, and the band (H, W) of those that are judged."""
 
-    They are computed for the pixels in windows around those of `band` (H, W), and 0 elsewhere.
-    """
-    channels = judged_channels(colour, known)
-    needed = np.flatnonzero(dilate(band, TUNING.side_window_pixels))
-    result = np.zeros((channels, band.size), np.float32)
-    result[:, needed] = judged(colour.reshape(band.size, -1).take(needed, axis=0)[:, :channels]).T
-    return result
+    colour: NDArray
+    disparity: NDArray
+    unknown: NDArray[np.bool_]
+    band: NDArray[np.bool_]
 
 
-def _judged(
-    band: NDArray[np.bool_], unknown: NDArray[np.bool_], offsets: NDArray, judge: Callable[[NDArray], NDArray[np.bool_]]
+def _judged_windows(
+    picture: _Picture, offsets: NDArray, judge: Callable[[NDArray, NDArray, NDArray], NDArray[np.bool_]], count: int
 ) -> list[NDArray[np.bool_]]:
-    """Return one or more masks (H, W) of the pixels of `band` (H, W) that `judge` returns True for, or whose window
-    holds a pixel of `unknown` (H, W).
+    """Return as many masks (H, W) as `count` says of the pixels of the picture's band for which `judge` returns True,
+    or whose window holds a pixel that is unknown.
 
-    offsets (2, K), down and right, are those of a window's pixels. judge takes windows (K, N), as indices in a
-    flattened picture, and returns (M, N) for M masks.
+    offsets (2, K), down and right, are those of a window's pixels. judge takes N windows: the colours (C, K, N) by
+    which their pixels are judged (tone-mapped light, and alpha where that differs in the picture), the disparities (K,
+    N) and the pixels (K, N) outside of the band; it returns (count, N). The picture is worked on by bands of rows.
     """
-    gaps = unknown.ravel()
-    masks = [band.copy() for _ in judge(np.empty((offsets.shape[1], 0), np.intp))]
+    band, width = picture.band, picture.band.shape[1]
+    channels = judged_channels(picture.colour, ~picture.unknown)
+    masks = [band.copy() for _ in range(count)]
     for rows in bands(band.shape):
-        pixels = np.flatnonzero(band[rows]) + rows.start * band.shape[1]
+        top = max(rows.start - TUNING.side_window_pixels, 0)
+        part = slice(top, rows.stop + TUNING.side_window_pixels)
+        pixels = np.flatnonzero(band[rows]) + (rows.start - top) * width
+        if not pixels.size:
+            continue
+        colour = np.moveaxis(judged(picture.colour[part][..., :channels]), -1, 0).reshape(channels, -1)
+        depths, gaps, borders = (image[part].ravel() for image in picture[1:])
         for start in range(0, pixels.size, CHUNK_WINDOWS):
             chosen = pixels[start : start + CHUNK_WINDOWS]
-            window = _window_around(chosen, band.shape, offsets)
+            window = _window_around(chosen, band[part].shape, offsets)
             known = np.flatnonzero(~gaps.take(window).any(axis=0))
-            for mask, flagged in zip(masks, judge(window[:, known]), strict=True):
-                mask.ravel()[chosen[known]] = flagged
+            window = window[:, known]
+            found = judge(colour.take(window, axis=1), depths.take(window), ~borders.take(window))
+            for mask, flagged in zip(masks, found, strict=True):
+                mask.ravel()[chosen[known] + top * width] = flagged
     return masks
 
 
 def _window_around(pixels: NDArray, shape: tuple[int, int], offsets: NDArray) -> NDArray:
     """Return (K, N) the indices, in a flattened (H, W) picture, of the K pixels of the window around each of N pixels.
 
-    pixels (N,) are such indices too; offsets (2, K) are as for `_judged`. Beyond the picture's border the indices are
-    those of the border.
+    pixels (N,) are such indices too; offsets (2, K) are as for `_judged_windows`. Beyond the picture's border the
+    indices are those of the border.
     """
     height, width = shape
     down, right = offsets
@@ -141,7 +142,9 @@ def _window() -> NDArray:
     return np.stack([offset.ravel() for offset in np.meshgrid(span, span, indexing="ij")])
 
 
-def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_], tolerance: float) -> NDArray[np.bool_]:
+def _own_is_mixed(
+    colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_], *, tolerance: float
+) -> NDArray[np.bool_]:
     """Return (2, N) the windows whose middle pixel is mixed, and those with an edge of high contrast, as
     `mixed_and_contrasting` says.
 
@@ -167,9 +170,8 @@ def _own_is_mixed(colour: NDArray, disparity: NDArray, clean: NDArray[np.bool_],
     mixed = (beyond_chance > allowed) & (towards > np.sqrt(allowed * difference))
     result = np.stack([mixed, beyond_chance > TUNING.contrast_ratio**2 * allowed])
     few = np.flatnonzero((count_own < TUNING.least_side_pixels) | (count_other == 0.0))
-    result[:, few] = _sides_differ(
-        colour[:, ::CHESSBOARD_STEP].take(few, axis=2), disparity[::CHESSBOARD_STEP].take(few, axis=1), tolerance
-    )
+    chessboard = (image[..., ::CHESSBOARD_STEP, :].take(few, axis=-1) for image in (colour, disparity, clean))
+    result[:, few] = _sides_differ(*chessboard, tolerance=tolerance)
     return result
 
 
@@ -196,9 +198,11 @@ def _noise(colour: NDArray, own: NDArray[np.bool_], other: NDArray[np.bool_]) ->
     return np.where(pairs_of_other < TUNING.least_side_pixels, of_own, np.minimum(of_own, of_other))
 
 
-def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDArray[np.bool_]:
-    """Return (N,) the windows whose near and far side differ in colour, as `differing` says, or have too few pixels on
-    a side.
+def _sides_differ(
+    colour: NDArray, disparity: NDArray, _clean: NDArray[np.bool_], *, tolerance: float
+) -> NDArray[np.bool_]:
+    """Return (1, N) the windows whose near and far side differ in colour, as `differing` says, or have too few pixels
+    on a side.
 
     colour (C, K, N), as it is judged, and disparity (K, N) are those of N windows of K pixels; NumPy sums long rows
     fastest.
@@ -218,7 +222,7 @@ def _sides_differ(colour: NDArray, disparity: NDArray, tolerance: float) -> NDAr
     explained = variance_near / np.maximum(count_near, 1.0) + variance_far / np.maximum(count_far, 1.0)
     least = TUNING.indirect_tolerance_share * tolerance
     allowed = np.maximum(least**2 * np.minimum(variance_near, variance_far), TUNING.unseen_difference**2)
-    return (difference - explained > allowed) | ~known
+    return ((difference - explained > allowed) | ~known)[None]
 
 
 def _mean_and_variance(channel: NDArray, side: NDArray[np.float32], count: NDArray) -> tuple[NDArray, NDArray]:

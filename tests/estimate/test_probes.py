@@ -108,6 +108,23 @@ def test_probes_are_anywhere_in_their_tiles_with_the_same_chance():
     np.testing.assert_allclose(drawn[warped] / 400.0, 1.0, atol=4.0 * np.sqrt(51.0 / 400.0))
 
 
+def test_a_probe_stands_for_as_many_pixels_as_its_chance_was_small():
+    """However uneven the chances: the weighted sum of any picture over the probes is its sum, on average."""
+    rng = np.random.default_rng(5)
+    shape = (16, 24)
+    warped = rng.random(shape) > 0.2
+    picture = rng.random(shape)
+    contrast = Contrast(rng.random(shape).astype(np.float32) ** 4, np.ones(shape, np.float32))
+    sums, rim = [], []
+    for seed in range(400):
+        probes = place_random_probes(warped, spacing=8, seed=seed, contrast=contrast)
+        sums.append((probes.weight * picture[probes.rows, probes.columns]).sum())
+        rim.append(contrast.signal[probes.rows, probes.columns].mean())
+    true = picture[warped].sum()
+    assert np.mean(sums) == pytest.approx(true, abs=4.0 * np.std(sums) / np.sqrt(len(sums)))
+    assert np.mean(rim) > 1.5 * contrast.signal[warped].mean(), "probes go where there is contrast"
+
+
 def test_flat_tiles_without_noise_are_judged_by_their_neighbours():
     """A black product shot with noise in one corner: the flat rest has no contrast, and is too bright in a stripe."""
     frame = Frame(0.0)

@@ -44,6 +44,7 @@ from ...tradeoff.cases import (
     write_csv,
 )
 from ...tradeoff.charts import draw_charts
+from ...views.camera import Camera
 from ..engines.renderer import BlenderRenderer
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
@@ -216,6 +217,10 @@ class HeuristicRenderer(BlenderRenderer):
     """A renderer whose source has a mask of the pixels that are glossy or transparent and must not be warped: the
     simple method that probes are compared with.
     """
+
+    def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:  # noqa: ARG002
+        """Return False: the simple method knows nothing of mirrors."""
+        return False
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Render the source eye with the mask as a pass of its own. Raises BadInputError for any engine but Cycles:
