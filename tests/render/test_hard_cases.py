@@ -53,7 +53,7 @@ EFFECTS = [
     Effect(hard_scenes.mirror),
     Effect(hard_scenes.glass_block),
     Effect(hard_scenes.window_pane),
-    Effect(hard_scenes.volume),
+    Effect(hard_scenes.volume, seed=1),
     Effect(hard_scenes.volume_before_sky, grow=14, seed=1),
     Effect(hard_scenes.leaves),
     Effect(hard_scenes.hair),
