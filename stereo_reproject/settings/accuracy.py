@@ -103,4 +103,5 @@ def for_denoised(accuracy: Accuracy) -> Accuracy:
     that tiles are smaller and probes more; the limit for one tile is wider, because the estimate is noisier."""
     spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), TUNING.min_denoised_spacing_px)
     limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
-    return replace(accuracy, probe_spacing=spacing, tile_limit=limit)
+    tolerance = TUNING.denoised_tolerance_ratio * accuracy.colour_tolerance
+    return replace(accuracy, probe_spacing=spacing, tile_limit=limit, colour_tolerance=tolerance)

@@ -461,8 +461,8 @@ def test_the_warp_stage_has_a_row_for_each_size_and_carrier(results):
 def test_the_warp_stage_is_measured_toed_in_and_on_smooth_surfaces_natively_and_not(room):
     runs = [case.run for case in planned(room) if case.part == STAGE]
     pictures = {(run.picture.scene, run.picture.mode, run.picture.grid_threshold) for run in runs}
-    smooth = {("smooth", mode, threshold) for mode in MODES for threshold in (0.0, 1.0)}
-    assert pictures == {("room", mode, 1.0) for mode in MODES} | smooth
+    smooth = {("smooth", mode, threshold) for mode in MODES for threshold in (0.0, 0.25)}
+    assert pictures == {("room", mode, 0.25) for mode in MODES} | smooth
     assert {run.size for run in runs if run.picture.scene == "smooth"} == {TINY.stage_size}
 
 
@@ -478,7 +478,7 @@ def test_the_adaptive_grid_is_compared_with_the_native_one_of_the_same_picture(r
     assert [row["map_speedup"] for row in rows] == pytest.approx([2.5, 2.5])
     assert [row["stage_speedup"] for row in rows] == pytest.approx([1.0, 1.0])
     line = stage_tables.grid_table(rows).splitlines()[2]
-    assert "1 arc minutes | 25.0%, native 100.0% | 500 ms | 200 ms | 2.50 ×" in line
+    assert "0.25 arc minutes | 25.0%, native 100.0% | 500 ms | 200 ms | 2.50 ×" in line
 
 
 def test_without_its_native_run_an_adaptive_one_is_not_compared(room, tmp_path):

@@ -52,7 +52,7 @@ GPU = Warper(warp_view, "Grand 9000")
 LEFT_UNTOLD = 0.25
 """Share of the stage's time that may be in none of its steps: a tenth at most sizes."""
 
-LEAST_BYTES, MOST_BYTES = 12, 80
+LEAST_BYTES, MOST_BYTES = 12, 86
 """A pixel's place (x, y) and nearness alone are as many as the least."""
 
 

@@ -99,7 +99,7 @@ def test_probes_are_anywhere_in_their_tiles_with_the_same_chance():
     sums, drawn = [], np.zeros(warped.shape)
     for seed in range(400):
         probes = place_random_probes(warped, spacing=8, seed=seed)
-        np.testing.assert_array_equal(probes.weight, probes.tile_sum(warped))
+        np.testing.assert_allclose(probes.weight, probes.tile_sum(warped))
         sums.append((probes.weight * picture[probes.rows, probes.columns]).sum())
         drawn += probes.mask * probes.over_pixels(probes.weight, 0.0)
     assert np.mean(sums) == pytest.approx(picture[warped].sum(), abs=4.0 * np.std(sums) / np.sqrt(len(sums)))

@@ -40,6 +40,22 @@ def measured_noise_ratio(ours: NDArray, renders: NDArray, *, where: NDArray[np.b
     return math.sqrt(error / (2.0 * variance))
 
 
+def measured_honest_ratio(
+    ours: NDArray, renders: NDArray, variance_share: NDArray, *, where: NDArray[np.bool_] | None = None
+) -> float:
+    """`metrics.honest_ratio` of ours (H, W, 3), over all the plain `renders` (N, H, W, 3) and all pairs of them.
+
+    variance_share (H, W) is that of the frame. With m the mean of N renders and v their variance, (ours - m)^2 has the
+    mean bias^2 + share v + v / N. Only pixels in `where` (H, W) count.
+    """
+    where = np.ones(ours.shape[:2], bool) if where is None else where
+    plain = tone(renders)[:, where].astype(np.float64)
+    variance = plain.var(axis=0, ddof=1)
+    expected = (variance_share[where][:, None] + 1.0 / len(plain)) * variance
+    squared = np.mean((tone(ours)[where] - plain.mean(axis=0)) ** 2 - expected)
+    return math.sqrt(max(1.0 + 0.5 * squared / variance.mean(), 0.0))
+
+
 def plain_renders(
     scene: bpy.types.Scene, folder: Path, *, view: str = TARGET, seeds: tuple[int, ...] = PLAIN_SEEDS
 ) -> NDArray[np.float32]:

@@ -16,7 +16,14 @@ from stereo_reproject.pipeline.frame import StereoFrame
 from stereo_reproject.settings.accuracy import SETTINGS
 from tests.blender.toolbox import colour
 from tests.render import hard_scenes
-from tests.render.ruler import TARGET, measured_noise_ratio, on_screen, plain_renders, render_frame
+from tests.render.ruler import (
+    TARGET,
+    measured_honest_ratio,
+    measured_noise_ratio,
+    on_screen,
+    plain_renders,
+    render_frame,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -26,9 +33,13 @@ FRAME_SLACK = 0.05
 REGION_SLACK = 0.05
 """The same, where the effect is: the ruler has a third of the frame's pixels there."""
 
-REST_TRACED = {"balanced": 0.2, "high": 0.3}
+REST_TRACED = {"balanced": 0.35, "high": 0.5}
 """Share of what shows no effect that may be traced: probes, silhouettes, which "high" has twice as wide, and tiles that
-reach beyond the effect: each is 8 of the frame's 240 pixels wide, and judged by those around it."""
+reach beyond the effect: each is 8 of the frame's 240 pixels wide, and judged by those around it. Of so few probes a loud
+one costs many tiles since the promise gives no credit for smoothed noise: by that it was 0.2 and 0.3."""
+
+ALWAYS_RIGHT = {"mirror"}
+"""Effects that the warp itself gets right: what a flat mirror shows is warped by where its image stands."""
 
 SAME_AS_RENDERED = 1.05
 """Noise ratio of what shows no effect; warping takes some noise away, which makes it less than 1."""
@@ -70,6 +81,7 @@ PROMISING = ("balanced", "high")
 class Case:
     """region (H, W) is where the effect is seen; renders (N, H, W, 3) are the plain ones of the target eye."""
 
+    name: str
     region: np.ndarray
     renders: np.ndarray
     frames: dict[str, StereoFrame]
@@ -94,16 +106,20 @@ def case(request, tmp_path_factory):
     renders = plain_renders(scene, folder)
     # Said and not left to what was measured: a frame of this size may be as cheap to render whole.
     frames = {accuracy: render_frame(scene, folder, accuracy=accuracy, fill="packed") for accuracy in KINDS}
-    return Case(region, renders, frames)
+    return Case(str(request.param), region, renders, frames)
 
 
 def test_a_draft_is_wrong_where_the_effect_is(case):
     """By more than is allowed, else nothing below could fail."""
-    assert case.ratio("draft", case.region) > case.allowed("balanced")
+    wrong = case.ratio("draft", case.region) > case.allowed("balanced")
+    assert wrong == (case.name not in ALWAYS_RIGHT)
 
 
 @pytest.mark.parametrize("accuracy", PROMISING)
 def test_the_frame_keeps_its_promise(case, accuracy):
+    ours, frame = colour(case.frames[accuracy].eyes[TARGET]), case.frames[accuracy]
+    honest = measured_honest_ratio(ours, case.renders, frame.variance_share)
+    assert honest <= SETTINGS[accuracy].promise + FRAME_SLACK
     assert case.ratio(accuracy) <= SETTINGS[accuracy].promise + FRAME_SLACK
 
 

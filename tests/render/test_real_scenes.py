@@ -83,9 +83,10 @@ def test_the_mirror_of_a_bathroom_is_put_right(shared_scenes, tmp_path):
         settings = ["--fill", "packed", "--accuracy", accuracy]
         report = render(shared_scenes, "bathroom", tmp_path / accuracy, *options, *settings)
         ratios[accuracy] = report["compare"]["noise_ratio"]
-    assert ratios["draft"] > MIRROR_NOISE_RATIO
-    assert ratios["balanced"] <= MIRROR_NOISE_RATIO
-    assert report["fractions"]["rerendered"] < 0.5
+    # Warped by where its image stands, it is right before anything is traced for it.
+    assert max(ratios.values()) <= MIRROR_NOISE_RATIO
+    assert report["compare"]["honest_ratio"] <= MIRROR_NOISE_RATIO
+    assert report["fractions"]["rerendered"] < 0.3
     assert report["estimate"]["low"] <= report["estimate"]["noise_ratio"] <= report["estimate"]["high"]
 
 
