@@ -110,7 +110,7 @@ def test_refined_tiles_are_no_less_noisy_than_a_render():
     assert not after.smoothed_noise[chosen].any()
     # All pixels of these tiles tell what was wrong: (1.5 SIGMA)^2 of each, and neither more nor less for its noise.
     known = after.excess[chosen].sum() / after.pixels[chosen].sum()
-    assert known == pytest.approx((1.5 * SIGMA) ** 2, rel=0.05)
+    assert known == pytest.approx((1.5 * SIGMA) ** 2, rel=0.08)
 
 
 @pytest.mark.parametrize("sigmas", [0.0, 1.2])
@@ -141,7 +141,8 @@ def test_wrong_tiles_are_told_as_a_comparison_finds_them():
     measured = frame.measured()
     share = 64 * 240 / (SIZE[0] * SIZE[1])
     assert metrics.wrong_tiles(frame.warped, frame.traced(), frame.traced()) == pytest.approx(share, abs=0.005)
-    assert wrong_tiles(measured) == pytest.approx(share, abs=0.06)
+    # The tiles around are told to be wrong too, as each is judged by its neighbours.
+    assert share <= wrong_tiles(measured) <= share + 0.08
     assert wrong_tiles(Frame().measured()) == 0.0
     # An honest ratio of 1.46 is not twice a render's.
     assert wrong_tiles(Frame(1.5, part=np.s_[64:128, 96:336]).measured()) < 0.01

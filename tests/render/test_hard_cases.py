@@ -35,8 +35,8 @@ REGION_SLACK = 0.05
 
 REST_TRACED = {"balanced": 0.35, "high": 0.5}
 """Share of what shows no effect that may be traced: probes, silhouettes, which "high" has twice as wide, and tiles that
-reach beyond the effect: each is 8 of the frame's 240 pixels wide, and judged by those around it. Of so few probes a loud
-one costs many tiles since the promise gives no credit for smoothed noise: by that it was 0.2 and 0.3."""
+reach beyond the effect: each is 8 of the frame's 240 pixels wide, and judged by those around it. With so few probes a
+loud one costs many tiles, since the promise gives no credit for smoothed noise: with that it was 0.2 and 0.3."""
 
 ALWAYS_RIGHT = {"mirror"}
 """Effects that the warp itself gets right: what a flat mirror shows is warped by where its image stands."""
