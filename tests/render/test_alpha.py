@@ -70,4 +70,5 @@ def test_alpha_is_within_the_noise_of_plain_renders(scene, tmp_path, subject, pe
     assert noise_ratio(ours, reference, again) < PROMISE
     warped = ~frame.traced
     off, noise = (np.abs(picture - reference)[..., 3] for picture in (ours, again))
-    assert off[warped].max() < max(noise.max(), VISIBLE_ALPHA)
+    # Beside an edge two standard deviations of noise are allowed, and a plain render's largest difference is some four.
+    assert off[warped].max() < max(1.5 * noise.max(), VISIBLE_ALPHA)
