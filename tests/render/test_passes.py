@@ -113,7 +113,7 @@ def test_both_eyes_have_all_passes_and_no_other(pair):
             assert ours[name].shape == image.shape, name
             assert ours[name].dtype == np.float32
     assert {*AOVS, f"Combined_{LIGHT_GROUP.replace('.', '_')}", "CryptoAsset02", "Vector"} <= set(ours)
-    assert 0.05 < pair.traced.mean() < 0.6
+    assert 0.05 < pair.traced.mean() < 0.7
 
 
 def test_the_source_eye_is_multiview_s_own_to_the_bit(pair):
