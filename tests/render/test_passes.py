@@ -81,7 +81,9 @@ class Pair:
         change(scene)
         with working_scene(scene, SceneOverrides()) as working:
             renderer = BlenderRenderer(working, folder, user_scene=scene)
-            self.frame = render_stereo_frame(renderer, StereoSettings(fill=fill))
+            # A card's probes are few: in so small a picture they are sure of little, and the default traces nearly all.
+            accuracy = "preview" if fill == "card" else "balanced"
+            self.frame = render_stereo_frame(renderer, StereoSettings(fill=fill, accuracy=accuracy))
         self.after = (scene.frame_current, scene.camera.location.copy())
         self.plain = render_plain(scene, folder, seed=scene.cycles.seed)
         self.again = render_plain(scene, folder, seed=77)
@@ -113,7 +115,7 @@ def test_both_eyes_have_all_passes_and_no_other(pair):
             assert ours[name].shape == image.shape, name
             assert ours[name].dtype == np.float32
     assert {*AOVS, f"Combined_{LIGHT_GROUP.replace('.', '_')}", "CryptoAsset02", "Vector"} <= set(ours)
-    assert 0.05 < pair.traced.mean() < 0.7
+    assert 0.05 < pair.traced.mean() < 0.85
 
 
 def test_the_source_eye_is_multiview_s_own_to_the_bit(pair):
