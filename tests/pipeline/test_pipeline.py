@@ -733,10 +733,10 @@ def test_draft_has_no_probes():
     assert frame.refinement.estimate is None
 
 
-ELSEWHERE = {"packed": 0.1, "card": 0.6}
+ELSEWHERE = {"packed": 0.2, "card": 0.6}
 """Share of the picture beside the sphere that is traced with it, in whole tiles: a card's are 24 pixels wide, which is
 a quarter of this picture's height, and each is judged by those around it. Edges that are left warped are among what
-probes find in them."""
+probes find in them; and of some 300 probes a loud one costs tiles elsewhere, since no credit is given for smoothing."""
 
 
 @pytest.mark.parametrize("method", ["packed", "card"])
