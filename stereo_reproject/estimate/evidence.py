@@ -249,8 +249,7 @@ class RefinedTiles:
 
     tiles (N,) are set for them; pixels (H, W) were traced; warped and traced (H, W, >= 3) are the scene-linear colours
     of the picture before and after. variance_share, (H, W) or one for all, is the share of a pixel's variance that the
-    lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone;
-    None without any.
+    lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone; None without any.
     """
 
     tiles: NDArray[np.bool_]

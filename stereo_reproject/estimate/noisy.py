@@ -31,7 +31,8 @@ class NoisyEstimator:
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W)."""
+        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
+        is contrast."""
         return place_random_probes(warped, spacing=spacing, seed=seed, contrast=self.contrast)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:

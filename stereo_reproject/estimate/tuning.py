@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class EstimateTuning:
-    """Numbers by which probes are heard and believed, and tiles are chosen.
+    """Numbers by which probes are placed, heard and believed, and tiles are chosen.
 
     Distances in tiles count tiles each way; sigmas are standard errors; excess is relative to the frame's noise.
     """
 
-    # How much each probe may say
+    # Where probes are, and how much each may say
     even_probe_chance: float = 0.5
     """Share of a probe's chance that is spread evenly over its tile, so that no pixel stands for more than the rest
     allows. Varied by `make spending`, where it buys next to nothing; in a small picture half of which shows glass, with

@@ -67,9 +67,8 @@ class SourceEdges:
 
     band (H, W): pixels so near a depth edge that their colour may mix its two sides. contrasting (H, W): those of them
     beside an edge of high contrast. unusable (H, W): those of them whose colour is mixed, and pixels with something
-    thin before the surface that their depth tells of. max_weight: share of
-    a lookup's weight that unusable pixels may have in a target pixel that is not traced. left_out: True where they are
-    then left out of the lookup.
+    thin before the surface that their depth tells of. max_weight: share of a lookup's weight that unusable pixels may
+    have in a target pixel that is not traced. left_out: True where they are then left out of the lookup.
     """
 
     band: NDArray[np.bool_]

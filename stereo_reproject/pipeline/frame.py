@@ -91,8 +91,8 @@ class StereoFrame:
     eyes has the passes by view name. reasons (H, W) are the target's `Reason` flags; traced (H, W) are the pixels that
     were traced, which are more than those with a reason where a full render was the cheapest. variance_share (H, W) is
     the variance of each target pixel, as a share of that of a plain render's: 1 in a denoised picture. grid is the
-    source's.
-    fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in `TargetTracing`.
+    source's. fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in
+    `TargetTracing`.
     seconds are by stage, and in total; source_cost is that of the source render. effect_costs are by effect;
     next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
     number. metadata is the renderer's. correction is how far traced pixels were moved to match a source of another
@@ -156,10 +156,9 @@ class _Source:
     """The rendered source eye, ready to be warped.
 
     rendered has its passes, with the denoised colour where the scene denoises; seen is the same view with its light
-    multiplied by light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the
-    pixels that were no number, where rendered has 0. denoising is None where the scene does not denoise. accuracy is
-    that of the frame, adapted to its size and to denoising. needs_probes: whether something may look different from
-    each eye.
+    multiplied by light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the pixels that were
+    no number, where rendered has 0. denoising is None where the scene does not denoise. accuracy is that of the frame,
+    adapted to its size and to denoising. needs_probes: whether something may look different from each eye.
     """
 
     rendered: RenderedView
