@@ -79,20 +79,20 @@ def remaining_noise(source: Passes, denoise: Denoise) -> float:
 
     source has NOISY_PASS and the denoised COLOUR_PASS. The share is measured without a second render, by the wild
     bootstrap (Wu, 1986): in a few windows of the picture the noise gets a random sign in each pixel, and the window is
-    denoised once more. The difference from the first denoised colours is the noise that denoising leaves.
+    denoised once more; and that twice, with other signs. The two differ by the noise that denoising leaves, and by
+    nothing else: from the first denoised colours each also differs by what the denoiser takes away the second time.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
     needed = {COLOUR_PASS: source[COLOUR_PASS], **denoiser_inputs(source)}
     pictures = [{name: np.ascontiguousarray(image[window]) for name, image in needed.items()} for window in windows]
     coins = np.random.default_rng(0)
+    tossed = [_with_random_signs(picture, coins) for picture in pictures for _ in range(2)]
+    denoised = denoise(tossed)
     before, after = 0.0, 0.0
-    for picture, again in zip(
-        pictures, denoise([_with_random_signs(picture, coins) for picture in pictures]), strict=True
-    ):
-        clean = picture[COLOUR_PASS]
-        inner = _inner(clean.shape[:2])
-        before += squared_error(picture[NOISY_PASS], clean)[inner].sum()
-        after += squared_error(again, clean)[inner].sum()
+    for picture, once, again in zip(pictures, denoised[::2], denoised[1::2], strict=True):
+        inner = _inner(picture[COLOUR_PASS].shape[:2])
+        before += squared_error(picture[NOISY_PASS], picture[COLOUR_PASS])[inner].sum()
+        after += squared_error(once, again)[inner].sum() / 2.0
     return float(np.clip(after / before, TUNING.min_remaining_noise, 1.0)) if before > 0.0 else 1.0
 
 

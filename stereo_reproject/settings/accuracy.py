@@ -54,13 +54,13 @@ SETTINGS: dict[str, Accuracy] = {
     "preview": Accuracy(
         silhouette_step=0.5, silhouette_radius=1, colour_tolerance=3.0, promise=1.25, probe_spacing=18, tile_limit=3.0
     ),
-    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=2.0, promise=1.1),
+    "balanced": Accuracy(silhouette_step=0.25, silhouette_radius=1, colour_tolerance=2.0, promise=1.1, tile_limit=1.5),
     "high": Accuracy(
         silhouette_step=0.15,
         silhouette_radius=2,
         colour_tolerance=1.0,
         promise=1.05,
-        tile_limit=1.5,
+        tile_limit=1.35,
         unseen_steps=0.5,
     ),
     "exact": Accuracy(
@@ -100,8 +100,8 @@ def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
     """Return the accuracy for a denoised picture, to be applied after `for_size`. Errors are seen more easily there, so
-    that tiles are smaller and probes more; the limit for one tile is wider, because the estimate is noisier."""
+    that tiles are smaller and probes more, and all pixels beside an edge are traced; the limit for one tile is wider,
+    because the estimate is noisier."""
     spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), TUNING.min_denoised_spacing_px)
     limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
-    tolerance = TUNING.denoised_tolerance_ratio * accuracy.colour_tolerance
-    return replace(accuracy, probe_spacing=spacing, tile_limit=limit, colour_tolerance=tolerance)
+    return replace(accuracy, probe_spacing=spacing, tile_limit=limit, colour_tolerance=0.0)

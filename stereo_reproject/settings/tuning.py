@@ -28,11 +28,6 @@ class SettingsTuning:
     """Least side of a probe's tile in a denoised picture. Chosen: with 6 pixels the probes cost a twentieth of a render
     already."""
 
-    denoised_tolerance_ratio: float = 0.25
-    """Error of a pixel at an edge left untraced in a denoised picture over that in a noisy one, each in standard
-    deviations of its noise. Measured on classroom at 960 x 540 with 64 samples: the honest ratio is 1.119 in place of
-    1.123, for the same number of pixels."""
-
     denoised_limit_ratio: float = 1.5
     """Limit of a tile's honest ratio in a denoised picture over that in a noisy one. Chosen: there the noise of the
     estimate is about seven times as large, and the picture's own can hardly be seen."""

@@ -96,7 +96,7 @@ KNOBS = (
     Knob("frame_reach_tiles", (1, 2, 3)),
     Knob("even_probe_chance", (1.0, 0.5, 0.2)),
     Knob("promise_margin_sigmas", (0.0, 0.5, 1.0)),
-    Knob("tile_limit", (1.5, 2.0, 3.0)),
+    Knob("tile_limit", (1.25, 1.5, 2.0)),
     Knob("max_flagged_weight", (0.005, 0.02, 0.1)),
     Knob("isolated_share", (0.2, 1.0 / 3.0, 0.5)),
 )

@@ -77,18 +77,18 @@ def test_what_ships_is_among_what_is_tried(knob):
 
 
 def test_the_table_has_means_over_scenes_and_seeds_and_marks_what_ships():
-    knob = Knob("tile_limit", (1, 2.0))
+    knob = Knob("tile_limit", (1, 1.5))
     outcomes = [
         Outcome("a", "tile_limit", 1, 1, traced=0.1, honest=1.0, noise=0.9, worst=1.2, wrong=0.0, estimate=0.9),
         Outcome("b", "tile_limit", 1, 2, traced=0.3, honest=1.1, noise=1.0, worst=1.4, wrong=0.01, estimate=1.1),
-        Outcome("a", "tile_limit", 2.0, 1, traced=1.0, honest=1.0, noise=1.0, worst=1.1, wrong=0.0, estimate=1.0),
+        Outcome("a", "tile_limit", 1.5, 1, traced=1.0, honest=1.0, noise=1.0, worst=1.1, wrong=0.0, estimate=1.0),
         Outcome("a", "WIDTH", 1, 1, traced=9.0, honest=9.0, noise=9.0, worst=9.0, wrong=0.9, estimate=9.0),
     ]
     head, rule, *rows = table(outcomes, [knob]).splitlines()
     assert {line.count("|") for line in (head, rule, *rows)} == {12}
     assert rows == [
         "| `tile_limit` | 1 | 20.0 % | 0 of 2 | 1.050 | 1.100 | 0.950 | 1.30 | 0.5 % | 1.000 | 0.071 |",
-        "| `tile_limit` | **2** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.000 | 1.10 | 0.0 % | 1.000 | 0.000 |",
+        "| `tile_limit` | **1.5** | 100.0 % | 1 of 1 | 1.000 | 1.000 | 1.000 | 1.10 | 0.0 % | 1.000 | 0.000 |",
     ]
 
 
