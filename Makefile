@@ -5,7 +5,7 @@
 # make lint       ruff and pyright
 # make extension  the zips to install in Blender, into dist/
 # make bench      what a pair costs by every method, over scenes, sizes and a camera path (SCENES=folder); hours, and goes
-#                 on where it was interrupted. BENCH_OPTIONS=--quick: the demo scene alone, in five minutes
+#                 on where it was interrupted. BENCH_OPTIONS=--quick: the Cornell box alone, in five minutes
 # make coverage   how often the estimate's interval holds the truth, in scenes of others (SCENES=folder); some 20 minutes
 # make spending   what the numbers of probes and refinement are worth, one changed at a time (SCENES=folder); some minutes
 # make hostile    try to break it, in some 3200 ways (docs/reliability.md); HOSTILE_OPTIONS="options --match size" for
@@ -21,8 +21,8 @@ VENV ?= .venv
 LINT_VENV ?= .venv-lint
 PYTEST_ARGS ?=
 
-DEMO_SCENE ?= demo/cornell-box/cornell-box.blend
-DEMO_OPTIONS ?= --interocular 0.2 --convergence 6.9 --size 480x480 --samples 32 --compare
+DEMO_SCENE ?= demo/still-life/still-life.blend
+DEMO_OPTIONS ?= --size 640x360 --compare
 DEMO_OUTPUT ?= demo-output
 
 SCENES ?= ../shared/scenes
