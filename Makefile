@@ -22,7 +22,7 @@ LINT_VENV ?= .venv-lint
 PYTEST_ARGS ?=
 
 DEMO_SCENE ?= demo/still-life/still-life.blend
-DEMO_OPTIONS ?= --size 640x360 --compare
+DEMO_OPTIONS ?= --size 960x540 --samples 32 --compare
 DEMO_OUTPUT ?= demo-output
 
 SCENES ?= ../shared/scenes

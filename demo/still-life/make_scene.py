@@ -15,14 +15,15 @@ from collections.abc import Sequence
 import bpy
 from mathutils import Vector
 
-Colour = tuple[float, float, float]
+Triple = tuple[float, float, float]
 Profile = Sequence[tuple[float, float]]
 
 
-def matte(name: str, dark: Colour, light: Colour | None = None, *, scale: Colour = (1.0, 1.0, 1.0), bands: float = 0.0):
+def matte(name: str, dark: Triple, light: Triple | None = None, *, scale: Triple = (1.0, 1.0, 1.0), bands: float = 0.0):
     """Return a diffuse material between two colours (linear RGB), mixed by noise in the object's own space.
 
-    scale stretches the noise by axis; bands (a metre) turns it into stripes across X.
+    scale is that of the noise along each axis. bands, if not 0, is the scale of a wave texture in its place: stripes
+    across X, 20 / 2π × bands of them a metre.
     """
     material = bpy.data.materials.new(name)
     material.use_nodes = True
@@ -84,10 +85,7 @@ def subdivided(made):
 
 
 def turned(name: str, profile: Profile, middle: Sequence[float], material, *, segments: int = 64):
-    """Return what a profile of (radius, height) pairs becomes on a potter's wheel, standing at `middle`.
-
-    segments is the number of its sides.
-    """
+    """Return the surface of revolution, of `segments` sides, of (radius, height) pairs, standing at `middle`."""
     vertices = [
         (radius * math.cos(angle), radius * math.sin(angle), height)
         for radius, height in profile
@@ -104,7 +102,7 @@ def turned(name: str, profile: Profile, middle: Sequence[float], material, *, se
 
 
 def ball(name: str, middle: Sequence[float], radius: float, material, *, flat: float = 0.93):
-    """Return a ball, a little flattened, around `middle`. All balls of one name are the same mesh."""
+    """Return a ball, a little flattened, around `middle`. All of one name share a mesh and its material."""
     if name not in bpy.data.meshes:
         steps = [math.pi * k / 16 for k in range(17)]
         turned(name, [(max(math.sin(a), 1e-3), -math.cos(a)) for a in steps], middle, material, segments=24)
@@ -129,7 +127,7 @@ def twig(points: Sequence[Sequence[float]], material, *, radius: float) -> None:
 
 
 def books() -> None:
-    """Add a stack of three books on the left, and one that leans against it."""
+    """Add a stack of three books on the left."""
     paper = matte("Paper", (0.70, 0.65, 0.53), (0.80, 0.75, 0.63), scale=(1.0, 1.0, 220.0))
     covers = [(0.32, 0.07, 0.05), (0.06, 0.16, 0.26), (0.52, 0.36, 0.10)]
     bottom = 0.0
@@ -179,7 +177,7 @@ def jug(glaze) -> None:
             ball("Blossom", at, dice.uniform(0.007, 0.012), petal, flat=0.8)
 
 
-def candle(clay) -> None:
+def candle_and_cup(clay) -> None:
     """Add a candlestick on the left, behind the books, and a cup in front."""
     turned("Candlestick", [(0.001, 0.0), (0.06, 0.0), (0.058, 0.012), (0.018, 0.03), (0.014, 0.12), (0.022, 0.15),
                            (0.03, 0.165), (0.03, 0.17), (0.001, 0.168)], (-0.16, 0.3, 0.0), clay)  # fmt: skip
@@ -190,7 +188,7 @@ def candle(clay) -> None:
 
 
 def room() -> None:
-    """Add the table, a striped runner on it, the wall behind, and a picture on the wall."""
+    """Add the floor, the table, a striped runner on it, the wall behind, and a picture on the wall."""
     wood = matte("Wood", (0.20, 0.10, 0.045), (0.34, 0.19, 0.09), scale=(2.0, 26.0, 26.0))
     for k in range(5):
         box(f"Plank {k}", (0.0, -0.42 + 0.22 * k, -0.02), (1.9, 0.217, 0.04), wood, bevel=0.003)
@@ -242,7 +240,7 @@ def light() -> None:
 
 
 def camera() -> None:
-    """Add the camera, with the pair's own stereo settings: eyes 65 mm apart, the screen at the bowl."""
+    """Add the camera with its stereo settings: eyes 40 mm apart, zero parallax at the bowl."""
     lens = bpy.data.cameras.new("Camera")
     lens.lens = 40.0
     eye = bpy.data.objects.new("Camera", lens)
@@ -265,13 +263,16 @@ def main(path: str) -> None:
     camera()
     fruit(clay)
     jug(glaze)
-    candle(clay)
+    candle_and_cup(clay)
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.render.resolution_x, scene.render.resolution_y = 960, 540
     scene.cycles.samples, scene.cycles.use_adaptive_sampling, scene.cycles.use_denoising = 64, False, False
+    bpy.context.preferences.filepaths.save_version = 0  # no backup beside it
     bpy.ops.wm.save_as_mainfile(filepath=path, compress=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[-1])
+    if len(sys.argv) != 2:
+        sys.exit("usage: python make_scene.py FILE.blend")
+    main(sys.argv[1])

@@ -79,8 +79,9 @@ def remaining_noise(source: Passes, denoise: Denoise) -> float:
 
     source has NOISY_PASS and the denoised COLOUR_PASS. The share is measured without a second render, by the wild
     bootstrap (Wu, 1986): in a few windows of the picture the noise gets a random sign in each pixel, and the window is
-    denoised once more; and that twice, with other signs. The two differ by the noise that denoising leaves, and by
-    nothing else: from the first denoised colours each also differs by what the denoiser takes away the second time.
+    denoised; this is done twice, with different signs. Half the squared difference of the two is the variance that
+    denoising leaves. The first denoised colours are no reference: denoising again also takes detail from them, which is
+    not noise.
     """
     windows = _windows(source[COLOUR_PASS].shape[:2])
     needed = {COLOUR_PASS: source[COLOUR_PASS], **denoiser_inputs(source)}

@@ -41,11 +41,11 @@ class ImagesTuning:
     By hand, about the width of a tile: with it the edges of tiles no longer show on living-room's floor, and its noise
     ratio falls from 1.137 to 1.128 (docs/production.md)."""
     denoise_window_px: tuple[int, int] = (96, 120)
-    """Height and width of each part of the source that is denoised a second time to measure the noise that is left. By
+    """Height and width of each part of the source that is denoised twice more to measure the noise that is left. By
     hand: without `window_margin_px` on either side, half of the height and more of the width are still read."""
     denoise_windows: tuple[int, int] = (2, 4)
-    """Number of those parts, down and across. By hand; on three scenes the noise that they find to be left is 1.6, 1.2
-    and 0.9 times that between two renders (docs/production.md)."""
+    """Number of those parts, down and across. By hand; on living-room, classroom and bathroom the noise that they find
+    to be left is 0.77, 0.81 and 1.14 times that between two renders (docs/production.md)."""
     window_margin_px: int = 24
     """Pixels along the border of such a part that are not read: the denoiser sees less around them than it does in the
     whole picture. By hand."""

@@ -29,9 +29,9 @@ class Accuracy:
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
     places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of
     the size that `for_size` starts from. tile_limit:
-    honest ratio above which a tile is traced even if the frame as a whole keeps its promise; with 1.5 in place of 2,
-    four glossy scenes at 960 x 540 and 64 samples trace 0.8 % more of an eye in the mean, and glass-vase has an honest
-    ratio of 1.04 in place of 1.08. promises_worst_tiles: True
+    honest ratio above which a tile is traced even if the frame as a whole keeps its promise; 1.5 in place
+    of 2 at `balanced` brings glass-vase at 960 x 540 with 64 samples from 1.077 to 1.046, for 1.7 % of an eye
+    (docs/accuracy.md). promises_worst_tiles: True
     if the worst tiles must not exceed tile_limit either. unseen_steps: standard deviation of noise, in display steps,
     that nobody sees; where the picture has less noise, a tile's error is compared with this much.
     """
@@ -102,8 +102,8 @@ def for_size(accuracy: Accuracy, pixels: int) -> Accuracy:
 
 def for_denoised(accuracy: Accuracy) -> Accuracy:
     """Return the accuracy for a denoised picture, to be applied after `for_size`. Errors are seen more easily there, so
-    that tiles are smaller and probes more, and all pixels beside an edge are traced; the limit for one tile is wider,
-    because the estimate is noisier."""
+    that tiles are smaller and probes more, and all pixels beside an edge are traced (measured on living-room, classroom
+    and bathroom: docs/production.md); the limit for one tile is wider, because the estimate is noisier."""
     spacing = max(round(TUNING.denoised_spacing_ratio * accuracy.probe_spacing), TUNING.min_denoised_spacing_px)
     limit = accuracy.tile_limit if accuracy.promises_worst_tiles else TUNING.denoised_limit_ratio * accuracy.tile_limit
     return replace(accuracy, probe_spacing=spacing, tile_limit=limit, colour_tolerance=0.0)

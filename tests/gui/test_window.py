@@ -2,8 +2,8 @@
 
 BLENDER_WINDOW names the command that starts such a Blender, to which options are added: `blender`, `xvfb-run blender`,
 or whatever makes a window where there is none. Without it these tests are skipped. What they see is left in
-build/gui, pictures included. GUI_SCENE names another .blend than the demo's, GUI_PREVIEW its preview's percentage and
-samples.
+build/gui, pictures included. GUI_SCENE names another .blend than the Cornell box, GUI_PREVIEW its preview's percentage
+and samples.
 """
 
 import json

@@ -50,11 +50,11 @@ HARMLESS = (
     # What the installer and the operators are meant to say.
     r'STATUS Installed "stereo_reproject"',
     r"Info: .*",
-    # The demo scene asks for denoising.
+    # The Cornell box asks for denoising.
     r"(Info: )?Denoising completed",
     # Blender's log of files that it reads and writes.
     r'(\d\d:\d\d\.\d+ +blend +\| )?(Read blend|Writing userprefs|Writing user preferences): ".*".*',
-    # The demo scene was saved by a newer Blender than 4.5, whose editors this one does not know.
+    # The Cornell box was saved by a newer Blender than 4.5, whose editors this one does not know.
     r'Warning: region type \d+ missing in space type "\w+" \(id: \d+\) - removing region',
     r"regiondata free error",
     r"Warning: File written by newer Blender binary \(\d+\.\d+\), expect loss of data!",

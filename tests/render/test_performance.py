@@ -32,7 +32,7 @@ def results_of(folder):
     return json.loads((folder / "results.json").read_text(encoding="utf-8"))
 
 
-def test_the_demo_scene_is_measured_and_an_analysis_goes_on(tmp_path):
+def test_the_cornell_box_is_measured_and_an_analysis_goes_on(tmp_path):
     quick = ["--quick", "--output", tmp_path, "--sizes", "64x36", "--frames", "1-2"]
     theirs = [tmp_path / folder / "mine.txt" for folder in ("work", "runs", "variants")]
     for file in theirs:

@@ -32,7 +32,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("names", nargs="*", metavar="SCENE", help="only these scenes of the folder")
     parser.add_argument("--scenes", type=Path, metavar="DIR", help="holds NAME/NAME.blend or NAME.blend")
     parser.add_argument("--output", type=_folder, default=OUTPUT, metavar="DIR", help="(%(default)s)")
-    parser.add_argument("--quick", action="store_true", help="the demo scene, small, in five minutes at most")
+    parser.add_argument("--quick", action="store_true", help="the Cornell box, small, in five minutes at most")
     parser.add_argument("--fresh", action="store_true", help="make finished runs again too")
     parser.add_argument("--seconds", type=_seconds, metavar="S", help="begin no run after these")
     parser.add_argument("--parts", nargs="+", choices=Plan().parts, metavar="PART", help=_PARTS)
@@ -44,7 +44,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--turns", type=_count, metavar="N", help="how often each run is made; medians are told")
     parser.add_argument("--accuracy", choices=ACCURACIES, help="of card and packed (balanced)")
     parser.add_argument(
-        "--study", metavar="SCENE", help="of which one thing is varied, and a path is made (the demo's)"
+        "--study", metavar="SCENE", help="of which one thing is varied, and a path is made (the Cornell box)"
     )
     parser.add_argument("--animated", type=Path, metavar="FILE", help="a .blend whose camera moves, in place of a path")
     parser.add_argument(

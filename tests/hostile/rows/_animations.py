@@ -56,7 +56,7 @@ def run_blender(script: str, *arguments: str | Path) -> None:
 
 
 def scene(folder: Path) -> Path:
-    """The demo's scene, without the marks of the clock that Blender puts into pictures."""
+    """The Cornell box, without the marks of the clock that Blender puts into pictures."""
     return shared(folder, "scene", lambda place: run_blender(MAKE_SCENE, DEMO, place / "demo.blend")) / "demo.blend"
 
 
