@@ -11,6 +11,7 @@ import math
 import random
 import sys
 from collections.abc import Sequence
+from functools import partial
 
 import bpy
 from mathutils import Vector
@@ -154,6 +155,14 @@ def fruit(clay) -> None:
         ball("Orange", place, 0.044, peel)
 
 
+def stem_point(foot: Vector, lean: Vector, height: float, t: float) -> Vector:
+    """Return the point of a twig at t, from 0 in the jug that stands at `foot` to 1 at its end.
+
+    lean is how far aside the end is; height is that of the end above the foot.
+    """
+    return foot + lean * t**1.6 + Vector((0.0, 0.0, 0.12 + (height - 0.12) * t))
+
+
 def jug(glaze) -> None:
     """Add a jug with twigs on the right, which end in small blossoms."""
     foot = Vector((0.38, 0.16, 0.0))
@@ -166,14 +175,12 @@ def jug(glaze) -> None:
         angle, lean = dice.uniform(0.0, 2.0 * math.pi), dice.uniform(0.05, 0.22)
         out = Vector((math.cos(angle), math.sin(angle), 0.0))
         height = dice.uniform(0.36, 0.54)
-        points = [
-            foot + out * lean * t**1.6 + Vector((0, 0, 0.12 + (height - 0.12) * t)) for t in (0, 0.3, 0.55, 0.8, 1)
-        ]
-        twig(points, bark, radius=0.0028)
+        stem = partial(stem_point, foot, lean * out, height)
+        twig([stem(t) for t in (0.0, 0.3, 0.55, 0.8, 1.0)], bark, radius=0.0028)
         for _ in range(6):
-            t = dice.uniform(0.55, 1.0)
-            at = foot + out * lean * t**1.6 + Vector((0, 0, 0.12 + (height - 0.12) * t))
-            at += 0.012 * Vector((dice.uniform(-1, 1), dice.uniform(-1, 1), dice.uniform(-1, 1)))
+            at = stem(dice.uniform(0.55, 1.0)) + 0.012 * Vector(
+                (dice.uniform(-1, 1), dice.uniform(-1, 1), dice.uniform(-1, 1))
+            )
             ball("Blossom", at, dice.uniform(0.007, 0.012), petal, flat=0.8)
 
 

@@ -27,13 +27,12 @@ class Accuracy:
     are graded around it. With 0 all pixels beside an edge are traced, whatever they show.
 
     promise: greatest honest ratio of the target (`images.metrics.honest_ratio`), by estimate; None promises nothing and
-    places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of
-    the size that `for_size` starts from. tile_limit:
-    honest ratio above which a tile is traced even if the frame as a whole keeps its promise; 1.5 in place
-    of 2 at `balanced` brings glass-vase at 960 x 540 with 64 samples from 1.077 to 1.046, for 1.7 % of an eye
-    (docs/accuracy.md). promises_worst_tiles: True
-    if the worst tiles must not exceed tile_limit either. unseen_steps: standard deviation of noise, in display steps,
-    that nobody sees; where the picture has less noise, a tile's error is compared with this much.
+    places no probes. probe_spacing: side in pixels of the tiles that have one probe each, in a picture of the size that
+    `for_size` starts from. tile_limit: honest ratio above which a tile is traced even if the frame as a whole keeps its
+    promise; 1.5 in place of 2 at `balanced` brings glass-vase at 960 x 540 with 64 samples from 1.077 to 1.046, for 1.7
+    % of an eye (docs/accuracy.md). promises_worst_tiles: True if the worst tiles must not exceed tile_limit either.
+    unseen_steps: standard deviation of noise, in display steps, that nobody sees; where the picture has less noise, a
+    tile's error is compared with this much.
     """
 
     silhouette_step: float
