@@ -157,6 +157,7 @@ class HoleClassifier:
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
             silhouettes &= ~_within_fur(warped)
         reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
+        reasons[answered & _blurred(warped, accuracy)] |= Reason.DETAIL.bit
         if accuracy.promise is not None:
             for reason, pixels in (target.seen_through_or_blurred(accuracy) | self._volumes(warped)).items():
                 reasons[answered & pixels] |= reason.bit
@@ -208,6 +209,17 @@ class HoleClassifier:
             return {}
         sky = np.isposinf(warped.passes[DEPTH_PASS][..., 0])
         return {Reason.VOLUME: sky & covered_by(self.optics.volumes, self.target.camera, self.optics.lens)}
+
+
+def _blurred(warped: WarpedView, accuracy: Accuracy) -> NDArray[np.bool_]:
+    """Return (H, W) target pixels that a lookup between the source's pixels blurs by more than the accuracy
+    tolerates: where a linear and a cubic lookup differ by so much, either is about as far from the scene."""
+    sharpness = warped.sharpness
+    if sharpness is None:
+        return np.zeros(warped.empty.shape, bool)
+    noise = max(TUNING.indirect_tolerance_share * accuracy.colour_tolerance, TUNING.least_detail_tolerance)
+    unseen = max(TUNING.unseen_detail_share * accuracy.unseen, TUNING.unseen_difference)
+    return sharpness.lost > np.maximum(noise**2 * sharpness.noise, unseen**2)
 
 
 def _strands(passes: Passes) -> NDArray[np.bool_]:

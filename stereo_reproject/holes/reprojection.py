@@ -84,11 +84,11 @@ class JudgedView:
     def variance_share(self) -> NDArray[np.float32]:
         """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept: what is shown in
         flat mirrors was looked up by a map of its own."""
-        warp, cubic = self.warped.warp, self.warped.cubic
-        if cubic is None:
+        warp, sharpness = self.warped.warp, self.warped.sharpness
+        if sharpness is None:
             share = variance_share(warp.x, warp.y, interpolation=self.options.interpolation_of(COLOUR_PASS))
         else:
-            share = mixed_variance_share(warp.x, warp.y, cubic)
+            share = mixed_variance_share(warp.x, warp.y, sharpness.cubic)
         return (
             share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
         )

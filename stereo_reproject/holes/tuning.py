@@ -38,10 +38,19 @@ class HoleTuning:
     and 64 samples, and 2.2 % of its pixels; of a noisy one they are an eighth and 0.8 %."""
     indirect_tolerance_share: float = 0.25
     """Share of an accuracy's colour_tolerance that is allowed where a pixel's own colour cannot tell its error: between
-    the mean colours of two sides, and for the error to be expected beyond a blurred edge. So much was allowed there
+    the mean colours of two sides, for the error to be expected beyond a blurred edge, and for the detail that a lookup
+    blurs. So much was allowed there
     when that was the only rule, for all settings but `high` (0.35 against 0.25 standard deviations now)."""
     unseen_steps: float = 0.25
     """Difference, in display steps (`settings.accuracy.DISPLAY_STEP`), that nobody sees, noise or not. By hand."""
+
+    # Detail.
+    least_detail_tolerance: float = 0.2
+    """Detail, in standard deviations of a single pixel's noise, that may be lost by any accuracy setting. By hand: a
+    picture that has lost as much everywhere has an honest ratio of 1.01, half of what `exact` allows."""
+    unseen_detail_share: float = 0.5
+    """Detail, over the noise that nobody sees by the accuracy in use, that may be lost in a lookup, noise or not. By
+    measurement on a still life, bathroom and classroom: docs/accuracy.md."""
 
     # Thin things.
     thin_step_pixels: float = 0.1

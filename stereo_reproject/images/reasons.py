@@ -25,6 +25,8 @@ class Reason(IntFlag):
     """A volume before the sky."""
     DEFOCUS = 64
     """An edge that is out of focus."""
+    DETAIL = 128
+    """Detail so fine that a lookup between pixels blurs it."""
     REFINED = 256
     """A tile that the probes found to be worse than was promised."""
     PROBE = 512

@@ -11,6 +11,8 @@ if what is left of d² without the noise is what the linear lookup has lost (a W
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,28 +22,49 @@ from .metrics import squared_error, tone
 from .tuning import TUNING
 
 
-def cubic_share(
+@dataclass(frozen=True)
+class Sharpness:
+    """How sharp a picture stays in a lookup between its pixels. All arrays are (h, w), by target pixel.
+
+    cubic is the share, 0 to 1, of the cubic lookup in the best mixture of it and the linear one. lost is the detail
+    that a lookup may lose: the mean square of the difference between both, after `metrics.tone` and without what noise
+    explains of it, over 3 x 3 pixels. noise is the variance that noise gives a single pixel of the source there, after
+    `metrics.tone`.
+    """
+
+    cubic: NDArray[np.float32]
+    lost: NDArray[np.float32]
+    noise: NDArray[np.float32]
+
+
+def sharpness_of(
     colour: NDArray[np.float32],
     linear: NDArray[np.float32],
     cubic: NDArray[np.float32],
     x: NDArray[np.float32],
     y: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """Return the share (h, w), 0 to 1, of the cubic lookup in the best mixture of it and the linear one.
+) -> Sharpness:
+    """Return the sharpness of a picture that was looked up at the positions x, y (h, w), in pixels.
 
-    colour (H, W, >= 3) is the scene-linear picture that was looked up; linear and cubic (h, w, >= 3) are its values at
-    the positions x, y (h, w), in pixels. It is 0 where a position is NaN, and where both lookups are equal all around.
+    colour (H, W, >= 3) is the scene-linear picture; linear and cubic (h, w, >= 3) are its values at these positions.
+    Where a position is NaN nothing is lost, and the cubic share is 0, as it is where both lookups are equal all around.
     """
     known = ~(np.isnan(x) | np.isnan(y))
     variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
     linear_alone, between = (weight_product(x, y, "linear", other) for other in ("linear", "cubic"))
     of_difference = variance_share(x, y, interpolation="cubic") - 2.0 * between + linear_alone
-    lost = np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
-    pixels = np.maximum(box_sum(known, TUNING.sharpness_reach_px), 1.0)
-    lost = np.maximum(box_sum(lost, TUNING.sharpness_reach_px) / pixels, 0.0)
+    beyond_noise = np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
+
+    def lost_within(reach: tuple[int, int]) -> NDArray[np.float64]:
+        """Return the mean (h, w) of what is beyond noise over the known pixels of a window, `reach` pixels each way."""
+        return np.maximum(box_sum(beyond_noise, reach) / np.maximum(box_sum(known, reach), 1.0), 0.0)
+
+    lost = lost_within(TUNING.sharpness_reach_px)
     whole = lost + variance * of_difference
     best = (lost - variance * (between - linear_alone)) / np.where(whole > 0.0, whole, 1.0)
-    return np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0).astype(np.float32)
+    share = np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0)
+    near = np.where(known, lost_within(TUNING.detail_reach_px), 0.0)
+    return Sharpness(share.astype(np.float32), near.astype(np.float32), variance)
 
 
 def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:

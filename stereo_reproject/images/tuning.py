@@ -35,6 +35,11 @@ class ImagesTuning:
     """Pixels, down and across, over which the difference between a cubic and a linear lookup is averaged. By hand: 25
     pixels tell it from noise, and lettering is not much larger."""
 
+    detail_reach_px: tuple[int, int] = (1, 1)
+    """Pixels, down and across, over which that difference is averaged to find pixels that a lookup blurs too much. By
+    measurement on a still life of lettering and cloth: over 5 x 5 pixels more are traced, and a third less of the error
+    is taken away (docs/accuracy.md)."""
+
     # Denoised pictures
     blend_reach_px: int = 6
     """Pixels each way from refined tiles within which warped colours are blended with the target's own denoised ones.

@@ -21,7 +21,7 @@ from ..images.passes import (
     is_essential,
     known_depth,
 )
-from ..images.sharpness import cubic_share
+from ..images.sharpness import Sharpness, sharpness_of
 from ..views.camera import Camera, target_from_source, target_px_from_source_px
 from ..views.view import View
 from .forward import Warp
@@ -39,12 +39,11 @@ name."""
 class PassesSeen:
     """The source's passes (H, W, C) as the target sees them.
 
-    cubic (H, W) is the share, 0 to 1, of the cubic lookup in light that was looked up with the adaptive interpolation;
-    None where nothing was.
+    sharpness is that of the colour where light was looked up with the adaptive interpolation; None where nothing was.
     """
 
     passes: Passes
-    cubic: NDArray[np.float32] | None = None
+    sharpness: Sharpness | None = None
 
 
 def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOptions) -> PassesSeen:
@@ -74,7 +73,7 @@ def passes_seen(
     Depth, position and motion vectors are computed anew. SOURCE_ONLY_PASSES are left out.
     """
     warped: Passes = {}
-    look_up_light, share = _light_lookup(source.passes, warp, look_up, options)
+    look_up_light, sharpness = _light_lookup(source.passes, warp, look_up, options)
     for name, image in source.passes.items():
         if name == DEPTH_PASS:
             warped[name] = seen[..., None]
@@ -86,29 +85,29 @@ def passes_seen(
         elif name not in SOURCE_ONLY_PASSES:
             how = options.interpolation_of(name)
             warped[name] = look_up_light(image) if how == "adaptive" else look_up(image, how)
-    return PassesSeen(warped, share)
+    return PassesSeen(warped, sharpness)
 
 
 def _light_lookup(
     source: Passes, warp: Warp, look_up: LookUp, options: WarpOptions
-) -> tuple[Callable[[NDArray[np.float32]], NDArray[np.float32]], NDArray[np.float32] | None]:
-    """Return the adaptive lookup of a light pass (H, W, C), and the share (h, w) of the cubic one in it.
+) -> tuple[Callable[[NDArray[np.float32]], NDArray[np.float32]], Sharpness | None]:
+    """Return the adaptive lookup of a light pass (H, W, C), and its sharpness for the colour.
 
-    All light has the colour's share, so that its parts still add up. The share is None where the options ask for no
-    adaptive lookup of the colour.
+    All light has the colour's share of the cubic lookup, so that its parts still add up. The sharpness is None where
+    the options ask for no adaptive lookup of the colour.
     """
     if options.interpolation_of(COLOUR_PASS) != "adaptive":
         return lambda image: look_up(image, options.interpolation), None
     colour = source[COLOUR_PASS]
     linear, cubic = look_up(colour, "linear"), look_up(colour, "cubic")
-    share = cubic_share(colour, linear, cubic, warp.x, warp.y)
-    sharp = share[..., None]
+    sharpness = sharpness_of(colour, linear, cubic, warp.x, warp.y)
+    share = sharpness.cubic[..., None]
 
     def mixture(image: NDArray[np.float32]) -> NDArray[np.float32]:
         once, again = (linear, cubic) if image is colour else (look_up(image, "linear"), look_up(image, "cubic"))
-        return (once + sharp * (again - once)).astype(np.float32, copy=False)
+        return (once + share * (again - once)).astype(np.float32, copy=False)
 
-    return mixture, share
+    return mixture, sharpness
 
 
 def _target_position(

@@ -42,7 +42,8 @@ def merge_views(
     without a flag; of those, the one with the smallest expected error. Where errors are nearly equal, the earlier
     source wins. views, flags and sources have one entry for each source, in the same order; the result's map names
     sources by that number. flags (H, W) are the `Reason` flags of pixels for which a view does not answer, at least
-    `WarpedView.empty`. The result has the passes that all views have, the grid of the first one, and no steps.
+    `WarpedView.empty`. The result has the passes that all views have, the grid of the first one, and neither steps nor
+    sharpness.
     """
     if len(views) == 1:
         return views[0]
@@ -54,9 +55,7 @@ def merge_views(
     passes: Passes = {name: of_chosen(index, [view.passes[name] for view in views]) for name in shared}
     by = "gpu" if all(view.by == "gpu" for view in views) else "numpy"
     empty = merged_flags([view.empty for view in views], warp)
-    shares = [view.cubic for view in views if view.cubic is not None]
-    cubic = of_chosen(index, shares) if len(shares) == len(views) else None
-    return replace(views[0], passes=passes, warp=warp, empty=empty, steps=None, cubic=cubic, by=by)
+    return replace(views[0], passes=passes, warp=warp, empty=empty, steps=None, sharpness=None, by=by)
 
 
 def of_chosen(index: NDArray[np.uint8], images: Sequence[NDArray]) -> NDArray:

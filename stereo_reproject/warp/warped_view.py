@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.passes import Passes
+from ..images.sharpness import Sharpness
 from .discontinuities import DepthDiscontinuities
 from .forward import Warp
 from .grid import Grid
@@ -19,9 +20,8 @@ class WarpedView:
 
     grid is the source's; of several sources, the first one's. warp is the map. empty (H, W): `Reason` flags of the
     target pixels on which nothing landed, or only what was not traced in the source. steps: the source's depth
-    discontinuities, where they were found on the way; None of several sources. cubic (H, W): the share, 0 to 1, of the
-    cubic lookup in the light, where that was looked up with the adaptive interpolation. by: "numpy" or "gpu", which
-    warped it.
+    discontinuities, where they were found on the way; None of several sources. sharpness: that of the colour,
+    where light was looked up with the adaptive interpolation; None of several sources. by: "numpy" or "gpu", which warped it.
     """
 
     passes: Passes
@@ -29,5 +29,5 @@ class WarpedView:
     warp: Warp
     empty: NDArray[np.uint16]
     steps: DepthDiscontinuities | None = None
-    cubic: NDArray[np.float32] | None = None
+    sharpness: Sharpness | None = None
     by: str = "numpy"

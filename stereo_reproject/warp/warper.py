@@ -68,7 +68,7 @@ def warp_view(source: RenderedView, target: View, options: WarpOptions = DEFAULT
     cut_right, cut_down = steps.torn()
     warp = forward_warp(depth, camera, target.camera, grid, cut_right=cut_right, cut_down=cut_down)
     seen = warp_passes(source, target, warp, options)
-    return WarpedView(seen.passes, grid, warp, empty_reasons(warp, camera, target.camera), steps, seen.cubic)
+    return WarpedView(seen.passes, grid, warp, empty_reasons(warp, camera, target.camera), steps, seen.sharpness)
 
 
 NUMPY = Warper(warp_view)

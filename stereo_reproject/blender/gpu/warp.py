@@ -128,7 +128,7 @@ def _warp_on_gpu(source: RenderedView, target: View, options: WarpOptions) -> Wa
         seen = passes_seen(source, target, warp, depth, look_up, options)
     finally:
         gpu.shader.unbind()
-    return WarpedView(seen.passes, grid, warp, empty, cubic=seen.cubic, by="gpu")
+    return WarpedView(seen.passes, grid, warp, empty, sharpness=seen.sharpness, by="gpu")
 
 
 def _size(camera: Camera) -> tuple[int, int]:

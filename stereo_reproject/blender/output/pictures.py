@@ -24,6 +24,7 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.VIEW_DEPENDENT: (200, 90, 220),
     Reason.VOLUME: (150, 150, 255),
     Reason.DEFOCUS: (120, 220, 110),
+    Reason.DETAIL: (190, 130, 70),
     Reason.REFINED: (255, 255, 255),
     Reason.PROBE: (255, 150, 190),
     Reason.INVALID: (255, 0, 255),

@@ -1,0 +1,84 @@
+"""Detail that a lookup between pixels blurs: traced where it stands above noise and can be seen."""
+
+import numpy as np
+import pytest
+
+from stereo_reproject.images.metrics import tone, untone
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.views.camera import disparity_per_nearness
+from tests.warp.analytic import stereo_rig
+from tests.warp.pairs import reproject_pair
+
+SIZE = (96, 48)
+WAVE_PX = 3.0
+"""Length of the stripes' waves, in pixels: a lookup halfway between pixels loses much of them."""
+INNER = np.s_[:, 12:-12]
+"""Columns that the source shows, and whose neighbours it shows."""
+
+
+def stripes(columns, contrast):
+    """Colour (H, W, 3), after tone mapping, of upright stripes at these positions of pixel columns."""
+    wave = 0.5 + contrast * np.sin(2.0 * np.pi * columns / WAVE_PX)
+    return np.broadcast_to(wave, SIZE[::-1])[..., None].repeat(3, axis=2)
+
+
+def striped_wall(contrast, *, moved_px, noise=0.0, accuracy="balanced", colour_interpolation="adaptive"):
+    """A wall as the target sees it, `moved_px` pixels aside: its pixels traced for detail, and its error (H, W)."""
+    eyes = stereo_rig(SIZE, mode="parallel", ipd=0.06)
+    depth = disparity_per_nearness(eyes["left"], eyes["right"]) / moved_px
+    columns = np.arange(SIZE[0]) + 0.5
+    toned = stripes(columns, contrast) + np.random.default_rng(4).normal(0.0, noise, (*SIZE[::-1], 3))
+    colour = np.ones((*SIZE[::-1], 4), np.float32)
+    colour[..., :3] = untone(np.clip(toned, 0.01, 0.99))
+    passes = {COLOUR_PASS: colour, DEPTH_PASS: np.full((*SIZE[::-1], 1), depth, np.float32)}
+    result = reproject_pair(
+        passes,
+        eyes["left"],
+        eyes["right"],
+        accuracy=SETTINGS[accuracy],
+        invalid=np.zeros(SIZE[::-1], bool),
+        colour_interpolation=colour_interpolation,
+    )
+    error = tone(result.passes[COLOUR_PASS][..., :3]) - stripes(columns + moved_px, contrast)
+    return ((result.reasons & Reason.DETAIL.bit) > 0)[INNER], np.sqrt(np.mean(error**2, axis=-1))[INNER]
+
+
+def test_what_a_lookup_halfway_between_pixels_blurs_is_traced():
+    traced, error = striped_wall(0.1, moved_px=2.5)
+    assert traced.all()
+    assert error.max() > 2.0 / 255.0
+
+
+def test_where_pixels_fall_on_pixels_nothing_is_lost():
+    traced, error = striped_wall(0.1, moved_px=3.0)
+    assert not traced.any()
+    assert error.max() < 0.5 / 255.0
+
+
+def test_stripes_that_nobody_sees_are_left_alone():
+    traced, error = striped_wall(0.003, moved_px=2.5)
+    assert not traced.any()
+    assert error.max() < 1.0 / 255.0
+
+
+@pytest.mark.parametrize("contrast", [0.0, 0.01])
+def test_noise_is_no_detail_and_hides_it(contrast):
+    traced, _ = striped_wall(contrast, moved_px=2.5, noise=0.05)
+    assert traced.mean() < 0.02
+
+
+def test_the_stricter_an_accuracy_the_more_is_traced():
+    shares = [
+        striped_wall(0.05, moved_px=2.5, noise=0.02, accuracy=name)[0].mean()
+        for name in ("preview", "balanced", "high", "exact")
+    ]
+    assert shares == sorted(shares)
+    assert shares[-1] > shares[0] + 0.2
+
+
+def test_a_lookup_that_was_asked_for_is_left_as_it_is():
+    for how in ("linear", "cubic"):
+        traced, _ = striped_wall(0.1, moved_px=2.5, colour_interpolation=how)
+        assert not traced.any()
