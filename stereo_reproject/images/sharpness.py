@@ -24,7 +24,7 @@ from .tuning import TUNING
 
 @dataclass(frozen=True)
 class Sharpness:
-    """How sharp a picture stays in a lookup between its pixels. All arrays are (h, w), by target pixel.
+    """Sharpness of a picture that was looked up between its pixels. All arrays are (h, w), by target pixel.
 
     cubic is the share, 0 to 1, of the cubic lookup in the best mixture of it and the linear one. lost is the detail
     that a lookup may lose: the mean square of the difference between both, after `metrics.tone` and without what noise
