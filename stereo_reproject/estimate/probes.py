@@ -82,9 +82,7 @@ class Probes:
 
         Pixels of tiles without a probe get `elsewhere`.
         """
-        tiles = self.on_grid(values, elsewhere)
-        height, width = self.shape
-        return np.repeat(np.repeat(tiles, self.spacing, axis=0), self.spacing, axis=1)[:height, :width]
+        return _over_tiles(self.on_grid(values, elsewhere), self.spacing, self.shape)
 
     def pixels_of(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return (H, W) all pixels of the tiles whose probes are set in `chosen` (N,)."""
@@ -100,18 +98,18 @@ def place_random_probes(
     With contrast, a share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to
     the contrast's signal, where an error would show; without, all pixels have the same chance.
     """
-    rows, columns = np.nonzero(warped)
-    tiles = rows // spacing, columns // spacing
-    chance = 1.0 / _tile_sums(warped, spacing)[tiles] if rows.size else np.zeros(0)
+    even = _over_tiles(1.0 / np.maximum(_tile_sums(warped, spacing), 1.0), spacing, warped.shape)
+    chance = even
     if contrast is not None:
         signal = np.where(warped, contrast.signal, 0.0)
-        total = _tile_sums(signal, spacing)[tiles]
-        uneven = signal[rows, columns] / np.where(total > 0.0, total, 1.0)
+        total = _over_tiles(_tile_sums(signal, spacing), spacing, warped.shape)
         share = TUNING.even_probe_chance
-        chance = np.where(total > 0.0, share * chance + (1.0 - share) * uneven, chance)
+        uneven = signal / np.where(total > 0.0, total, 1.0)
+        chance = np.where(total > 0.0, share * even + (1.0 - share) * uneven, even)
     # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
-    order = np.argsort(-(np.log(chance) + np.random.default_rng(seed).gumbel(size=chance.size)), kind="stable")
-    return _first_of_tiles(warped, order, spacing, chance)
+    rank = np.full(warped.shape, -np.inf)
+    rank[warped] = np.log(chance[warped]) + np.random.default_rng(seed).gumbel(size=int(warped.sum()))
+    return _first_of_tiles(warped, rank, spacing, chance)
 
 
 def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -121,27 +119,40 @@ def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) 
     small picture, which can be denoised.
     """
     place = np.random.default_rng(seed).integers(0, spacing, 2)
-    rows, columns = np.nonzero(warped)
-    apart = (rows % spacing - place[0]) ** 2 + (columns % spacing - place[1]) ** 2
-    return _first_of_tiles(warped, np.argsort(apart, kind="stable"), spacing)
+    down, across = (np.arange(size) % spacing - at for size, at in zip(warped.shape, place, strict=True))
+    nearness = -(down[:, None] ** 2 + across**2).astype(np.float64)
+    return _first_of_tiles(warped, np.where(warped, nearness, -np.inf), spacing)
 
 
 def _first_of_tiles(
-    warped: NDArray[np.bool_], order: NDArray[np.intp], spacing: int, chance: NDArray | None = None
+    warped: NDArray[np.bool_], rank: NDArray[np.float64], spacing: int, chance: NDArray[np.float64] | None = None
 ) -> Probes:
-    """Return one probe for each tile of `spacing` pixels: that of its pixels which comes first in `order`.
+    """Return one probe for each tile of `spacing` pixels: that of its pixels which has the highest rank (H, W), of
+    several the first row by row. Pixels not set in `warped` (H, W) have -inf as their rank.
 
-    order (P,) has the numbers of the P set pixels of `warped` (H, W), counted row by row. A probe stands for one over
-    the chance (P,) with which its pixel was drawn; None: for all of its tile's set pixels.
+    A probe stands for one over the chance (H, W) with which its pixel was drawn; None: for all of its tile's set
+    pixels.
     """
     height, width = warped.shape
-    rows, columns = np.nonzero(warped)
-    tiles = rows // spacing * -(-width // spacing) + columns // spacing
-    _, first, pixels = np.unique(tiles[order], return_index=True, return_counts=True)
-    in_order = np.argsort(order[first])
-    chosen = order[first][in_order]
-    weight = pixels[in_order].astype(np.float64) if chance is None else 1.0 / chance[chosen]
-    return Probes(rows[chosen], columns[chosen], weight, spacing, (height, width))
+    across = -(-width // spacing)
+    best = np.full((-(-height // spacing) * spacing, across * spacing), -np.inf)
+    best[:height, :width] = rank
+    by_tile = best.reshape(-1, spacing, across, spacing).transpose(0, 2, 1, 3).reshape(-1, spacing**2)
+    within = by_tile.argmax(axis=1)
+    tiles = np.flatnonzero(np.isfinite(by_tile[np.arange(within.size), within]))
+    down, right = np.divmod(within[tiles], spacing)
+    rows, columns = tiles // across * spacing + down, tiles % across * spacing + right
+    in_order = np.lexsort((columns, rows))
+    rows, columns = rows[in_order], columns[in_order]
+    pixels = _tile_sums(warped, spacing)[rows // spacing, columns // spacing]
+    return Probes(rows, columns, pixels if chance is None else 1.0 / chance[rows, columns], spacing, (height, width))
+
+
+def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArray:
+    """Return values (R, C, ...) of tiles of `spacing` pixels, spread over all pixels of a picture of this shape (H,
+    W)."""
+    height, width = shape
+    return np.repeat(np.repeat(values, spacing, axis=0), spacing, axis=1)[:height, :width]
 
 
 def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:

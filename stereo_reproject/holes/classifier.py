@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.contrast import contrast_of, gradient_of
+from ..images.contrast import contrast_of, gradient_of, window_reach
 from ..images.effects import Effect
 from ..images.effects_pass import shows
 from ..images.lookup import lookup_without, touches
-from ..images.masks import dilate, opened
+from ..images.masks import box_around, dilate, opened
 from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
@@ -291,7 +291,9 @@ class _TargetEdges:
         blurred, through = bool(self._lens.aperture), bool(glass.any())
         if not (blurred or through):
             return {}
-        colour, covered = self._passes[COLOUR_PASS], self._warp.covered
+        # Of a picture that is sharp all over, what is around glass is enough to know.
+        box = np.s_[:, :] if blurred else box_around(glass, window_reach())
+        colour, covered = self._passes[COLOUR_PASS][box], self._warp.covered[box]
         gradient, contrast = gradient_of(colour, covered), contrast_of(colour, covered)
         result = {}
         if blurred:
@@ -301,8 +303,12 @@ class _TargetEdges:
                 self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
             )
         if through and self._is_perspective:
+            known = np.isfinite(self._disparity)
+            farthest = float(np.min(self._disparity, where=known, initial=np.inf))
             limit, unseen = accuracy.tile_limit, accuracy.unseen
-            result[Reason.TRANSPARENT] = transmission_parallax(
-                glass, self._disparity, gradient, contrast, limit=limit, unseen=unseen
+            off = np.zeros_like(glass)
+            off[box] = transmission_parallax(
+                glass[box], self._disparity[box] - farthest, gradient, contrast, limit=limit, unseen=unseen
             )
+            result[Reason.TRANSPARENT] = off
         return result

@@ -56,6 +56,9 @@ def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.f
         share = np.ones_like(x[rows], np.float32)
         for at in (y, x):
             _, t = _split(at[rows])
+            # On pixel centres all kernels take one pixel alone, as they do down the rows of a rectified pair.
+            if not np.any(t > 0.0):
+                continue
             share *= sum(a * b for a, b in zip(kernels[one](t), kernels[other](t), strict=True))
         result[rows] = np.where(np.isnan(share), np.float32(1.0), share)
     return result

@@ -1,4 +1,4 @@
-"""Masks of pixels: counted in a neighbourhood, and widened."""
+"""Masks of pixels: counted in a neighbourhood, widened, and boxed."""
 
 from __future__ import annotations
 
@@ -40,3 +40,15 @@ def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 
             grown[tuple(behind)] |= result[tuple(ahead)]
         result = grown
     return result
+
+
+def box_around(mask: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
+    """Return the rows and the columns of the smallest box that holds all set pixels of a mask (H, W) and `margin`
+    pixels more each way, as far as the picture reaches. The box of a mask without any is empty."""
+    box: list[slice] = []
+    for axis, size in enumerate(mask.shape):
+        set_there = np.flatnonzero(mask.any(axis=1 - axis))
+        box.append(
+            slice(max(set_there[0] - margin, 0), min(set_there[-1] + margin + 1, size)) if set_there.size else slice(0)
+        )
+    return box[0], box[1]

@@ -20,8 +20,8 @@ class WarpedView:
 
     grid is the source's; of several sources, the first one's. warp is the map. empty (H, W): `Reason` flags of the
     target pixels on which nothing landed, or only what was not traced in the source. steps: the source's depth
-    discontinuities, where they were found on the way; None of several sources. sharpness: that of the colour,
-    where light was looked up with the adaptive interpolation; None of several sources. by: "numpy" or "gpu", which warped it.
+    discontinuities, where they were found on the way; None of several sources. sharpness: that of the colour, where
+    light was looked up with the adaptive interpolation; None of several sources. by: "numpy" or "gpu", which warped it.
     """
 
     passes: Passes

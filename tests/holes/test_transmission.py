@@ -3,7 +3,8 @@
 import numpy as np
 
 from stereo_reproject.holes.transmission import transmission_parallax
-from stereo_reproject.images.contrast import contrast_of, gradient_of
+from stereo_reproject.images.contrast import contrast_of, gradient_of, window_reach
+from stereo_reproject.images.masks import box_around
 from stereo_reproject.settings.accuracy import DISPLAY_STEP
 
 SIZE = (40, 60)
@@ -17,12 +18,9 @@ def flagged(*, stripes=True, disparity_behind=0.0, noise=0.01, limit=2.0):
     known = np.ones(SIZE, bool)
     glass = np.zeros(SIZE, bool)
     glass[GLASS] = True
-    disparity = np.full(SIZE, 20.0)
-    disparity[0, 0] = disparity_behind
+    behind = np.full(SIZE, 20.0 - disparity_behind)
     contrast = contrast_of(colour, known)
-    return transmission_parallax(
-        glass, disparity, gradient_of(colour, known), contrast, limit=limit, unseen=DISPLAY_STEP
-    )
+    return transmission_parallax(glass, behind, gradient_of(colour, known), contrast, limit=limit, unseen=DISPLAY_STEP)
 
 
 def test_glass_before_something_far_is_traced_and_nothing_else():
@@ -55,7 +53,22 @@ def test_without_any_depth_nothing_is_claimed():
 def test_without_noise_what_nobody_sees_is_left_alone():
     glass = np.ones(SIZE, bool)
     colour = np.repeat(np.broadcast_to(0.4 + 1e-5 * np.arange(SIZE[1]), SIZE)[..., None], 4, axis=2)
-    disparity = np.full(SIZE, 20.0)
-    disparity[0, 0] = 0.0
+    behind = np.full(SIZE, 20.0)
     gradient, contrast = gradient_of(colour, glass), contrast_of(colour, glass)
-    assert not transmission_parallax(glass, disparity, gradient, contrast, limit=2.0, unseen=DISPLAY_STEP).any()
+    assert not transmission_parallax(glass, behind, gradient, contrast, limit=2.0, unseen=DISPLAY_STEP).any()
+
+
+def test_what_is_around_glass_tells_as_much_as_the_whole_picture():
+    rng = np.random.default_rng(2)
+    colour, known = rng.random((*SIZE, 4)), rng.random(SIZE) < 0.9
+    for corner in (GLASS, (slice(0, 3), slice(50, 60)), (slice(39, 40), slice(0, 1))):
+        glass = np.zeros(SIZE, bool)
+        glass[corner] = True
+        box = box_around(glass, window_reach())
+        whole, part = (contrast_of(colour[at], known[at]) for at in (np.s_[:, :], box))
+        for name in ("signal", "noise"):
+            inside, all_of_it = np.zeros(SIZE), getattr(whole, name)
+            inside[box] = getattr(part, name)
+            np.testing.assert_allclose(inside[glass], all_of_it[glass], rtol=1e-4, atol=1e-7)
+        inside[box] = gradient_of(colour[box], known[box])
+        np.testing.assert_allclose(inside[glass], gradient_of(colour, known)[glass], rtol=1e-4, atol=1e-7)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stereo_reproject.images.masks import opened
+from stereo_reproject.images.masks import box_around, opened
 
 
 def test_an_opened_mask_keeps_the_squares_that_fit_in_it():
@@ -19,3 +19,10 @@ def test_beyond_the_border_an_opened_mask_goes_on():
     mask[:1] = True
     np.testing.assert_array_equal(opened(mask, 1), mask)
     assert opened(np.ones((4, 5), bool), 3).all()
+
+
+def test_the_box_around_a_mask_ends_at_the_picture_s_border():
+    mask = np.zeros((10, 20), bool)
+    mask[4, 3] = mask[6, 17] = True
+    assert box_around(mask, 2) == (slice(2, 9), slice(1, 20))
+    assert not mask[box_around(np.zeros_like(mask), 2)].size
