@@ -9,6 +9,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...jobs.worker_process import PACKAGE
+from ..scene.user_folder import USER_FOLDER_VARIABLE, user_folder
 
 UNSAVED = "Unsaved.blend"
 """Name that Blender's path templates give to a file that was never saved."""
@@ -17,11 +18,14 @@ UNSAVED = "Unsaved.blend"
 def module_in_blender(name: str) -> Sequence[str] | None:
     """Return the command that runs a module of this package in this very Blender, without a window and without add-ons.
 
-    None where Blender is a Python module: then `worker_process.module_command` has the command."""
+    There this package is no extension, so it is given the user's folder. None where Blender is a Python module: then
+    `worker_process.module_command` has the command."""
     if not bpy.app.binary_path:
         return None
     environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
-    main = f"from {PACKAGE}.{name} import main; main()"
+    folder = user_folder()
+    own = f"import os; os.environ[{USER_FOLDER_VARIABLE!r}] = {'' if folder is None else str(folder)!r}"
+    main = f"{own}; from {PACKAGE}.{name} import main; main()"
     return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", main]
 
 
