@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -66,5 +66,5 @@ def costs_of(numbers: Any, source: str) -> TraceCosts | None:
 
 
 def _is_number(value: Any) -> bool:
-    """Return whether a value is a finite number, which true and false are not."""
-    return type(value) in (int, float) and -math.inf < value < math.inf
+    """Return whether a value is a number that a float can hold, which true and false are not."""
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max

@@ -42,8 +42,8 @@ def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[Trace
     """Return the costs that are known after a frame: those before it, moved towards what its trace renders tell.
 
     source is the measured cost of the frame's source, whose scene was synced anew. Of several renders each tells on top
-    of those before it. One odd frame moves the costs by `TraceTuning.measured_weight` of the way, and never beyond
-    their limits. Without any render, or with a source that took no time, `known` is returned as it is.
+    of those before it. A frame moves the costs by `TraceTuning.measured_weight` of the way to what it measures, and
+    never beyond their limits. Where no render tells anything, `known` is returned as it is.
     """
     measured = known
     for render in renders:
@@ -58,10 +58,10 @@ def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[Trace
 def _told_by(render: TraceRender, known: TraceCosts, source: SourceCost) -> TraceCosts:
     """Return the costs that explain the seconds of one render, as near to the known ones as may be.
 
-    The sync tells its share where the first sync was long enough. All other seconds are a sum of parts (the call,
-    masked pixels, traced pixels), and only that sum is measured. What it is off from the prediction goes to the parts
-    by the squares of their predicted seconds, as if each cost were unsure in proportion to itself. So a render that
-    traces next to nothing leaves the cost of a pixel as it is.
+    The sync is measured by itself, and gives its share where the first sync was long enough. All other seconds are a
+    sum of parts (the call, masked pixels, traced pixels), of which only the sum is measured. Its difference from the
+    prediction is divided among the parts by the squares of their predicted seconds, as if each cost were unsure in
+    proportion to itself. So a render that traces next to nothing leaves the cost of a pixel as it is.
     """
     synced_long = source.sync_seconds >= TUNING.min_told_sync_seconds
     if synced_long:
