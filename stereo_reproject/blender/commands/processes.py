@@ -18,15 +18,21 @@ UNSAVED = "Unsaved.blend"
 def module_in_blender(name: str) -> Sequence[str] | None:
     """Return the command that runs a module of this package in this very Blender, without a window and without add-ons.
 
-    There this package is no extension, so it is given the user's folder. None where Blender is a Python module: then
-    `worker_process.module_command` has the command."""
+    None where Blender is a Python module: then `worker_process.module_command` has the command."""
     if not bpy.app.binary_path:
         return None
     environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
+    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", program_of(name)]
+
+
+def program_of(name: str) -> str:
+    """Return the Python program, in one line, that runs a module of this package in another Blender.
+
+    There the package is no extension, and would not find the extension's folder of the user: so it is given that.
+    """
     folder = user_folder()
-    own = f"import os; os.environ[{USER_FOLDER_VARIABLE!r}] = {'' if folder is None else str(folder)!r}"
-    main = f"{own}; from {PACKAGE}.{name} import main; main()"
-    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", main]
+    given = f"import os; os.environ[{USER_FOLDER_VARIABLE!r}] = {'' if folder is None else str(folder)!r}"
+    return f"{given}; from {PACKAGE}.{name} import main; main()"
 
 
 def save_copy(folder: Path) -> Path:

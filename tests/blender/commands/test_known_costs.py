@@ -13,7 +13,7 @@ from stereo_reproject.blender.api import render_animation
 from stereo_reproject.blender.commands.frame import render_pair
 from stereo_reproject.blender.commands.inspection import inspect_scene
 from stereo_reproject.blender.commands.known_costs import known_costs
-from stereo_reproject.blender.commands.processes import module_in_blender
+from stereo_reproject.blender.commands.processes import program_of
 from stereo_reproject.blender.scene import user_folder as own_folder
 from stereo_reproject.blender.scene.devices import device_name
 from stereo_reproject.blender.scene.user_folder import USER_FOLDER_VARIABLE, user_folder
@@ -182,9 +182,7 @@ def test_without_an_extension_the_folder_is_the_platform_s(monkeypatch, platform
 def test_a_process_in_blender_is_given_the_folder(monkeypatch, named):
     """It has the package under another name, and would not find the extension's folder."""
     monkeypatch.setenv(USER_FOLDER_VARIABLE, named)
-    monkeypatch.setattr(bpy.app, "binary_path", "/blender")
-    program = module_in_blender("programs.worker")[-1]
-    begin, _, _ = program.partition("; from stereo_reproject")
+    begin, _, _ = program_of("programs.worker").partition("; from stereo_reproject")
     told = f"{begin}; print(os.environ[{USER_FOLDER_VARIABLE!r}])"
     ran = subprocess.run([sys.executable, "-c", told], env={}, capture_output=True, text=True, check=True)
     assert ran.stdout == f"{named}\n"
