@@ -27,6 +27,7 @@ from ..settings.frame import StereoSettings
 from ..trace.costs import ASSUMED_COSTS, TraceCosts
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..trace.planner import FillPlanner
+from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
 from ..views.motion import Moving
@@ -37,6 +38,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
+from .calibration import calibrated_costs
 from .effect_costs import EffectCost, effect_costs
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
@@ -78,6 +80,11 @@ class Renderer(Protocol):
 
         deepest is the greatest depth that the source sees, in scene units; 0 as long as that is not known.
         """
+        ...
+
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
+        """Return the costs of tracing once these pixels were traced only to measure them, as
+        `calibration.CostMeasurer` says. Asked of an animation's first frame alone."""
         ...
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
@@ -223,7 +230,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    planner = _planner_of(renderer, settings, source, findings, costs)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, costs, watch)
     tracing = renderer.tracing_of(
         WarpedTarget(
             settings.target,
@@ -324,13 +331,28 @@ def _warp_source(
 
 
 def _planner_of(
-    renderer: Renderer, settings: StereoSettings, source: _Source, findings: SharedFindings, costs: TraceCosts
+    renderer: Renderer,
+    settings: StereoSettings,
+    source: _Source,
+    reprojection: Reprojection,
+    findings: SharedFindings,
+    costs: TraceCosts,
+    watch: Stopwatch,
 ) -> FillPlanner:
-    """Return the planner of the frame's traces. Raises BadInputError where the fill method that was asked for cannot be
-    used for what the source shows."""
+    """Return the planner of the frame's traces, which knows the costs of tracing, or measures them first.
+
+    Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
+    """
     blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
-    return FillPlanner(settings.fill, findings.cost(source.cost), blockers, findings.trace_costs(costs))
+    planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
+
+    def measure() -> TraceCosts:
+        watch.lap(Stage.PILOT)
+        holes = reprojection.reasons > 0
+        return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
+
+    return replace(planner, costs=findings.trace_costs(costs, measure))
 
 
 def _finished_frame(

@@ -20,9 +20,12 @@ class SharedFindings:
         frame."""
         return found
 
-    def trace_costs(self, known: TraceCosts) -> TraceCosts:
-        """Return the costs of tracing by which fill methods are to be chosen; `known` are those that this user has
-        measured, or that are assumed."""
+    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:  # noqa: ARG002
+        """Return the costs of tracing by which fill methods are to be chosen: for a frame on its own `known`, those
+        that this user has measured, or that are assumed.
+
+        For animations `measure` measures them on this frame where nothing was measured yet.
+        """
         return known
 
     def remaining_noise(self, find: Callable[[], float]) -> float:

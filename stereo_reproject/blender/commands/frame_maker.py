@@ -27,7 +27,7 @@ from ...sequence.output_errors import blamed_on_output, failed_output
 from ...sequence.writer_process import WriterJob, WriterProcess, WrittenFrame
 from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
-from ...trace.costs import AGREED, TraceCosts, costs_of
+from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
 from ..output.pictures import write_hole_mask
 from ..scene.working import WorkingScenes, camera_at
@@ -89,10 +89,16 @@ class AgreedFindings(SharedFindings):
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
-    def trace_costs(self, known: TraceCosts) -> TraceCosts:
-        """Return the agreed costs of tracing; `known`, those of this machine, become them if there are none yet."""
-        agreed = self._agree(f"{self._of_layer}-costs", known.numbers)
-        return costs_of(agreed, AGREED) or known
+    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:
+        """Return the agreed costs of tracing. If there are none yet, `known` become them, those of this machine; or
+        where they are just assumed, those that `measure` returns.
+        """
+        key = f"{self._of_layer}-costs"
+        agreed = costs_of(self._journal.agreed.read(key), AGREED)
+        if agreed is None:
+            found = measure() if known.source == ASSUMED else known
+            agreed = costs_of(self._agree(key, found.numbers), AGREED) or found
+        return agreed
 
     def remaining_noise(self, find: Callable[[], float]) -> float:
         """Return the agreed share of noise that the denoiser leaves, 0 to 1; `find` is called only if there is none

@@ -18,8 +18,10 @@ from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...settings.frame import EYES
+from ...trace.costs import TraceCosts
 from ...trace.fill import SourceCost
-from ...trace.measuring import TraceRender, open_share
+from ...trace.measuring import TraceRender, learned_costs, open_share
+from ...trace.planner import FillPlanner
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
 from ...views.frustum import covered_by
@@ -182,6 +184,16 @@ class BlenderRenderer:
             "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
+
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
+        """Return the costs of tracing once the pixels of a request were traced packed, as `calibration.CostMeasurer`
+        says.
+        """
+        traces = self._traces
+        self.trace("packed", [request])
+        # The frame's own pixels have the seeds that they have where nothing was measured.
+        self._traces = traces
+        return learned_costs(planner.costs, planner.cost, self.trace_renders)
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with probes, since one engine renders and traces."""

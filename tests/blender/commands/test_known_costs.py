@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import bpy
+import numpy as np
+import OpenEXR
 import pytest
 
 from stereo_reproject.blender.api import render_animation
@@ -192,3 +194,42 @@ def test_the_source_of_costs_that_were_read(scene, folder, tmp_path):
     assert known_costs(scene) == ASSUMED_COSTS
     render_pair(scene, PACKED, tmp_path)
     assert known_costs(scene).source == MEASURED
+
+
+def eye_in(path):
+    with OpenEXR.File(str(path)) as file:
+        return {name: channel.pixels for name, channel in file.channels().items()}
+
+
+def test_the_first_frame_of_an_animation_measures_what_nobody_knows(scene, folder, tmp_path):
+    """And is the same frame when it is rendered again, with nothing left to measure."""
+    scene.frame_start, scene.frame_end = 1, 2
+    output, settings = tmp_path / "frames", StereoSettings(accuracy="draft")
+    # So that pixels are what costs, and are worth to be packed.
+    scene.cycles.samples = 256
+
+    def render():
+        report = render_animation(
+            settings, scene=scene, output=output, existing="resume", layout="individual", file_format="OPEN_EXR"
+        )
+        frames = {entry["frame"]: entry for entry in report["frames"]}
+        return frames, {path.name: eye_in(path) for path in sorted(output.glob("*.exr"))}
+
+    first, pictures = render()
+    costs = [entry["fill"]["costs"] for entry in first.values()]
+    assert costs[0] == costs[1]
+    assert costs[0]["source"] == "agreed"
+    assert costs[0]["render_call_seconds"] != ASSUMED_COSTS.render_call_seconds
+    methods = [entry["fill"]["method"] for entry in first.values()]
+    assert [entry["seconds"].get("pilot", 0.0) > 0.0 for entry in first.values()] == [True, False]
+    for path in output.glob("*.exr"):
+        path.unlink()
+
+    again, same = render()
+    assert [entry["fill"]["costs"] for entry in again.values()] == costs
+    assert [entry["seconds"].get("pilot", 0.0) for entry in again.values()] == [0.0, 0.0]
+    assert [entry["fill"]["method"] for entry in again.values()] == methods
+    assert same.keys() == pictures.keys()
+    for name, eye in pictures.items():
+        for channel, pixels in eye.items():
+            np.testing.assert_array_equal(same[name][channel], pixels)
