@@ -25,6 +25,9 @@ DEMO_SCENE ?= demo/still-life/still-life.blend
 DEMO_OPTIONS ?= --size 960x540 --samples 32 --compare
 DEMO_OUTPUT ?= demo-output
 
+# The user's own file of measured costs is neither read nor written: each run begins alike.
+export STEREO_REPROJECT_USER_FOLDER ?=
+
 SCENES ?= ../shared/scenes
 BENCH_OPTIONS ?=
 COVERAGE_OPTIONS ?=

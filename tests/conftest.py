@@ -13,6 +13,7 @@ import pytest
 TESTS = Path(__file__).resolve().parent
 SHARED_SCENES = TESTS.parents[1] / "shared" / "scenes"
 SHARED_SCENES_ABSENT = "shared scenes absent"
+USER_FOLDER_VARIABLE = "STEREO_REPROJECT_USER_FOLDER"
 
 MARKERS_OF_FOLDER = {
     "blender": ("blender",),
@@ -27,6 +28,9 @@ MUST_RUN_IN_CI = "blender"
 def pytest_configure(config: pytest.Config) -> None:
     _listen_to_signals()
     _have_temporary_files_removed(config)
+    # The user's own files are neither read nor written: tests begin alike on every machine. Those that keep costs name
+    # a folder of their own.
+    os.environ[USER_FOLDER_VARIABLE] = ""
 
 
 def _listen_to_signals() -> None:

@@ -24,8 +24,10 @@ from ..images.seen_light import display_scale, scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
+from ..trace.costs import ASSUMED_COSTS, TraceCosts
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..trace.planner import FillPlanner
+from ..trace.requests import TraceRequest
 from ..views.camera import Camera, see_the_same
 from ..views.frustum import Lens
 from ..views.motion import Moving
@@ -36,6 +38,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
+from .calibration import calibrated_costs
 from .effect_costs import EffectCost, effect_costs
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
@@ -79,6 +82,11 @@ class Renderer(Protocol):
         """
         ...
 
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
+        """Return the costs of tracing once these pixels were traced only to measure them, as
+        `calibration.CostMeasurer` says. Asked of an animation's first frame alone."""
+        ...
+
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target: with probes, or by another engine that is matched to the source's."""
         ...
@@ -93,7 +101,8 @@ class StereoFrame:
     the variance of each target pixel, as a share of that of a plain render's: 1 in a denoised picture. grid is the
     source's. fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in
     `TargetTracing`.
-    seconds are by stage, and in total; source_cost is that of the source render. effect_costs are by effect;
+    seconds are by stage, and in total; source_cost is that of the source render, trace_costs are
+    those by which fill methods were chosen. effect_costs are by effect;
     next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
     number. metadata is the renderer's. correction is how far traced pixels were moved to match a source of another
     engine, None where it is the same. warped_by is 'numpy' or 'gpu'; gpu is its name, None for NumPy.
@@ -110,6 +119,7 @@ class StereoFrame:
     pilot_share: float | None
     seconds: dict[str, float]
     source_cost: SourceCost
+    trace_costs: TraceCosts
     effect_costs: dict[Effect, EffectCost]
     next_accuracy: NextAccuracy
     invalid_pixels: dict[str, int]
@@ -199,6 +209,7 @@ def render_stereo_frame(
     accuracy: Accuracy | None = None,
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
+    costs: TraceCosts = ASSUMED_COSTS,
 ) -> StereoFrame:
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
@@ -207,7 +218,8 @@ def render_stereo_frame(
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
     for a picture of `SettingsTuning.unscaled_picture_px`; findings are those of other frames of the same animation.
-    Raises BadInputError when the settings cannot be met for this scene, and StereoReprojectError when a render fails.
+    costs are those of tracing as far as they are known, by default the assumed ones. Raises BadInputError when the
+    settings cannot be met for this scene, and StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
     findings = findings or SharedFindings()
@@ -218,9 +230,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
-    check_fill(settings.fill, blockers)
-    planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, costs, watch)
     tracing = renderer.tracing_of(
         WarpedTarget(
             settings.target,
@@ -320,6 +330,31 @@ def _warp_source(
     return warp(warper=warper), warper.device
 
 
+def _planner_of(
+    renderer: Renderer,
+    settings: StereoSettings,
+    source: _Source,
+    reprojection: Reprojection,
+    findings: SharedFindings,
+    costs: TraceCosts,
+    watch: Stopwatch,
+) -> FillPlanner:
+    """Return the planner of the frame's traces, which knows the costs of tracing, or measures them first.
+
+    Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
+    """
+    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
+    check_fill(settings.fill, blockers)
+    planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
+
+    def measure() -> TraceCosts:
+        watch.lap(Stage.PILOT)
+        holes = reprojection.reasons > 0
+        return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
+
+    return replace(planner, costs=findings.trace_costs(costs, measure))
+
+
 def _finished_frame(
     renderer: Renderer,
     settings: StereoSettings,
@@ -360,6 +395,7 @@ def _finished_frame(
         pilot_share=done.tracing.pilot_share,
         seconds={**watch.seconds, "total": seconds["total"]},
         source_cost=source.cost,
+        trace_costs=done.planner.costs,
         effect_costs=spent,
         next_accuracy=next_accuracy,
         invalid_pixels={settings.source: count_pixels(source.lost), settings.target: lost_in_target},

@@ -183,7 +183,7 @@ class MatchedTracing:
         cost = self._matcher.trace_cost()
         count = int(ahead.sum())
         rest = int(wanted.sum()) - count
-        return cost.fixed + cost.per_frame * rest / count if rest else 0.0
+        return cost.fixed(self._planner.costs) + cost.per_frame * rest / count if rest else 0.0
 
     def _put(self, traced: Passes, wanted: NDArray[np.bool_], ring: NDArray[np.bool_]) -> None:
         """Put the traced pixels into the target's holes, their colours matched to the picture and without noise; set

@@ -71,7 +71,8 @@ def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> 
     spent = seconds.get("fill", 0.0) + seconds.get("refine", 0.0)
     apart = total - spent
     if name == WHOLE:
-        more = max(apart - seconds.get("pilot", 0.0) + planner.cost.fixed + planner.cost.per_frame - total, 0.0)
+        again = planner.cost.fixed(planner.costs) + planner.cost.per_frame
+        more = max(apart - seconds.get("pilot", 0.0) + again - total, 0.0)
         return NextAccuracy(name, total + more, more, 1.0, complete=True)
     predicted = sum(choice.predicted_seconds for choice in (target.fill, target.refinement.fill) if choice)
     pace = spent / predicted if predicted > 0.0 else 1.0

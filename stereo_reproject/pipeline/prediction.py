@@ -6,8 +6,7 @@ probes alone to all pixels that may look different from each eye.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,8 @@ from numpy.typing import NDArray
 from ..images.effects import SEEN_DIFFERENTLY, WHOLE_FRAME_EFFECTS, Effect
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
-from ..trace.fill import FillChoice, SourceCost, choose_fill
+from ..trace.costs import TraceCosts
+from ..trace.fill import FillChoice, SourceCost
 from ..trace.planner import FillPlanner
 
 
@@ -53,7 +53,7 @@ class Prediction:
     source is the cost of the source render; warp and fill_seconds are seconds; refine is the least and the most seconds
     of refining. probes is the number of probe traces, and called_for that of pixels that may look different from each
     eye; both are shares of the target's pixels and leave holes out. fill is the method by which holes are expected to
-    be traced.
+    be traced, costs are those of tracing by which it is chosen.
     """
 
     source: SourceCost
@@ -62,6 +62,7 @@ class Prediction:
     probes: float
     called_for: float
     fill: FillChoice
+    costs: TraceCosts
     fill_seconds: float
     refine: tuple[float, float]
 
@@ -169,29 +170,32 @@ def shown_differently(called_for: Effect, flags: NDArray | None) -> float:
 
 
 def predict(
-    cost: SourceCost,
-    warp_seconds: float,
-    holes: HoleShares,
-    accuracy: Accuracy,
-    asked: str,
-    blockers: Mapping[str, str | None],
-    shown: float,
+    planner: FillPlanner, warp_seconds: float, holes: HoleShares, accuracy: Accuracy, shown: float
 ) -> Prediction:
     """Return the prediction of a frame at a given accuracy.
 
-    cost is that of the source render, warp_seconds are those of the warp, holes the shares to be traced. asked is the
-    fill method, or "auto"; blockers say in words why a method cannot be used, None where it can. shown is the share of
-    the picture that may look different from each eye.
+    planner chooses fill methods, by the predicted cost of the source render. warp_seconds are those of the warp, holes
+    the shares to be traced. shown is the share of the picture that may look different from each eye.
     """
-    fill = choose_fill(asked, holes.total, cost, blockers)
+    cost, fill = planner.cost, planner.plan(holes.total)
     rest = 1.0 - holes.total
     if fill.method == "full" or accuracy.promise is None or shown == 0.0:
-        return Prediction(cost, warp_seconds, holes, 0.0, shown * rest, fill, fill.predicted_seconds, (0.0, 0.0))
-    probes = 2.0 * rest / FillPlanner.spacing(fill.method, accuracy.probe_spacing) ** 2
-    filled = choose_fill(fill.method, holes.total, cost, blockers, spacing=accuracy.probe_spacing)
-    traced = filled.predicted_seconds
-    refine = choose_fill(asked, shown * rest, cost, blockers).predicted_seconds
-    return Prediction(cost, warp_seconds, holes, probes, shown * rest, fill, traced, (0.0, refine))
+        probes, filled, refine = 0.0, fill, 0.0
+    else:
+        probes = 2.0 * rest / planner.spacing(fill.method, accuracy.probe_spacing) ** 2
+        filled = replace(planner, asked=fill.method).plan(holes.total, spacing=accuracy.probe_spacing)
+        refine = planner.plan(shown * rest).predicted_seconds
+    return Prediction(
+        source=cost,
+        warp=warp_seconds,
+        holes=holes,
+        probes=probes,
+        called_for=shown * rest,
+        fill=fill,
+        costs=planner.costs,
+        fill_seconds=filled.predicted_seconds,
+        refine=(0.0, refine),
+    )
 
 
 def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
@@ -208,6 +212,7 @@ def prediction_fields(prediction: Prediction, rests_on: str) -> dict[str, Any]:
             "method": prediction.fill.method,
             "reason": prediction.fill.reason,
             "seconds": prediction.fill_seconds,
+            "costs": asdict(prediction.costs),
         },
         "refine_seconds": {"low": prediction.refine[0], "high": prediction.refine[1]},
         "total_seconds": {"low": least, "high": most},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..trace.costs import TraceCosts
 from ..trace.fill import SourceCost
 
 
@@ -18,6 +19,14 @@ class SharedFindings:
         """Return the cost of the source render by which the fill method is to be chosen; `found` is that of this
         frame."""
         return found
+
+    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:  # noqa: ARG002
+        """Return the costs of tracing by which fill methods are to be chosen: for a frame on its own `known`, those
+        that this user has measured, or that are assumed.
+
+        For animations `measure` measures them on this frame where nothing was measured yet.
+        """
+        return known
 
     def remaining_noise(self, find: Callable[[], float]) -> float:
         """Return the share, 0 to 1, of a pixel's variance that denoising leaves; `find` measures it on this frame."""

@@ -14,6 +14,9 @@ class PipelineTuning:
     min_matched_pilot_pixels: int = 1024
     """Pixels of that pilot, at least: with fewer, a render call costs what it costs to begin. Measured on living-room
     and classroom."""
+    calibration_seconds: float = 2.0
+    """Seconds of tracing, besides those of a render call, by which an animation's first frame measures what tracing
+    costs: long against a call, and short against the frames of an animation. By hand."""
     min_seconds_to_hand_over: float = 1.0
     """Seconds of a render of one eye below which another one is taken unasked: to copy a scene to the tracer, which is
     all that can be gained, takes as long."""

@@ -10,10 +10,18 @@ from dataclasses import dataclass
 
 from ..matching.matching import Correction
 from ..pipeline.next_accuracy import NextAccuracy
+from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice
 from ..views.parallax import ScreenParallax
 from .as_json import ABSENT, Absent
 from .header import ReportHeader
+
+
+@dataclass(frozen=True)
+class FillReport(FillChoice):
+    """The fill method as `FillChoice` has it, and the costs of tracing by which it was chosen."""
+
+    costs: TraceCosts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +193,7 @@ class FrameReport(ReportHeader):
     for. samples_rendered is None where it is not known.
     """
 
-    fill: FillChoice
+    fill: FillReport
     refine: tuple[RefineReport, ...] | None
     grid: GridReport
     warp: WarpReport

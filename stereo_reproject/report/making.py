@@ -14,7 +14,16 @@ from ..settings.accuracy import accuracy_of
 from ..settings.frame import StereoSettings
 from .as_json import ABSENT, Absent
 from .estimates import effect_reports, estimate_report
-from .frame_report import FrameReport, GridReport, LayerReport, MemoryReport, ParallaxReport, RefineReport, WarpReport
+from .frame_report import (
+    FillReport,
+    FrameReport,
+    GridReport,
+    LayerReport,
+    MemoryReport,
+    ParallaxReport,
+    RefineReport,
+    WarpReport,
+)
 from .header import ReportHeader
 
 
@@ -40,7 +49,7 @@ def pair_report(
     refined = frame.refinement.fill
     return FrameReport(
         **vars(main.header),
-        fill=frame.fill,
+        fill=FillReport(**vars(frame.fill), costs=frame.trace_costs),
         refine=None if refined is None else (RefineReport(method=refined.method, reason=refined.reason),),
         grid=GridReport(
             cells=frame.grid.cells, subdivided=int(frame.grid.subdivided.sum()), triangles=frame.grid.triangles

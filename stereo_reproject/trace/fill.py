@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..errors import BadInputError
+from .costs import ASSUMED_COSTS, TraceCosts
 from .tuning import TUNING
 
 
@@ -26,13 +27,12 @@ class SourceCost:
         """Seconds that it takes to trace all pixels of a frame, without the sync."""
         return max(self.seconds - self.sync_seconds, 0.0)
 
-    @property
-    def fixed(self) -> float:
-        """Predicted seconds of one more render call before any pixel is traced.
+    def fixed(self, costs: TraceCosts) -> float:
+        """Return the predicted seconds of one more render call before any pixel is traced.
 
         Cycles keeps the synced scene, of which a part is synced again.
         """
-        return TUNING.render_call_seconds + TUNING.resync_share * self.sync_seconds
+        return costs.render_call_seconds + costs.resync_share * self.sync_seconds
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ def choose_fill(
     cost: SourceCost,
     blockers: Mapping[str, str | None],
     *,
+    costs: TraceCosts = ASSUMED_COSTS,
     spacing: int | None = None,
     expected: float = 0.0,
 ) -> FillChoice:
@@ -71,16 +72,16 @@ def choose_fill(
     for.
 
     asked is a method, or 'auto' for the cheapest one. cost is that of the source render. blockers has, by method, the
-    reason why it cannot be used here, or None. With spacing, one pixel in each tile so many pixels wide is a probe,
-    traced twice. expected is the share of the frame that will have to be traced afterwards as well: if that makes a
-    full render the cheaper way, it is chosen at once.
+    reason why it cannot be used here, or None. costs are those of tracing, by default the assumed ones. With spacing,
+    one pixel in each tile so many pixels wide is a probe, traced twice. expected is the share of the frame that will
+    have to be traced afterwards as well: if that makes a full render the cheaper way, it is chosen at once.
     """
     if expected and asked == "auto":
-        whole = choose_fill(asked, fraction + expected, cost, blockers, spacing=spacing)
+        whole = choose_fill(asked, fraction + expected, cost, blockers, costs=costs, spacing=spacing)
         if whole.method == "full":
             note = f"{100 * expected:.0f} % of the frame is expected to be refined"
             return FillChoice("full", f"{whole.reason}; {note}", whole.predicted_seconds)
-    predicted = _predicted_seconds(fraction, cost, spacing)
+    predicted = _predicted_seconds(fraction, cost, costs, spacing)
     if asked != "auto":
         return FillChoice(asked, "asked for", predicted[asked])
     possible = [method for method in ("packed", "card") if not blockers.get(method)]
@@ -95,20 +96,21 @@ def choose_fill(
     return FillChoice(best, "; ".join([f"predicted {predicted[best]:.1f} s{against}", *notes]), predicted[best])
 
 
-def _predicted_seconds(fraction: float, cost: SourceCost, spacing: int | None) -> dict[str, float]:
+def _predicted_seconds(fraction: float, cost: SourceCost, costs: TraceCosts, spacing: int | None) -> dict[str, float]:
     """Return the predicted seconds by fill method, where a share `fraction` of the frame is traced.
 
-    spacing: side in pixels of the tiles that have a probe each, None without probes. cost is that of the source render.
+    spacing: side in pixels of the tiles that have a probe each, None without probes. cost is that of the source render,
+    costs are those of tracing.
     """
-    pixel, masked = TUNING.packed_pixel_cost, TUNING.card_pixel_cost
+    pixel, masked, fixed = costs.packed_pixel_cost, costs.card_pixel_cost, cost.fixed(costs)
     apart = TUNING.card_probe_spacing_factor
     probes = 2.0 / spacing**2 if spacing else 0.0
     opened = TUNING.card_pixels_per_probe / (apart * spacing) ** 2 if spacing else 0.0
     return {
-        "packed": cost.fixed + pixel * (fraction + probes) * cost.per_frame,
+        "packed": fixed + pixel * (fraction + probes) * cost.per_frame,
         # A card's probes are traced again in a render of their own.
-        "card": cost.fixed
+        "card": fixed
         + min(masked + pixel * (fraction + opened), TUNING.max_card_frame_cost) * cost.per_frame
-        + (cost.fixed + (masked + pixel * opened) * cost.per_frame if spacing else 0.0),
-        "full": cost.fixed + cost.per_frame,
+        + (fixed + (masked + pixel * opened) * cost.per_frame if spacing else 0.0),
+        "full": fixed + cost.per_frame,
     }

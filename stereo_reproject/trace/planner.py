@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from .costs import ASSUMED_COSTS, TraceCosts
 from .fill import FillChoice, SourceCost, choose_fill
 from .tuning import TUNING
 
@@ -14,19 +15,22 @@ class FillPlanner:
     """Chooses fill methods for the traces of one frame.
 
     asked is the method that was asked for, or 'auto'; cost is that of the source render; blockers have by method the
-    reason why it cannot be used, or None (as for `choose_fill`).
+    reason why it cannot be used, or None (as for `choose_fill`). costs are those of tracing, by default the
+    assumed ones.
     """
 
     asked: str
     cost: SourceCost
     blockers: Mapping[str, str | None]
+    costs: TraceCosts = ASSUMED_COSTS
 
     def plan(self, fraction: float, *, spacing: int | None = None, expected: float = 0.0) -> FillChoice:
         """Return the fill method for tracing a share `fraction`, 0 to 1, of the picture, with its predicted seconds.
 
         spacing and expected are as for `choose_fill`.
         """
-        return choose_fill(self.asked, fraction, self.cost, self.blockers, spacing=spacing, expected=expected)
+        asked, cost, blockers, costs = self.asked, self.cost, self.blockers, self.costs
+        return choose_fill(asked, fraction, cost, blockers, costs=costs, spacing=spacing, expected=expected)
 
     @staticmethod
     def spacing(method: str, spacing: int) -> int:

@@ -195,6 +195,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     # A script that starts it in the background has switched the first of them off.
     for signum in (signal.SIGINT, signal.SIGTERM):
         signal.signal(signum, _interrupt)
+    # The user's own files are neither read nor written.
+    os.environ["STEREO_REPROJECT_USER_FOLDER"] = ""
     rows = _chosen(arguments.rows, arguments.match)
     if arguments.list:
         for row in rows:

@@ -8,6 +8,7 @@ import pytest
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.pipeline.next_accuracy import WHOLE, FinishedTarget, cost_of
 from stereo_reproject.settings.accuracy import SETTINGS, for_size
+from stereo_reproject.trace.costs import ASSUMED_COSTS
 from stereo_reproject.trace.fill import FillChoice, SourceCost
 from stereo_reproject.trace.planner import FillPlanner
 
@@ -55,7 +56,7 @@ def test_probes_have_their_price_where_there_are_any():
 
 def test_beyond_the_best_setting_is_a_full_render():
     told = price(WHOLE)
-    assert told.seconds == pytest.approx(21.4 + COST.fixed + COST.per_frame)
+    assert told.seconds == pytest.approx(21.4 + COST.fixed(ASSUMED_COSTS) + COST.per_frame)
     assert told.traced == 1.0
     assert told.complete
 

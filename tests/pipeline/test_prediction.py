@@ -18,7 +18,9 @@ from stereo_reproject.pipeline.prediction import (
     sketch_accuracy,
 )
 from stereo_reproject.settings.accuracy import SETTINGS
+from stereo_reproject.trace.costs import ASSUMED_COSTS
 from stereo_reproject.trace.fill import SourceCost, choose_fill
+from stereo_reproject.trace.planner import FillPlanner
 
 FREE: dict[str, str | None] = {"packed": None, "card": None}
 BALANCED = SETTINGS["balanced"]
@@ -98,7 +100,7 @@ TENTH = HoleShares(0.04, 0.01, 0.05, 0.1)
 
 
 def predicted(accuracy=BALANCED, asked="auto", blockers=FREE, shown=0.0):
-    return predict(COST, 1.0, TENTH, accuracy, asked, blockers, shown)
+    return predict(FillPlanner(asked, COST, blockers), 1.0, TENTH, accuracy, shown)
 
 
 def test_a_diffuse_scene_has_one_figure():
@@ -134,7 +136,7 @@ def test_a_whole_eye_leaves_nothing_to_refine():
     prediction = predicted(asked="full", shown=1.0)
     assert prediction.probes == 0.0
     assert prediction.total[0] == prediction.total[1]
-    assert prediction.gain[0] == pytest.approx(202.0 / (102.0 + 1.0 + COST.fixed + 100.0))
+    assert prediction.gain[0] == pytest.approx(202.0 / (102.0 + 1.0 + COST.fixed(ASSUMED_COSTS) + 100.0))
 
 
 def test_the_fields_say_what_they_rest_on():

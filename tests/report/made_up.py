@@ -13,6 +13,7 @@ from stereo_reproject.pipeline.effect_costs import EffectCost
 from stereo_reproject.pipeline.frame import StereoFrame
 from stereo_reproject.pipeline.next_accuracy import NextAccuracy
 from stereo_reproject.pipeline.stereo_pair import StereoPair
+from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import FillChoice, SourceCost
 from stereo_reproject.warp.grid import Grid
 
@@ -63,6 +64,7 @@ def stereo_frame(*, whole: bool = True) -> StereoFrame:
         pilot_share=None,
         seconds={"plan": 0.5, "source": 10.0, "warp": 0.125, "fill": 1.0, "total": 11.625},
         source_cost=SourceCost(10.0, 2.0),
+        trace_costs=TraceCosts(1.25, 0.125, 0.5, 0.25, "agreed"),
         effect_costs={
             Effect.GLOSSY: EffectCost(0.25, 0.5, (0.125, 0.0625, 0.25)),
             Effect.TRANSMISSION: EffectCost(0.03125, 0.25, None),

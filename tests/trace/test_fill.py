@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
+from stereo_reproject.trace.costs import ASSUMED_COSTS
 from stereo_reproject.trace.fill import SourceCost, check_fill, choose_fill
 
 FREE = {"packed": None, "card": None}
@@ -106,7 +107,7 @@ def test_auto_and_full_are_always_possible(method):
 def test_the_sync_is_not_part_of_what_a_pixel_costs():
     cost = SourceCost(seconds=10.0, sync_seconds=4.0)
     assert cost.per_frame == 6.0
-    assert 0.0 < cost.fixed < cost.sync_seconds
+    assert 0.0 < cost.fixed(ASSUMED_COSTS) < cost.sync_seconds
     assert SourceCost(seconds=1.0, sync_seconds=4.0).per_frame == 0.0
 
 
@@ -119,7 +120,7 @@ def test_probes_cost_what_they_are_traced_for():
     assert packed == pytest.approx(choose_fill("packed", 0.1 + 2 / 64, cost, FREE).predicted_seconds)
     # The card's probes have a render of their own, in which every pixel still costs its share.
     card, alone = (choose_fill("card", 0.1, cost, FREE, spacing=s).predicted_seconds for s in (8, None))
-    assert card - alone > cost.fixed + 0.1 * cost.per_frame
+    assert card - alone > cost.fixed(ASSUMED_COSTS) + 0.1 * cost.per_frame
 
 
 def test_a_card_with_probes_is_not_taken_where_a_full_render_is_cheaper():

@@ -42,6 +42,7 @@ from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
 from ..scene.working import CYCLES, WorkingScenes, check_layers, evaluated
 from .compare import compare_with_multiview
+from .known_costs import known_costs, learn_costs
 
 STEREO_PICTURE = "stereo.png"
 
@@ -94,13 +95,15 @@ def render_pair(
     on_stage: Callable[[str], None] = lambda _: None,
     scenes: WorkingScenes | None = None,
     findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
+    learns: bool = True,
 ) -> tuple[StereoPair, FrameReport]:
     """Render the pair of one frame, all its view layers. Return it with its report, which lacks what only writing files
     adds.
 
     The first parameters are those of `render_files`. scenes are the working scenes of a sequence, which go on to its
     next frame; without them, new ones are made. findings returns, for a view layer's name, what other frames of the
-    sequence have found. The report tells of the main layer, but its seconds are those of all.
+    sequence have found. learns: True where this user's costs of tracing are renewed by this frame; not for one whose
+    scene Cycles has synced for an earlier frame. The report tells of the main layer, but its seconds are those of all.
     """
     frames: dict[str, StereoFrame] = {}
     facts: list[LayerFacts] = []
@@ -109,7 +112,7 @@ def render_pair(
             watch = Stopwatch(on_stage)
             watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
-            frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer))
+            frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer), learns=learns)
             facts.append(found)
     pair = StereoPair(frames)
     return pair, pair_report(pair, facts, settings, _memory())
@@ -122,13 +125,17 @@ def _render_layer(
     work: Path,
     watch: Stopwatch,
     findings: SharedFindings,
+    *,
+    learns: bool,
 ) -> tuple[StereoFrame, LayerFacts]:
     """Render the pair of one view layer. Return the frame, and what the report tells of this layer. working is the copy
-    of `scene` that is rendered; findings are those of a sequence for this layer.
+    of `scene` that is rendered; findings are those of a sequence for this layer; learns is as for `render_pair`.
     """
     header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings)
+        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings, costs=known_costs(working))
+        if learns:
+            learn_costs(working, frame.source_cost, renderer.trace_renders)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
             header=header,

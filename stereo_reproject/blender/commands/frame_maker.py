@@ -27,6 +27,7 @@ from ...sequence.output_errors import blamed_on_output, failed_output
 from ...sequence.writer_process import WriterJob, WriterProcess, WrittenFrame
 from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
+from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
 from ..output.pictures import write_hole_mask
 from ..scene.working import WorkingScenes, camera_at
@@ -87,6 +88,17 @@ class AgreedFindings(SharedFindings):
         """Return the agreed cost of a source; `found`, this frame's own, becomes it if there is none yet."""
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
+
+    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:
+        """Return the agreed costs of tracing. If there are none yet, `known` become them, those of this machine; or
+        where they are just assumed, those that `measure` returns.
+        """
+        key = f"{self._of_layer}-costs"
+        agreed = costs_of(self._journal.agreed.read(key), AGREED)
+        if agreed is None:
+            found = measure() if known.source == ASSUMED else known
+            agreed = costs_of(self._agree(key, found.numbers), AGREED) or found
+        return agreed
 
     def remaining_noise(self, find: Callable[[], float]) -> float:
         """Return the agreed share of noise that the denoiser leaves, 0 to 1; `find` is called only if there is none
@@ -171,6 +183,7 @@ class BlenderFrameMaker:
             on_stage=lambda stage: self._on_stage(stage, where),
             scenes=self._scenes,
             findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
+            learns=self._last is None,
         )
         fields = as_json(report)
         figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}

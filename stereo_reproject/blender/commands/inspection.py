@@ -21,7 +21,6 @@ from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
 from ...images.seen_light import display_scale, scaled_light
 from ...pipeline.frame import interpolations_of
 from ...pipeline.prediction import (
-    Prediction,
     Sketch,
     effect_shares,
     predict,
@@ -38,7 +37,8 @@ from ...report.header import ReportHeader
 from ...report.inspection import INSPECTION_SCHEMA, effects_rows
 from ...settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ...settings.frame import EYES, StereoSettings
-from ...trace.fill import SourceCost, check_fill, choose_fill
+from ...trace.fill import SourceCost, check_fill
+from ...trace.planner import FillPlanner
 from ...views.camera import see_the_same
 from ...views.view import Rig
 from ...warp.composite import replace_non_finite
@@ -51,6 +51,7 @@ from ..scene.rig import frame_region
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .frame import parallax_report, report_header
+from .known_costs import known_costs
 
 SKETCH_WIDTH_PIXELS = 480
 """Width of the sketch, if that is at most half of the picture's: the holes of narrow gaps are still seen."""
@@ -180,16 +181,15 @@ def _predicted(
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
         accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
+    planner = FillPlanner(settings.fill, cost, blockers, known_costs(renderer.scene))
     prediction = predict(
-        cost,
+        planner,
         warp_seconds * pixels / reasons.size,
         predict_holes(reasons, scale),
         accuracy,
-        settings.fill,
-        blockers,
         shown_differently(called_for, flags),
     )
-    _add_shares(rows, effect_shares(called_for, flags), prediction, settings.fill, blockers)
+    _add_shares(rows, effect_shares(called_for, flags), planner)
     size = list(reasons.shape[::-1])
     what = f"sketches of {size[0]}x{size[1]} pixels with {samples[0]} and {samples[1]} samples"
     rests_on = f"{what}, which took {sum(seconds):.1f} s"
@@ -232,21 +232,15 @@ def _seen_differently(renderer: BlenderRenderer) -> Effect:
     return renderer.plan.called_for & SEEN_DIFFERENTLY
 
 
-def _add_shares(
-    rows: list[dict[str, Any]],
-    shares: dict[Effect, float],
-    prediction: Prediction,
-    asked: str,
-    blockers: dict[str, str | None],
-) -> None:
+def _add_shares(rows: list[dict[str, Any]], shares: dict[Effect, float], planner: FillPlanner) -> None:
     """Add to the rows of effects their share of the picture, and the seconds at most that tracing it takes. shares are
-    by effect; asked is the fill method asked for, blockers are those of `_blockers`.
+    by effect; planner is that of the prediction.
     """
     by_label = {effect.label: share for effect, share in shares.items()}
     for row in rows:
         share = by_label.get(row["effect"])
         if share is not None:
-            seconds = choose_fill(asked, share, prediction.source, blockers).predicted_seconds
+            seconds = planner.plan(share).predicted_seconds
             row.update(share=share, seconds_at_most=seconds)
 
 

@@ -50,6 +50,7 @@ from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
 from .compare import MultiviewReference, render_reference
 from .frame import report_header
+from .known_costs import known_costs
 
 OnStage = Callable[[str, str], None]
 
@@ -283,6 +284,7 @@ def _make(
         case.settings(settings),
         watch=watch,
         accuracy=case.accuracy,
+        costs=known_costs(renderer.scene),
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)

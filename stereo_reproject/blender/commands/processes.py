@@ -9,6 +9,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...jobs.worker_process import PACKAGE
+from ..scene.user_folder import USER_FOLDER_VARIABLE, user_folder
 
 UNSAVED = "Unsaved.blend"
 """Name that Blender's path templates give to a file that was never saved."""
@@ -21,8 +22,17 @@ def module_in_blender(name: str) -> Sequence[str] | None:
     if not bpy.app.binary_path:
         return None
     environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
-    main = f"from {PACKAGE}.{name} import main; main()"
-    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", main]
+    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", program_of(name)]
+
+
+def program_of(name: str) -> str:
+    """Return the Python program, in one line, that runs a module of this package in another Blender.
+
+    There the package is no extension, and would not find the extension's folder of the user: so it is given that.
+    """
+    folder = user_folder()
+    given = f"import os; os.environ[{USER_FOLDER_VARIABLE!r}] = {'' if folder is None else str(folder)!r}"
+    return f"{given}; from {PACKAGE}.{name} import main; main()"
 
 
 def save_copy(folder: Path) -> Path:

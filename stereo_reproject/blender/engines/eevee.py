@@ -14,7 +14,9 @@ from ...estimate.tracing import TargetTracing, WarpedTarget
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, DEPTH_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from ...matching.matching import TracedPixels
 from ...pipeline.matched_tracing import MatchedTracing, foreseen_fill
+from ...trace.costs import TraceCosts
 from ...trace.fill import SourceCost
+from ...trace.planner import FillPlanner
 from ...trace.requests import TraceRequest
 from ...views.camera import ray_length_per_depth
 from ..scene.denoiser import has_denoiser
@@ -97,6 +99,10 @@ class EeveeRenderer(BlenderRenderer):
             scene.render.use_persistent_data = False
             bpy.data.scenes.remove(scene)
         self._tracing = None
+
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:  # noqa: ARG002
+        """Return the costs that are known already: against a source of EEVEE's, Cycles' pixels tell nothing."""
+        return planner.costs
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with Cycles, matched to EEVEE's light."""

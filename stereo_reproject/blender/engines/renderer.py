@@ -18,7 +18,10 @@ from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from ...settings.frame import EYES
+from ...trace.costs import TraceCosts
 from ...trace.fill import SourceCost
+from ...trace.measuring import TraceRender, learned_costs, open_share
+from ...trace.planner import FillPlanner
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
 from ...views.frustum import covered_by
@@ -91,6 +94,8 @@ class BlenderRenderer:
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
         self._rays = RayPasses(scene, denoised=self.denoise is not None, mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
+        self.trace_renders: list[TraceRender] = []
+        """Measurements of the renders that traced pixels of this frame, in their order."""
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
@@ -180,6 +185,16 @@ class BlenderRenderer:
             "card": self.uncounted or card_blocker(self.scene),
         }
 
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
+        """Return the costs of tracing once the pixels of a request were traced packed, as `calibration.CostMeasurer`
+        says.
+        """
+        traces = self._traces
+        self.trace("packed", [request])
+        # The frame's own pixels have the seeds that they have where nothing was measured.
+        self._traces = traces
+        return learned_costs(planner.costs, planner.cost, self.trace_renders)
+
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with probes, since one engine renders and traces."""
         return ProbedTracing(self, warped)
@@ -196,7 +211,11 @@ class BlenderRenderer:
         enough = has_time_limit(self.scene) and method != "full"
         with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
-                traced = self._traced_together(self.scene, requests)[1]
+                renders, traced = self._traced_together(self.scene, requests)
+                if len(renders) == 1:
+                    # Of several, nobody knows which has traced what.
+                    pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
+                    self._note("packed", renders[0], pixels)
             else:
                 traced = [self._trace_whole(method, request) for request in requests]
         return [self._guided(passes) for passes in traced]
@@ -215,10 +234,17 @@ class BlenderRenderer:
         """
         check_blenders(request.view)
         trace = {"card": trace_card, "full": trace_full}[method]
-        apart = [
-            trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks
-        ]
+        probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
+        apart = []
+        for mask in request.masks:
+            rendered, passes = trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())
+            self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
+            apart.append(passes)
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
+
+    def _note(self, method: str, rendered: Rendered, share: float) -> None:
+        """Note the measurements of a render that traced a share of the frame's pixels; see `TraceRender`."""
+        self.trace_renders.append(TraceRender(method, rendered.seconds, rendered.sync_seconds, share))
 
     def _next_seed(self) -> int:
         """Return a seed that no render of this frame has had, so that no noise comes twice. Each call returns

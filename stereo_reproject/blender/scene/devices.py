@@ -1,7 +1,9 @@
-"""The devices that Cycles computes on, handed from one Blender to another that has not read its preferences."""
+"""The devices that Cycles computes on: their names, and how they are handed from one Blender to another that has not
+read its preferences."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 from typing import Any
 
@@ -47,3 +49,26 @@ def _preferences() -> Any:
     """Return Cycles' preferences; None in a Blender without Cycles."""
     addon = bpy.context.preferences.addons.get("cycles")
     return None if addon is None else addon.preferences
+
+
+def device_name(scene: bpy.types.Scene) -> str:
+    """Return the name of the device, or devices, on which Cycles renders the scene: for instance "CPU: AMD EPYC" or
+    "OPTIX: NVIDIA H200".
+    """
+    preferences = _preferences()
+    if preferences is not None and scene.cycles.device == "GPU":
+        kind = preferences.compute_device_type
+        used = [device for device in preferences.devices if device.use and device.type in (kind, "CPU")]
+        if any(device.type != "CPU" for device in used):
+            return f"{kind}: {' + '.join(sorted(device.name for device in used))}"
+    return f"CPU: {_cpu_name()}"
+
+
+def _cpu_name() -> str:
+    """Return the processor's name as Cycles tells it; the kind of machine where it does not."""
+    try:
+        import _cycles  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        return platform.machine()
+    found = [name for name, kind, *_ in _cycles.available_devices("CPU") if kind == "CPU"]
+    return found[0] if found else platform.machine()

@@ -1,4 +1,6 @@
-"""Who warps an animation's frames: measured by whichever run comes first, and kept to by all."""
+"""What decides how an animation's frames are made: measured by whichever run comes first, and kept to by all."""
+
+from dataclasses import replace
 
 import pytest
 
@@ -6,6 +8,8 @@ from stereo_reproject.blender.commands.frame_maker import AgreedFindings, FrameC
 from stereo_reproject.sequence.journal import Fingerprints, Journal
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.trace.costs import AGREED, ASSUMED_COSTS, MEASURED, TraceCosts
+from stereo_reproject.trace.fill import SourceCost
 
 WANTED = Fingerprints("settings", {"Object": "1"})
 
@@ -55,3 +59,36 @@ def test_it_is_kept_apart_from_what_else_is_found(findings):
     assert findings("first").remaining_noise(lambda: 0.5) == 0.5
     assert findings("first").gpu_is_faster(lambda: False) is False
     assert findings("second").remaining_noise(never) == 0.5
+
+
+def test_all_choose_by_the_costs_of_the_first(findings):
+    first, other = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED), TraceCosts(source=MEASURED)
+    agreed = replace(first, source=AGREED)
+    assert findings("first").trace_costs(first, never) == agreed
+    assert findings("second").trace_costs(other, never) == agreed
+    assert findings("third", block=7).trace_costs(ASSUMED_COSTS, never) == agreed
+    assert findings("first", layer="Another").trace_costs(other, never) == replace(other, source=AGREED)
+
+
+def test_costs_that_nobody_knows_are_measured_by_the_first(findings):
+    first = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED)
+    agreed = replace(first, source=AGREED)
+    assert findings("first").trace_costs(ASSUMED_COSTS, lambda: first) == agreed
+    assert findings("second").trace_costs(ASSUMED_COSTS, never) == agreed
+
+
+def test_of_two_that_measure_costs_at_once_one_is_heard(findings):
+    first, other = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED), TraceCosts(source=MEASURED)
+
+    def meanwhile():
+        findings("second").trace_costs(first, never)
+        return other
+
+    assert findings("first").trace_costs(ASSUMED_COSTS, meanwhile) == replace(first, source=AGREED)
+
+
+def test_agreed_costs_are_kept_apart_from_the_source_s(findings):
+    cost = SourceCost(20.0, 1.0)
+    assert findings("first").cost(cost) == cost
+    assert findings("first").trace_costs(ASSUMED_COSTS, lambda: ASSUMED_COSTS).numbers == ASSUMED_COSTS.numbers
+    assert findings("second").cost(SourceCost(30.0, 2.0)) == cost

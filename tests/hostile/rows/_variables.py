@@ -88,6 +88,7 @@ HARMLESS: tuple[Variables, ...] = (
     {"LINES": "0"},
     {"DISPLAY": ":99", "WAYLAND_DISPLAY": "wayland-99"},
     {"XDG_RUNTIME_DIR": "/nonexistent"},
+    {"STEREO_REPROJECT_USER_FOLDER": "/dev/null/nothing"},
     {"XDG_CONFIG_HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null", "XDG_DATA_HOME": "/dev/null"},
     {"BLENDER_USER_RESOURCES": "/nonexistent"},
     {"BLENDER_USER_RESOURCES": ""},
