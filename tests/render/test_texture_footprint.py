@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_trace import trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene

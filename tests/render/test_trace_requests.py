@@ -14,7 +14,7 @@ from mathutils import Euler, Matrix
 
 from stereo_reproject.blender.engines.denoise import NORMAL
 from stereo_reproject.blender.engines.eevee import MEAN_DEPTH, renderer_of
-from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_trace import trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.engines.shared_render import turns_in_shutter

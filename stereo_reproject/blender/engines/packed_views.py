@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
-from ...views.camera import Camera, PerspectiveCamera, target_from_source
+from ...views.camera import Camera, target_from_source
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
 
@@ -34,12 +34,12 @@ class PackedPixels:
     be there twice, to be traced twice.
     """
 
-    camera: PerspectiveCamera
+    camera: Camera
     places: NDArray[np.intp]
 
 
 def numbers_of_others(
-    scene: bpy.types.Scene, rendered: Camera, others: Sequence[PerspectiveCamera]
+    scene: bpy.types.Scene, rendered: Camera, others: Sequence[Camera]
 ) -> tuple[float, ...]:
     """Return the numbers by which the shader knows the views that Blender does not render, 17 for each.
 
@@ -50,12 +50,17 @@ def numbers_of_others(
     for camera in others:
         plane = camera.plane
         step = (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
-        pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
-        numbers += [plane.left, plane.top, *step, _focus_distance(scene, camera), *pose[:3].ravel()]
+        pose = FORWARD @ pose_in(camera, rendered) @ FORWARD
+        numbers += [plane.left, plane.top, *step, focus_distance_of(scene, camera), *pose[:3].ravel()]
     return tuple(float(number) for number in numbers)
 
 
-def _focus_distance(scene: bpy.types.Scene, camera: Camera) -> float:
+def pose_in(camera: Camera, rendered: Camera) -> NDArray[np.float64]:
+    """Return the transform (4, 4) from a camera's space to that of the rendered one."""
+    return np.asarray(target_from_source(camera, rendered))
+
+
+def focus_distance_of(scene: bpy.types.Scene, camera: Camera) -> float:
     """Return the depth at which a view of the scene is in focus, in scene units. With a focus object, it is that
     object's depth in this view, as Cycles has it.
     """
@@ -102,6 +107,6 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
         known = np.isfinite(flat[DEPTH_PASS])
         converted[DEPTH_PASS] = np.where(known, ahead[:, None], flat[DEPTH_PASS]).astype(np.float32)
     if NORMAL in flat:
-        turn = (FORWARD @ target_from_source(rendered, camera) @ FORWARD)[:3, :3]
+        turn = (FORWARD @ pose_in(rendered, camera) @ FORWARD)[:3, :3]
         converted[NORMAL] = (flat[NORMAL] @ turn.T).astype(np.float32)
     return converted

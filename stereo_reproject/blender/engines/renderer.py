@@ -32,7 +32,7 @@ from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
-from .hole_camera import packed_blocker
+from .packed_trace import packed_blocker, packed_camera
 from .mask_card import card_blocker, trace_card
 from .packed_views import switch_on_positions, without_added_positions
 from .ray_passes import RayPasses
@@ -56,7 +56,8 @@ class BlenderRenderer:
 
     scene is a working scene and user_scene the one that it is a copy of; folder is private and takes the files between
     the stages. `plan` says which effects the scene calls for. views are further cameras by name, besides Blender's two
-    eyes: their pixels can be traced, by the packed method alone.
+    eyes: their pixels can be traced, by the packed method alone. packed_by is the packed camera that was asked for:
+    "auto", "osl" or "portal".
     """
 
     gpu = staticmethod(gpu_warper)
@@ -73,8 +74,10 @@ class BlenderRenderer:
         *,
         user_scene: bpy.types.Scene | None = None,
         views: Mapping[str, PerspectiveCamera] | None = None,
+        packed_by: str = "auto",
     ) -> None:
         self.scene = scene
+        self.packed = packed_camera(scene, packed_by)
         self.folder = folder
         eyes = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.cameras: dict[str, Camera] = {**(views or {}), **eyes}
@@ -176,7 +179,7 @@ class BlenderRenderer:
         deepest is as for `fill_blockers`.
         """
         return {
-            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
+            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest, by=self.packed),
             "card": self.uncounted or card_blocker(self.scene),
         }
 
@@ -207,7 +210,7 @@ class BlenderRenderer:
         """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C).
         scene is the one that Cycles renders.
         """
-        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed)
+        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed, self.packed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, by the method "card" or "full". Each of its masks takes a render as

@@ -13,12 +13,13 @@ from ...errors import BadInputError
 from ...images.passes import Passes
 from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
-from ...views.camera import Camera, PerspectiveCamera
+from ...views.camera import Camera
 from ..scene.effects import is_animated, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for
 from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
-from .hole_camera import trace_packed
+from .packed_camera import PackedCamera
+from .packed_trace import trace_packed
 from .packed_views import PackedPixels
 from .render import Rendered
 
@@ -42,19 +43,20 @@ def trace_together(
     requests: Sequence[TraceRequest],
     folder: Path,
     next_seed: Callable[[], int],
+    by: PackedCamera,
 ) -> tuple[list[Rendered], list[Passes]]:
     """Trace all requests packed, in as few renders as is exact. Return the renders, and each request's passes (N, C),
     in the order of the requests.
 
     cameras has those of the requests' views by name, both eyes included. volumes has, for each volume of the scene, the
-    corners (8, 3) of a box around it. next_seed returns a new seed for each render. Raises BadInputError for a view
+    corners (8, 3) of a box around it. next_seed returns a new seed for each render. by is the packed camera. Raises BadInputError for a view
     that is no eye where its pixels could not be right.
     """
     renders: list[Rendered] = []
     answers: dict[int, Passes] = {}
     for view, numbers in _renders(scene, cameras, volumes, [request.view for request in requests]):
         packed = [_pixels_of(requests[number], cameras) for number in numbers]
-        rendered, traced = trace_packed(scene, view, cameras[view], packed, folder, seed=next_seed())
+        rendered, traced = trace_packed(scene, view, cameras[view], packed, folder, seed=next_seed(), by=by)
         renders.append(rendered)
         answers.update(zip(numbers, traced, strict=True))
     return renders, [answers[number] for number in range(len(requests))]
@@ -62,9 +64,7 @@ def trace_together(
 
 def _pixels_of(request: TraceRequest, cameras: Mapping[str, Camera]) -> PackedPixels:
     """Return the camera and the pixels that a request asks for, those of its second mask after those of the first."""
-    camera = cameras[request.view]
-    assert isinstance(camera, PerspectiveCamera)
-    return PackedPixels(camera, np.concatenate([np.argwhere(mask) for mask in request.masks]))
+    return PackedPixels(cameras[request.view], np.concatenate([np.argwhere(mask) for mask in request.masks]))
 
 
 def _renders(
