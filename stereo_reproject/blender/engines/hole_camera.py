@@ -96,10 +96,11 @@ def _corner(eye: Camera) -> float:
     return float(np.linalg.norm((reach_x, reach_y, 1.0)))
 
 
-def _as_plain(flat: Passes, task: PackedTask, pixels: PackedPixels) -> Passes:
-    """Return the passes (N, C) of one view's pixels as a plain camera has them: Cycles gives a custom one the distance
+def _as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
+    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles gives a custom one the distance
     in place of the depth, and motion vectors of another kind.
     """
+    pixels = task.views[index]
     target, places, region = task.rendered, pixels.places, task.region
     if pixels.camera is not target:
         return seen_from_view(flat, target, pixels)

@@ -47,12 +47,14 @@ DOF_SETTINGS = (
 class PackedTask:
     """A packed render: pixels of views, and their places in the packed picture.
 
-    view is the view of the scene that Blender renders, `rendered` its camera, and region the pixels of its frame that
-    it renders. packing has the places of each view's pixels, in the order of `views`.
+    view is the view of the scene that Blender renders, `rendered` its camera, clip_start that camera's near clip in
+    scene units, and region the pixels of its frame that it renders. packing has the places of each view's pixels, in
+    the order of `views`.
     """
 
     view: str
     rendered: Camera
+    clip_start: float
     views: Sequence[PackedPixels]
     packing: Packing
     region: FrameRegion
@@ -70,15 +72,15 @@ class PackedCamera:
     blocker(scene, eyes, deepest) returns why it cannot do so in a working scene, in words, or None; its arguments are
     as for `packed_blocker`. settings are the paths, from the scene, of what it sets, as drivers name them.
     in_place(scene, task, folder) is a context in which the scene renders the packed picture; folder is private.
-    as_plain(passes, task, pixels) returns the passes (N, C) of one view's pixels as a plain render of that view has
-    them.
+    as_plain(passes, task, index) returns the passes (N, C) of the pixels of one of the task's views as a plain
+    render of that view has them.
     """
 
     name: str
     blocker: Callable[[bpy.types.Scene, Iterable[Camera], float], str | None]
     settings: Collection[str]
     in_place: Callable[[bpy.types.Scene, PackedTask, Path], AbstractContextManager[None]]
-    as_plain: Callable[[Passes, PackedTask, PackedPixels], Passes]
+    as_plain: Callable[[Passes, PackedTask, int], Passes]
 
 
 @contextmanager

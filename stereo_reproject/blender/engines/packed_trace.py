@@ -89,11 +89,12 @@ def trace_packed(
 
     view is the view of the scene that Blender renders, and `rendered` its camera; each of `views` has either that very
     camera or any other. If there are several, their cameras must keep their places to each other while the shutter is
-    open, and nothing in the scene may depend on where Cycles' camera is: see `why_apart`. folder is private. by is the packed camera, that of
-    `packed_camera` by default.
+    open, and nothing in the scene may depend on where Cycles' camera is: see `why_apart`. folder is private. by is the
+    packed camera, that of `packed_camera` by default.
     """
     packing = pack([pixels.places for pixels in views])
-    task = PackedTask(view, rendered, views, packing, frame_region(scene.render))
+    clip_start = evaluated(scene.camera, scene).data.clip_start
+    task = PackedTask(view, rendered, clip_start, views, packing, frame_region(scene.render))
     by = by or packed_camera(scene)
     if task.others:
         switch_on_positions(scene)
@@ -101,7 +102,7 @@ def trace_packed(
         result = render_views(scene, (view,), folder, seed=seed)
     flat = {name: image.reshape(-1, image.shape[2]) for name, image in result.views[view].items()}
     traced: list[Passes] = []
-    for pixels, at in zip(views, packing.at, strict=True):
-        passes = by.as_plain({name: image[at] for name, image in flat.items()}, task, pixels)
+    for index, at in enumerate(packing.at):
+        passes = by.as_plain({name: image[at] for name, image in flat.items()}, task, index)
         traced.append(without_added_positions(scene, passes))
     return result, traced

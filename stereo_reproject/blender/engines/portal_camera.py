@@ -21,12 +21,14 @@ from numpy.typing import NDArray
 
 from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
-from ...trace.packing import Packing
 from ...trace.pixel_filter import filter_support
 from ...views.camera import Camera, OrthographicCamera
+from ...images.effects import Effect
+from ..scene.animated import animated_values
 from ..scene.effects import uses_output
+from ..scene.materials import world_shading
 from ..scene.rig import camera_from_eye
-from ..scene.visible import aperture_radius
+from ..scene.visible import aperture_radius, seen_beyond
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
 from .packed_views import POSITION, PackedPixels, focus_distance_of, pose_in, seen_from_view
@@ -57,13 +59,26 @@ MIN_CLIP = 1e-6
 FOCUS_RADII = 1e7
 """Depth in focus of the packed perspective camera over the radius of its aperture: it is as good as endless."""
 
+CARD_REACH = 8.0
+"""Distance from the camera within which all of the card lies that is seen, over its depth and the aperture's radius."""
+
+NEWTON_STEPS = 8
+"""Steps by which directions are found again from their motion in pixels; three are enough for any but fast turns."""
+
+MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
+"""Passes in which the card counts: the length of the rays, and what is reflected sharply."""
+
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
+COUNTERS = ("Transparent Depth", "Portal Depth")
+"""Outputs of the Light Path node that count the card; 4.5 has not the second."""
+
+CYCLES_SETTINGS = ("filter_width", "transparent_max_bounces", "min_transparent_bounces")
 SETTINGS = frozenset(
     (
         *(f"camera.data.{name}" for name in (*CAMERA_SETTINGS, "ortho_scale")),
         *(f"camera.data.dof.{name}" for name in DOF_SETTINGS),
-        *(f"cycles.{name}" for name in ("filter_width", "transparent_max_bounces", "min_transparent_bounces")),
+        *(f"cycles.{name}" for name in CYCLES_SETTINGS),
     )
 )
 """Paths from the scene of what only this packed camera sets."""
@@ -81,24 +96,42 @@ class CardPlace:
 
 def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Return why a portal cannot send on the rays of these views, as `PackedCamera.blocker` says."""
-    layer = rendered_layer(scene)
-    follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
-    clip_start = evaluated(scene.camera, scene).data.clip_start
+    layer, eyes = rendered_layer(scene), list(eyes)
+    lens = evaluated(scene.camera, scene).data
+    world = layer.world_override or scene.world
+    guided = layer.cycles.denoising_store_passes or scene.cycles.use_denoising
     checks = {
         "a material override would replace the portal's material": layer.material_override is not None,
         "the view layer shows no surfaces": not layer.use_solid,
-        "a shader counts transparent surfaces, and the portal is one": uses_output(
-            "ShaderNodeLightPath", "Transparent Depth"
-        ),
+        "a shader counts transparent surfaces or portals": any(uses_output("ShaderNodeLightPath", output) for output in COUNTERS),
         "the scene's texture limit would scale the portal's table": scene.render.use_simplify
         and scene.cycles.texture_limit_render != "OFF",
-        "passes take surfaces of any transparency, and the portal is one": layer.pass_alpha_threshold == 0.0,
-        "denoising passes that do not follow reflections would show the portal": not follows,
-        "the near clip is too close to the camera, so far from the world's origin": any(
-            _card_place(eye, clip_start) is None for eye in eyes
+        "at an alpha threshold of 0 passes would show the portal": layer.pass_alpha_threshold == 0.0,
+        "denoising passes that do not follow reflections would show the portal": guided
+        and not getattr(layer.cycles, "denoising_pass_follow_reflections", True),
+        "the pixel filter or the limit of transparent bounces is animated": _is_overwritten(scene),
+        "the near clip is too close to the camera for the portal to be before it": any(
+            _card_place(eye, lens.clip_start) is None for eye in eyes
         ),
+        # Rays that a portal sends on have no end.
+        "a volume of the world ends at the camera's clip end": world is not None
+        and bool(world_shading(world) & Effect.VOLUME),
+        "something may be seen beyond the camera's clip end": seen_beyond(scene, eyes, lens.clip_end),
     }
     return next((reason for reason, blocks in checks.items() if blocks), None)
+
+
+def _is_overwritten(scene: bpy.types.Scene) -> bool:
+    """Return whether curves or drivers would overwrite what is set in the scene's Cycles settings."""
+    owner = scene.cycles.as_pointer()
+    return any((owner, name) in animated_values(scene) for name in CYCLES_SETTINGS)
+
+
+def _place_of(task: PackedTask) -> CardPlace:
+    """Return where the card of a packed render stands; there is room for it."""
+    place = _card_place(task.rendered, task.clip_start)
+    assert place is not None
+    return place
 
 
 def _card_place(camera: Camera, clip_start: float) -> CardPlace | None:
@@ -116,8 +149,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     """Have a card before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
     all is restored afterwards, also after an error. The folder takes the tables.
     """
-    place = _card_place(task.rendered, evaluated(scene.camera, scene).data.clip_start)
-    assert place is not None
+    place = _place_of(task)
     pixel_filter, cycles = scene.cycles.pixel_filter_type, scene.cycles
     support = filter_support(pixel_filter, cycles.filter_width)
     jitter = 1.0 if pixel_filter == "BOX" else MAX_JITTER_PIXELS
@@ -131,7 +163,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         depth=place.depth,
         widening=support / jitter,
         lens=aperture / place.lens_radius,
-        near_clip=lens.clip_start,
+        near_clip=task.clip_start,
         views=len(_cameras(task)),
     )
     tables = folder / "pixels.exr", folder / "views.exr"
@@ -139,9 +171,8 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     write_table(tables[1], _views_table(scene, task))
     # As wide as the scene's own, and of its kind: so much of a pixel is so much of the scene's filter.
     narrow = {"filter_width": cycles.filter_width * jitter / support}
-    bounces = {
-        name: getattr(cycles, name) + 1 for name in ("transparent_max_bounces", "min_transparent_bounces")
-    }
+    # The card is a transparent surface more.
+    bounces = {name: getattr(cycles, name) + 1 for name in CYCLES_SETTINGS[1:]}
     with ExitStack() as restored:
         packed = restored.enter_context(lens_to_set(scene))
         restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
@@ -304,13 +335,102 @@ def _spread(x: NDArray, y: NDArray, across: float, up: float) -> NDArray[np.floa
 # The passes
 
 
-def _as_plain(flat: Passes, task: PackedTask, pixels: PackedPixels) -> Passes:
-    """Return the passes (N, C) of one view's pixels as a plain camera has them.
-
-    Where a ray meets nothing behind the card, Cycles leaves depth and place of the card itself.
+def _as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
+    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles leaves depth and place of
+    the card where a ray meets nothing behind it, and counts the way to the card and what the card lets through.
     """
-    passes = dict(flat)
-    return passes if pixels.camera is task.rendered else seen_from_view(passes, task.rendered, pixels)
+    passes, pixels = dict(flat), task.views[index]
+    sky = _shows_card(flat, task, own=pixels.camera is task.rendered)
+    passes[DEPTH_PASS] = np.where(sky, np.float32(np.inf), flat[DEPTH_PASS])
+    if POSITION in flat:
+        passes[POSITION] = np.where(sky, np.float32(0.0), flat[POSITION])
+    if MEAN_LENGTH in flat:
+        passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_card(task, index)[:, None]).astype(np.float32)
+    if SPECULAR_ALBEDO in flat:
+        passes[SPECULAR_ALBEDO] = flat[SPECULAR_ALBEDO] - np.float32(1.0)
+    if pixels.camera is not task.rendered:
+        return seen_from_view(passes, task.rendered, pixels)
+    if VECTOR_PASS in flat:
+        passes[VECTOR_PASS] = _motion(flat[VECTOR_PASS], task, pixels, sky[:, 0])
+    return passes
+
+
+def _shows_card(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool_]:
+    """Return where (N, 1) depth and place are the card's: nothing of the rendered view is so near, and of another view
+    (not `own`) nothing is in that place.
+    """
+    place = _place_of(task)
+    near = np.abs(flat[DEPTH_PASS] - place.depth) < 0.5 * place.depth
+    if own:
+        return near
+    away = np.linalg.norm(flat[POSITION] - task.rendered.world_from_camera[:3, 3], axis=-1, keepdims=True)
+    return near & (away < CARD_REACH * (place.depth + place.lens_radius))
+
+
+def _lengths_to_card(task: PackedTask, index: int) -> NDArray[np.float64]:
+    """Return the lengths (N,) of the rays of one view's pixels from the packed camera's near clip to the card."""
+    place, packing = _place_of(task), task.packing
+    length = place.depth - place.near_clip
+    if isinstance(task.rendered, OrthographicCamera):
+        return np.full(len(packing.at[index]), length)
+    row, column = np.divmod(packing.at[index], packing.width)
+    across, up = _packed_step(task)
+    x, y = (column + 0.5 - 0.5 * packing.width) * across, (row + 0.5 - 0.5 * packing.height) * up
+    return length * np.sqrt(1.0 + x**2 + y**2)
+
+
+def _motion(
+    vectors: NDArray[np.float32], task: PackedTask, pixels: PackedPixels, sky: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """Return motion vectors (N, 4) in pixels of the rendered view, from those in packed pixels. sky (N,) are pixels of
+    what is endlessly far.
+    """
+    (across, up), (packed_across, packed_up) = _steps(task.rendered), _packed_step(task)
+    converted = vectors * np.float32(packed_across / across)
+    if isinstance(task.rendered, OrthographicCamera) or not sky.any():
+        return converted
+    plane, region, packing = task.rendered.plane, task.region, task.packing
+    x, y = (place[sky] for place in _on_plane(pixels))
+    ahead = np.stack([x, y, np.ones_like(x)], axis=-1)
+    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
+    packed = _Raster(1.0 / packed_across, 1.0 / packed_up, 0.5 * packing.width, 0.5 * packing.height)
+    below = region.full_height - region.top - region.height
+    whole = _Raster(1.0 / across, 1.0 / up, region.left - plane.left / across, below - plane.bottom / up)
+    before, after = (packed.turn(ahead, part) for part in (vectors[sky, :2], -vectors[sky, 2:]))
+    converted[sky] = np.concatenate([whole.moved(before), -whole.moved(after)], axis=-1)
+    return converted
+
+
+@dataclass(frozen=True)
+class _Raster:
+    """A picture's pixels, counted from its lower left corner, as Cycles has them for directions: per unit across and
+    up, and where the direction straight ahead is."""
+
+    per_x: float
+    per_y: float
+    middle_x: float
+    middle_y: float
+
+    def moved(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how many pixels (N, 2) a direction that changes by so much (N, 3) moves. Cycles leaves out the
+        division by depth.
+        """
+        x, y, z = change.T
+        return np.stack([self.per_x * x + self.middle_x * z, self.per_y * y + self.middle_y * z], axis=-1)
+
+    def turn(self, ahead: NDArray[np.float64], moved: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return by how much (N, 3) unit directions `ahead` (N, 3) change that move by so many pixels (N, 2), and stay
+        unit directions: the inverse of `moved`, by Newton's method.
+        """
+        change = np.zeros_like(ahead)
+        slope = np.array([-self.middle_x / self.per_x, -self.middle_y / self.per_y, 1.0])
+        start = np.concatenate([moved / np.array([self.per_x, self.per_y]), np.zeros((len(moved), 1))], axis=-1)
+        for _ in range(NEWTON_STEPS):
+            change = start + change[:, 2:] * slope
+            off = ((ahead + change) ** 2).sum(axis=-1) - 1.0
+            per_depth = 2.0 * ((ahead + change) * slope).sum(axis=-1)
+            change[:, 2] -= off / np.where(per_depth == 0.0, 1.0, per_depth)
+        return start + change[:, 2:] * slope
 
 
 PORTAL_CAMERA = PackedCamera("portal", _blocker, SETTINGS, _in_place, _as_plain)

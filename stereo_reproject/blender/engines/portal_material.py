@@ -60,7 +60,9 @@ def build_material(
     # Where the table has no pixel, the ray ends.
     graph.put(graph.math("GREATER_THAN", number, -0.5), portal.inputs["Color"])
     graph.put(graph.transformed(begins, "POINT", "OBJECT", "WORLD"), portal.inputs["Position"])
-    graph.put(graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"), portal.inputs["Direction"])
+    # Blender 4.5 takes the direction as long as it is.
+    direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
+    graph.put(direction, portal.inputs["Direction"])
     surface = portal.outputs[0] if rays.views == 1 else _first_surface_alone(graph, portal.outputs[0])
     graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
 

@@ -241,7 +241,8 @@ def has_grease_pencil(scene: bpy.types.Scene) -> bool:
 
 def uses_output(node_type: str, output: str) -> bool:
     """Return whether any shader of the file has a node of this type whose output of this name is linked."""
-    return any(node.outputs[output].is_linked for node in shader_nodes() if node.bl_idname == node_type)
+    found = (node.outputs.get(output) for node in shader_nodes() if node.bl_idname == node_type)
+    return any(socket is not None and socket.is_linked for socket in found)
 
 
 def shader_nodes() -> Iterator[bpy.types.Node]:

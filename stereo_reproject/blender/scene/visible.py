@@ -38,6 +38,8 @@ LOWER, UPPER = 0, 6
 AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
 """(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
 
+UNCERTAIN_SCALE = 2.0
+"""Size at which a box counts that may not hold all of an object, over its own: hair and displacement reach beyond."""
 
 Box = tuple[NDArray, tuple[float, ...], tuple[float, ...]]
 """An instance's matrix (4, 4) into the world, and in its own space the lowest and uppermost corner of its bounds."""
@@ -105,6 +107,30 @@ def _boxes(scene: bpy.types.Scene, wanted: Callable[[Seen, Shading], bool]) -> t
             certain = seen.bounded and not scene.render.use_motion_blur
             boxes.append(_corners([_box(instance)])[0] if certain else EVERYWHERE)
     return tuple(boxes)
+
+
+def seen_beyond(scene: bpy.types.Scene, cameras: Iterable[Camera], depth: float) -> bool:
+    """Return whether anything of a working scene may be in view of the cameras beyond this depth, in scene units.
+
+    It is looked at as it is in the present frame. Where Blender's bounds may not hold all of an object, they count as
+    twice as wide. The world and suns do not count.
+    """
+    layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
+    rendered = set(_rendered_objects(layer.layer_collection))
+    frustums = [Frustum(camera, Lens(near=depth)) for camera in cameras]
+    boxes = (
+        (_box(instance), 1.0 if seen.bounded else UNCERTAIN_SCALE)
+        for instance, seen in _rendered_instances(layer, rendered, shadings, set())
+        if instance.object.type != "LIGHT" or instance.object.data.type != "SUN"
+    )
+    while some := list(islice(boxes, BOXES_AT_ONCE)):
+        corners = _corners([box for box, _ in some])
+        middle = corners.mean(axis=1, keepdims=True)
+        scales = np.array([scale for _, scale in some])[:, None, None]
+        corners = middle + scales * (corners - middle)
+        if any(frustum.may_meet(corners).any() for frustum in frustums):
+            return True
+    return False
 
 
 def _rendered_instances(
