@@ -6,7 +6,7 @@ is right as it is; what it tells in the camera's own is converted here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
 from ...views.camera import Camera, target_from_source
+from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
 
@@ -110,3 +111,21 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
         turn = (FORWARD @ pose_in(rendered, camera) @ FORWARD)[:3, :3]
         converted[NORMAL] = (flat[NORMAL] @ turn.T).astype(np.float32)
     return converted
+
+
+def may_begin_in(
+    scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], views: Iterable[Camera]
+) -> bool:
+    """Return whether rays of any of the views may begin in one of the boxes (8, 3) of a working scene. An infinite box
+    may be anywhere. Boxes count as large as those around them along the world's axes.
+    """
+    camera = evaluated(scene.camera, scene).data
+    reach = camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
+    places = [view.world_from_camera[:3, 3] for view in views]
+    return any(
+        not np.isfinite(box).all()
+        or any(
+            bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach))) for place in places
+        )
+        for box in boxes
+    )

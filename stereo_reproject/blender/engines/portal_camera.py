@@ -28,10 +28,10 @@ from ..scene.animated import animated_values
 from ..scene.effects import uses_output
 from ..scene.materials import world_shading
 from ..scene.rig import camera_from_eye
-from ..scene.visible import aperture_radius, seen_beyond
+from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
-from .packed_views import POSITION, PackedPixels, focus_distance_of, pose_in, seen_from_view
+from .packed_views import POSITION, PackedPixels, focus_distance_of, may_begin_in, pose_in, seen_from_view
 from .portal_material import VIEW_ROWS, CardRays, build_material
 
 CARD_NAME = "Stereo Reproject portal"
@@ -70,6 +70,9 @@ MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
 
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
+VOLUMES_GUIDED_FROM_VERSION = (5, 0, 0)
+"""Version of Blender from which Cycles guides how likely camera rays scatter in a volume."""
+
 COUNTERS = ("Transparent Depth", "Portal Depth")
 """Outputs of the Light Path node that count the card; 4.5 has not the second."""
 
@@ -116,6 +119,9 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
         # Rays that a portal sends on have no end.
         "a volume of the world ends at the camera's clip end": world is not None
         and bool(world_shading(world) & Effect.VOLUME),
+        # Cycles guides a ray's first part in a volume, and up to the card there is next to nothing of it: more noise.
+        "a view may begin in a volume": bpy.app.version >= VOLUMES_GUIDED_FROM_VERSION
+        and may_begin_in(scene, volume_boxes(scene), eyes),
         "something may be seen beyond the camera's clip end": seen_beyond(scene, eyes, lens.clip_end),
     }
     return next((reason for reason, blocks in checks.items() if blocks), None)

@@ -16,11 +16,10 @@ from ...trace.requests import TraceRequest
 from ...views.camera import Camera
 from ..scene.effects import is_animated, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for
-from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .packed_camera import PackedCamera
 from .packed_trace import trace_packed
-from .packed_views import PackedPixels
+from .packed_views import PackedPixels, may_begin_in
 from .render import Rendered
 
 CAMERA_OUTPUTS = (
@@ -112,7 +111,7 @@ def why_apart(
         or any(map(_may_read_camera, shader_nodes())),
         # Of its own camera alone Cycles asks whether its rays begin in a volume.
         "a view may begin in a volume": not _surely_inside(rendered, volumes)
-        and any(_maybe_inside(view, volumes, _reach(scene)) for view in views),
+        and may_begin_in(scene, volumes, views),
     }
     return next((reason for reason, holds in checks.items() if holds), None)
 
@@ -124,29 +123,11 @@ def _may_read_camera(node: bpy.types.Node) -> bool:
     return node.bl_idname == "ShaderNodeScript"
 
 
-def _reach(scene: bpy.types.Scene) -> float:
-    """Return how far from a view's centre its rays may begin, in scene units."""
-    camera = evaluated(scene.camera, scene).data
-    return camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
-
-
 def _surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
     """Return whether the camera is certainly in one of these boxes (8, 3); an infinite box tells nothing."""
     place = camera.world_from_camera[:3, 3]
     finite = (box for box in boxes if np.isfinite(box).all())
     return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)
-
-
-def _maybe_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]], reach: float) -> bool:
-    """Return whether the camera may be in one of the boxes (8, 3), or nearer to one than `reach`. An infinite box may
-    be anywhere. Boxes count as large as those around them along the world's axes.
-    """
-    place = camera.world_from_camera[:3, 3]
-    return any(
-        not np.isfinite(box).all()
-        or bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach)))
-        for box in boxes
-    )
 
 
 def turns_in_shutter(scene: bpy.types.Scene) -> bool:
