@@ -9,7 +9,7 @@ near clip, where no ray of the view comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
 from .packed_views import POSITION, PackedPixels, focus_distance_of, may_begin_in, pose_in, seen_from_view
-from .portal_material import VIEW_ROWS, CardRays, build_material
+from .portal_material import VIEW_ROWS, CardRays, ViewRays, build_material
 
 CARD_NAME = "Stereo Reproject portal"
 """Name of the card's object, mesh and material."""
@@ -160,21 +160,25 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     support = filter_support(pixel_filter, cycles.filter_width)
     jitter = 1.0 if pixel_filter == "BOX" else MAX_JITTER_PIXELS
     step = _packed_step(task)
-    lens = evaluated(scene.camera, scene).data
-    aperture = aperture_radius(lens)
-    rays = CardRays(
+    card = CardRays(
         orthographic=isinstance(task.rendered, OrthographicCamera),
         size=(task.packing.width, task.packing.height),
         step=step,
         depth=place.depth,
         widening=support / jitter,
-        lens=aperture / place.lens_radius,
-        near_clip=task.clip_start,
-        views=len(_cameras(task)),
     )
-    tables = folder / "pixels.exr", folder / "views.exr"
-    write_table(tables[0], _pixels_table(task))
-    write_table(tables[1], _views_table(scene, task))
+    views = ViewRays(
+        step=_steps(task.rendered),
+        focus=focus_distance_of(scene, task.rendered),
+        lens=aperture_radius(evaluated(scene.camera, scene).data) / place.lens_radius,
+        near_clip=task.clip_start,
+        count=1 + len(task.others),
+    )
+    tables = [folder / "pixels.exr"]
+    write_table(tables[0], _pixels_table(task, card.widening))
+    if task.others:
+        tables.append(folder / "views.exr")
+        write_table(tables[1], _views_table(scene, task))
     # As wide as the scene's own, and of its kind: so much of a pixel is so much of the scene's filter.
     narrow = {"filter_width": cycles.filter_width * jitter / support}
     # The card is a transparent surface more.
@@ -184,16 +188,18 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
-        restored.enter_context(_set_camera(packed, rays, place))
-        restored.enter_context(_card(scene, task, rays, place, tables))
+        restored.enter_context(_set_camera(packed, card, place))
+        material = restored.enter_context(_card(scene, task, card, place))
+        images = restored.enter_context(_images(tables))
+        build_material(material, card, views, images)
         yield
 
 
 @contextmanager
-def _set_camera(packed: bpy.types.Camera, rays: CardRays, place: CardPlace) -> Iterator[None]:
+def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> Iterator[None]:
     """Have the lens `packed` look at the card, for the time of a `with` block."""
-    width = rays.size[0] * rays.step[0]
-    if rays.orthographic:
+    width = card.size[0] * card.step[0]
+    if card.orthographic:
         view = {"ortho_scale": width}
         diameter, focus = 1.0, place.depth
     else:
@@ -209,33 +215,41 @@ def _set_camera(packed: bpy.types.Camera, rays: CardRays, place: CardPlace) -> I
 
 @contextmanager
 def _card(
-    scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace, tables: tuple[Path, Path]
-) -> Iterator[None]:
-    """Have the card in a scene, for the time of a `with` block; it is removed afterwards, also after an error. tables
-    are the files of the pixels' and of the views' table.
+    scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace
+) -> Iterator[bpy.types.Material]:
+    """Have the card in a scene, for the time of a `with` block; it is removed afterwards, also after an error. It
+    yields the card's material, which has no nodes yet.
     """
-    images = [bpy.data.images.load(str(table)) for table in tables]
     mesh = bpy.data.meshes.new(CARD_NAME)
     material = bpy.data.materials.new(CARD_NAME)
     card = bpy.data.objects.new(CARD_NAME, mesh)
     try:
-        for image in images:
-            image.colorspace_settings.name = "Non-Color"
         _build_mesh(mesh, rays, place, evaluated(scene.camera, scene).data)
-        build_material(material, rays, images[0], images[1])
         mesh.materials.append(material)
         _hang_on_camera(card, scene, task.view)
         scene.collection.objects.link(card)
-        yield
+        yield material
     finally:
         bpy.data.objects.remove(card)
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(material)
-        for image in images:
-            bpy.data.images.remove(image)
         # Else Blender crashes when it lists what the scene shows: the card that it has evaluated is gone. And
         # scene.view_layers.update() passes over a scene that no window shows.
         rendered_layer(scene).update()
+
+
+@contextmanager
+def _images(tables: Sequence[Path]) -> Iterator[list[bpy.types.Image]]:
+    """Have the files of these tables as images of numbers, for the time of a `with` block."""
+    images: list[bpy.types.Image] = []
+    try:
+        for table in tables:
+            images.append(bpy.data.images.load(str(table)))
+            images[-1].colorspace_settings.name = "Non-Color"
+        yield images
+    finally:
+        for image in images:
+            bpy.data.images.remove(image)
 
 
 def _build_mesh(mesh: bpy.types.Mesh, rays: CardRays, place: CardPlace, lens: bpy.types.Camera) -> None:
@@ -264,19 +278,14 @@ def _hang_on_camera(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -
 # The tables
 
 
-def _cameras(task: PackedTask) -> list[Camera]:
-    """Return the cameras of the views' table: the rendered one, and all others."""
-    return [task.rendered, *task.others]
-
-
 def _steps(camera: Camera) -> tuple[float, float]:
     """Return the width and the height of a camera's pixel on its view plane."""
     plane = camera.plane
     return (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
 
 
-def _pixels_table(task: PackedTask) -> NDArray[np.float32]:
-    """Return the pixels' table (height, width, 4) that `build_material` takes."""
+def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
+    """Return the pixels' table (height, width, 4) that `build_material` takes; widening is as in `CardRays`."""
     packing = task.packing
     table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
     number = 0
@@ -285,7 +294,7 @@ def _pixels_table(task: PackedTask) -> NDArray[np.float32]:
         number += not own
         x, y = _on_plane(pixels)
         across, up = _steps(pixels.camera)
-        table[at, 0], table[at, 1] = x / across, y / up
+        table[at, 0], table[at, 1] = x / across - 0.5 * widening, y / up - 0.5 * widening
         table[at, 2] = 0 if own else number
     table[:, 3] = 1.0
     return table.reshape(packing.height, packing.width, 4)
@@ -300,7 +309,7 @@ def _on_plane(pixels: PackedPixels) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32]:
     """Return the views' table (VIEW_ROWS, views, 4) that `build_material` takes."""
-    cameras = _cameras(task)
+    cameras = [task.rendered, *task.others]
     table = np.ones((VIEW_ROWS, len(cameras), 4), np.float32)
     for number, camera in enumerate(cameras):
         pose = pose_in(camera, task.rendered)

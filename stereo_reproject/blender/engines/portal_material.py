@@ -7,14 +7,15 @@ view's camera space, also while camera and card move with the shutter open.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
 
 VIEW_ROWS = 5
-"""Rows of the views' table. They hold, for each view, in the card's space: one of its pixels to the right, one upwards
-and one unit of depth ahead (three numbers each); its place (three); and the depth in focus and how many pixels are one
-unit to the right and upwards."""
+"""Rows of the views' table, for several views. They hold, for each view, in the card's space: one of its pixels to the
+right, one upwards and one unit of depth ahead (three numbers each); its place (three); and the depth in focus and how
+many pixels are one unit to the right and upwards."""
 
 Socket = bpy.types.NodeSocket
 Value = Socket | float | tuple[float, float, float]
@@ -23,12 +24,11 @@ Value = Socket | float | tuple[float, float, float]
 
 @dataclass(frozen=True)
 class CardRays:
-    """Rays of a packed picture up to the card and from it on, in the card's space and scene units.
+    """Rays of a packed picture up to the card, in the card's space and scene units.
 
     size is the picture's width and height in pixels, and step a pixel's width and height on its plane: at unit depth,
     or for an orthographic camera in scene units. depth is the card's. widening is the width of the scene's pixel filter
-    over that of the packed picture, and lens the radius of the views' aperture over that of the packed camera, 0
-    without depth of field. near_clip is the depth at which the views' rays begin, views their number.
+    over that of the packed picture.
     """
 
     orthographic: bool
@@ -36,26 +36,47 @@ class CardRays:
     step: tuple[float, float]
     depth: float
     widening: float
+
+
+@dataclass(frozen=True)
+class ViewRays:
+    """Rays of views from the card on, in the card's space and scene units.
+
+    step is a pixel's width and height on the rendered view's plane, and focus the depth at which it is in focus. lens
+    is the radius of the views' aperture over that of the packed camera, 0 without depth of field. near_clip is the
+    depth at which rays begin. count is the number of views.
+    """
+
+    step: tuple[float, float]
+    focus: float
     lens: float
     near_clip: float
-    views: int
+    count: int
 
 
 def build_material(
-    material: bpy.types.Material, rays: CardRays, pixels: bpy.types.Image, views: bpy.types.Image
+    material: bpy.types.Material, card: CardRays, views: ViewRays, tables: Sequence[bpy.types.Image]
 ) -> None:
-    """Make the material of the card. pixels is the image of the pixels' table: each entry has the pixel's place on its
-    view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead, and the number of
-    its view, -1 where there is no pixel. views is the image of the views' table.
+    """Make the material of the card. tables are the image of the pixels' table and, for several views, that of the
+    views' table.
+
+    An entry of the pixels' table has the place of the lower left corner of what the pixel's filter covers, on its
+    view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
+    its view, -1 where there is no pixel.
     """
     if material.node_tree is None:
         material.use_nodes = True
     material.node_tree.nodes.clear()
     graph = _Graph(material.node_tree)
-    raster, on_lens = _place_in_picture(graph, rays)
-    entry, place = _look_up(graph, rays, raster, pixels)
+    raster, on_lens = _place_in_picture(graph, card)
+    entry, place = _look_up(graph, card, raster, tables[0])
     number = graph.part(entry, 2)
-    begins, direction = _ray_of_view(graph, rays, place, on_lens, _axes_of_view(graph, rays, number, views))
+    if views.count == 1:
+        view = _View((*views.step, 0.0), None, (0.0, 0.0, -1.0), None, views.focus, None)
+    else:
+        view = _view_of_table(graph, views, number, tables[1])
+    shoot = _orthographic_ray if card.orthographic else _perspective_ray
+    begins, direction = shoot(graph, views, view, place, on_lens)
     portal = graph.node("ShaderNodeBsdfRayPortal")
     # Where the table has no pixel, the ray ends.
     graph.put(graph.math("GREATER_THAN", number, -0.5), portal.inputs["Color"])
@@ -63,11 +84,11 @@ def build_material(
     # Blender 4.5 takes the direction as long as it is.
     direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
     graph.put(direction, portal.inputs["Direction"])
-    surface = portal.outputs[0] if rays.views == 1 else _first_surface_alone(graph, portal.outputs[0])
+    surface = portal.outputs[0] if views.count == 1 else _first_surface_alone(graph, portal.outputs[0])
     graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
 
 
-def _place_in_picture(graph: _Graph, rays: CardRays) -> tuple[Socket, Socket]:
+def _place_in_picture(graph: _Graph, card: CardRays) -> tuple[Socket, Socket]:
     """Return the place of a ray in the packed picture, in pixels from its lower left corner, and its place on the
     packed camera's aperture, in scene units.
 
@@ -78,72 +99,107 @@ def _place_in_picture(graph: _Graph, rays: CardRays) -> tuple[Socket, Socket]:
     back = graph.transformed(geometry.outputs["Incoming"], "VECTOR", "WORLD", "OBJECT")
     back = graph.scaled(back, graph.math("DIVIDE", 1.0, graph.part(back, 2)))
     met = graph.transformed(geometry.outputs["Position"], "POINT", "WORLD", "OBJECT")
-    depth = (rays.depth, rays.depth, 0.0)
-    if rays.orthographic:
-        sideways, on_lens = met, graph.vector("MULTIPLY", back, depth)
-    else:
-        sideways, on_lens = graph.scaled(back, -1.0), graph.vector("MULTIPLY_ADD", back, depth, met)
-    per_unit = (1.0 / rays.step[0], 1.0 / rays.step[1], 0.0)
-    middle = (0.5 * rays.size[0], 0.5 * rays.size[1], 0.0)
-    return graph.vector("MULTIPLY_ADD", sideways, per_unit, middle), on_lens
+    depth = (card.depth, card.depth, 0.0)
+    x, y = (1.0 / side for side in card.step)
+    middle = (0.5 * card.size[0], 0.5 * card.size[1], 0.0)
+    if card.orthographic:
+        return graph.vector("MULTIPLY_ADD", met, (x, y, 0.0), middle), graph.vector("MULTIPLY", back, depth)
+    return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
 
-def _look_up(graph: _Graph, rays: CardRays, raster: Socket, pixels: bpy.types.Image) -> tuple[Socket, Socket]:
+def _look_up(graph: _Graph, card: CardRays, raster: Socket, pixels: bpy.types.Image) -> tuple[Socket, Socket]:
     """Return the entry of the pixels' table at a place in the packed picture, and the ray's place on its view's plane,
-    as the entry has the pixel's.
+    in pixels as the entry has it.
     """
-    width, height = rays.size
-    corner = graph.vector("FLOOR", raster)
+    width, height = card.size
+    corner, within = graph.vector("FLOOR", raster), graph.vector("FRACTION", raster)
     texel = graph.vector("MULTIPLY_ADD", corner, (1.0 / width, 1.0 / height, 0.0), (0.5 / width, 0.5 / height, 0.0))
     entry = graph.texture(pixels, texel)
-    within = graph.vector("SUBTRACT", graph.vector("SUBTRACT", raster, corner), (0.5, 0.5, 0.0))
-    return entry, graph.vector("MULTIPLY_ADD", within, (rays.widening, rays.widening, 0.0), entry)
+    return entry, graph.vector("MULTIPLY_ADD", within, (card.widening, card.widening, 0.0), entry)
 
 
-def _axes_of_view(graph: _Graph, rays: CardRays, number: Socket, views: bpy.types.Image) -> list[Socket]:
-    """Return the rows of the views' table for the view of this number."""
-    across = graph.math("MULTIPLY_ADD", number, 1.0 / rays.views, 0.5 / rays.views)
+@dataclass(frozen=True)
+class _View:
+    """A view in the card's space: one of its pixels to the right and one upwards, one unit of depth ahead, its place,
+    the depth at which it is in focus, and how many of its pixels are one unit to the right and upwards.
+
+    Without `up` the space is the view's own: `right` has the width and the height of a pixel in x and y, and no place
+    and pixels_per_unit are needed.
+    """
+
+    right: Value
+    up: Value | None
+    ahead: Value
+    place: Value | None
+    focus: Value
+    pixels_per_unit: tuple[Value, Value] | None
+
+    def sideways(self, graph: _Graph, place: Socket) -> Socket:
+        """Return a place on the view's plane, in its pixels, as a way in the card's space."""
+        if self.up is None:
+            return graph.vector("MULTIPLY", place, self.right)
+        return graph.combined(self.right, graph.part(place, 0), self.up, graph.part(place, 1))
+
+    def on_lens(self, graph: _Graph, place: Socket) -> Socket:
+        """Return a place on the view's aperture, in scene units, as a way in the card's space."""
+        if self.up is None:
+            return graph.vector("MULTIPLY", place, (1.0, 1.0, 0.0))
+        x, y = (graph.math("MULTIPLY", graph.part(place, axis), self.pixels_per_unit[axis]) for axis in (0, 1))
+        return graph.combined(self.right, x, self.up, y)
+
+    def seen_from(self, graph: _Graph, way: Socket) -> Socket:
+        """Return where a way from the view's place ends."""
+        return way if self.place is None else graph.vector("ADD", way, self.place)
+
+
+def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: bpy.types.Image) -> _View:
+    """Return the view of this number, from the views' table."""
+    across = graph.math("MULTIPLY_ADD", number, 1.0 / views.count, 0.5 / views.count)
     rows: list[Socket] = []
     for row in range(VIEW_ROWS):
         texel = graph.node("ShaderNodeCombineXYZ")
         graph.put(across, texel.inputs[0])
         graph.put(1.0 - (row + 0.5) / VIEW_ROWS, texel.inputs[1])
-        rows.append(graph.texture(views, texel.outputs[0]))
-    return rows
+        rows.append(graph.texture(table, texel.outputs[0]))
+    right, up, ahead, place, lens = rows
+    return _View(right, up, ahead, place, graph.part(lens, 0), (graph.part(lens, 1), graph.part(lens, 2)))
 
 
-def _ray_of_view(
-    graph: _Graph, rays: CardRays, place: Socket, on_lens: Socket, axes: list[Socket]
+def _perspective_ray(
+    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
-    """Return where the ray through a place on a view's plane begins, and its direction, in the card's space. axes are
-    the view's rows of the views' table.
+    """Return where the ray through a place on a view's plane begins, and its direction, in the card's space. on_lens is
+    its place on the packed camera's aperture.
     """
-    right, up, ahead, origin, lens = axes
-    sideways = graph.combined(right, graph.part(place, 0), up, graph.part(place, 1))
-    if rays.orthographic:
-        through, origin = ahead, graph.vector("ADD", origin, sideways)
+    through = graph.vector("ADD", view.sideways(graph, place), view.ahead)
+    if views.lens == 0.0:
+        return view.seen_from(graph, graph.scaled(through, views.near_clip)), through
+    offset = view.on_lens(graph, graph.scaled(on_lens, views.lens))
+    direction = graph.vector("SUBTRACT", graph.scaled(through, view.focus), offset)
+    # Cycles starts rays as far from the lens as if they went through its middle.
+    length = graph.node("ShaderNodeVectorMath", operation="LENGTH")
+    graph.put(through, length.inputs[0])
+    far = graph.math("MULTIPLY", length.outputs["Value"], views.near_clip)
+    along = graph.scaled(graph.vector("NORMALIZE", direction), far)
+    return view.seen_from(graph, graph.vector("ADD", offset, along)), direction
+
+
+def _orthographic_ray(
+    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
+) -> tuple[Socket, Socket]:
+    """Return where the ray through a place on a view's plane begins, and its direction, in the card's space. on_lens is
+    its place on the packed camera's aperture.
+    """
+    begins = view.sideways(graph, place)
+    if views.lens == 0.0:
+        direction = graph.vector("MULTIPLY", view.ahead, (1.0, 1.0, 1.0))
+        along = graph.scaled(direction, views.near_clip)
     else:
-        through = graph.vector("ADD", ahead, sideways)
-    if rays.lens == 0.0:
-        return graph.vector("ADD", origin, graph.scaled(through, rays.near_clip)), through
-    focus = graph.part(lens, 0)
-    on_lens = graph.scaled(on_lens, rays.lens)
-    offset = graph.combined(
-        right,
-        graph.math("MULTIPLY", graph.part(on_lens, 0), graph.part(lens, 1)),
-        up,
-        graph.math("MULTIPLY", graph.part(on_lens, 1), graph.part(lens, 2)),
-    )
-    direction = graph.vector("SUBTRACT", graph.scaled(through, focus), offset)
-    if rays.orthographic:
-        along = graph.scaled(direction, graph.math("DIVIDE", rays.near_clip, focus))
-    else:
-        # Cycles starts a perspective camera's rays as far from the lens as if they went through its middle.
-        length = graph.node("ShaderNodeVectorMath", operation="LENGTH")
-        graph.put(through, length.inputs[0])
-        far = graph.math("MULTIPLY", length.outputs["Value"], rays.near_clip)
-        along = graph.scaled(graph.vector("NORMALIZE", direction), far)
-    return graph.vector("ADD", graph.vector("ADD", origin, offset), along), direction
+        offset = view.on_lens(graph, graph.scaled(on_lens, views.lens))
+        begins = graph.vector("ADD", begins, offset)
+        direction = graph.vector("SUBTRACT", graph.scaled(view.ahead, view.focus), offset)
+        along = graph.scaled(direction, graph.math("DIVIDE", views.near_clip, view.focus))
+    return view.seen_from(graph, graph.vector("ADD", begins, along)), direction
 
 
 def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
@@ -193,14 +249,14 @@ class _Graph:
             self.put(value, to)
         return added.outputs[0]
 
-    def scaled(self, vector: Socket, by: Value) -> Socket:
+    def scaled(self, vector: Value, by: Value) -> Socket:
         """Return a vector times a number."""
         added = self.node("ShaderNodeVectorMath", operation="SCALE")
         self.put(vector, added.inputs[0])
         self.put(by, added.inputs["Scale"])
         return added.outputs[0]
 
-    def combined(self, one: Socket, by_one: Value, other: Socket, by_other: Value) -> Socket:
+    def combined(self, one: Value, by_one: Value, other: Value, by_other: Value) -> Socket:
         """Return the sum of two vectors, each times a number."""
         return self.vector("ADD", self.scaled(one, by_one), self.scaled(other, by_other))
 
