@@ -17,6 +17,14 @@ from .header import ReportHeader
 
 
 @dataclass(frozen=True, kw_only=True)
+class FillReport(FillChoice):
+    """The fill of holes. camera is what shot the rays of packed pixels, "osl" or "portal"; None where they were traced
+    otherwise."""
+
+    camera: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class RefineReport:
     """One render of tiles that refinement asked for: the fill method, and the reason why that method was chosen, in
     words."""
@@ -185,7 +193,7 @@ class FrameReport(ReportHeader):
     for. samples_rendered is None where it is not known.
     """
 
-    fill: FillChoice
+    fill: FillReport
     refine: tuple[RefineReport, ...] | None
     grid: GridReport
     warp: WarpReport

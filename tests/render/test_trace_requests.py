@@ -304,7 +304,10 @@ def test_eevee_has_the_holes_of_both_eyes_traced_together(packed_by, tmp_path, r
     scene = small_studio(tmp_path, turned_around, lit=True)
     scene.cycles.filter_width = scene.render.filter_size = FINEST_FILTER
     scene.render.engine, scene.cycles.samples = EEVEE, 1
-    with working_scene(scene, SceneOverrides()) as working, renderer_of(working, tmp_path, packed_by=packed_by) as renderer:
+    with (
+        working_scene(scene, SceneOverrides()) as working,
+        renderer_of(working, tmp_path, packed_by=packed_by) as renderer,
+    ):
         renders.clear()
         together = traced(renderer, *EYES)
         assert len(renders) == 1

@@ -127,7 +127,7 @@ def _render_layer(
     of `scene` that is rendered; findings are those of a sequence for this layer.
     """
     header = report_header(scene, working, settings)
-    with renderer_of(working, work, user_scene=scene) as renderer:
+    with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_by) as renderer:
         frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
@@ -135,6 +135,7 @@ def _render_layer(
             plan=renderer.plan,
             parallax=parallax_report(renderer, frame.eyes[settings.source], frame_region(working.render).full_width),
             warnings=tuple(renderer.warnings),
+            packed_by=renderer.packed.name,
             time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
             samples_rendered=renderer.samples_rendered if limited else ABSENT,
         )

@@ -97,8 +97,8 @@ def _corner(eye: Camera) -> float:
 
 
 def _as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
-    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles gives a custom one the distance
-    in place of the depth, and motion vectors of another kind.
+    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles gives a custom camera
+    the distance in place of the depth, and motion vectors of another kind.
     """
     pixels = task.views[index]
     target, places, region = task.rendered, pixels.places, task.region
@@ -158,9 +158,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
 
 
 @contextmanager
-def _set_camera(
-    packed: bpy.types.Camera, task: PackedTask, table: Path, bytecode: str
-) -> Iterator[None]:
+def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecode: str) -> Iterator[None]:
     """Have the lens `packed` be the custom camera of a packed render, for the time of a `with` block; table is the path
     of the packed picture's table.
     """

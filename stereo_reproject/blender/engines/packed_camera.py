@@ -1,8 +1,8 @@
-"""What every camera of a packed render has in common: its task, its settings, and a lens that can be set."""
+"""Common parts of the cameras of packed renders: their task, their settings, and a lens that can be set."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +78,7 @@ class PackedCamera:
 
     name: str
     blocker: Callable[[bpy.types.Scene, Iterable[Camera], float], str | None]
-    settings: Collection[str]
+    settings: frozenset[str]
     in_place: Callable[[bpy.types.Scene, PackedTask, Path], AbstractContextManager[None]]
     as_plain: Callable[[Passes, PackedTask, int], Passes]
 

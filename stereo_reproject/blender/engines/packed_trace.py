@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from ...errors import BadInputError
 from ...images.passes import Passes
 from ...trace.packing import pack
 from ...views.camera import Camera
@@ -33,10 +34,14 @@ PACKED_SETTINGS = frozenset(
 
 def packed_camera(scene: bpy.types.Scene, asked: str = "auto") -> PackedCamera:
     """Return the camera of packed renders of a scene: the one asked for, "osl" or "portal"; with "auto" the OSL camera,
-    and where Cycles has none the portal.
+    and the portal where Cycles has none or the scene's camera is orthographic. Raises BadInputError for an OSL camera
+    where there is none.
     """
+    missing = missing_osl_cameras(scene)
     if asked == "auto":
-        return CAMERAS["osl" if missing_osl_cameras(scene) is None else "portal"]
+        return CAMERAS["portal" if missing is not None or scene.camera.data.type == "ORTHO" else "osl"]
+    if asked == "osl" and missing is not None:
+        raise BadInputError(f"--packed-by osl is not possible: {missing}; use --packed-by auto")
     return CAMERAS[asked]
 
 

@@ -39,9 +39,7 @@ class PackedPixels:
     places: NDArray[np.intp]
 
 
-def numbers_of_others(
-    scene: bpy.types.Scene, rendered: Camera, others: Sequence[Camera]
-) -> tuple[float, ...]:
+def numbers_of_others(scene: bpy.types.Scene, rendered: Camera, others: Sequence[Camera]) -> tuple[float, ...]:
     """Return the numbers by which the shader knows the views that Blender does not render, 17 for each.
 
     They are: left and top of the view plane, and a pixel's width and height on it, at unit depth; the depth in focus,
@@ -56,9 +54,9 @@ def numbers_of_others(
     return tuple(float(number) for number in numbers)
 
 
-def pose_in(camera: Camera, rendered: Camera) -> NDArray[np.float64]:
+def pose_in(camera: Camera, rendered: Camera) -> NDArray[np.floating]:
     """Return the transform (4, 4) from a camera's space to that of the rendered one."""
-    return np.asarray(target_from_source(camera, rendered))
+    return target_from_source(camera, rendered)
 
 
 def focus_distance_of(scene: bpy.types.Scene, camera: Camera) -> float:
@@ -113,9 +111,7 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
     return converted
 
 
-def may_begin_in(
-    scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], views: Iterable[Camera]
-) -> bool:
+def may_begin_in(scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], views: Iterable[Camera]) -> bool:
     """Return whether rays of any of the views may begin in one of the boxes (8, 3) of a working scene. An infinite box
     may be anywhere. Boxes count as large as those around them along the world's axes.
     """

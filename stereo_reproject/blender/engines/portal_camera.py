@@ -19,11 +19,11 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
+from ...images.effects import Effect
 from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...trace.pixel_filter import filter_support
 from ...views.camera import Camera, OrthographicCamera
-from ...images.effects import Effect
 from ..scene.animated import animated_values
 from ..scene.effects import uses_output
 from ..scene.materials import world_shading
@@ -70,6 +70,10 @@ MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
 
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
+LEAST_ALPHA = 1e-6
+"""Smallest alpha threshold of passes: at 0 they would show the card. Where the user has 0, what is wholly transparent
+is in a plain render's passes, and not in those of traced pixels."""
+
 VOLUMES_GUIDED_FROM_VERSION = (5, 0, 0)
 """Version of Blender from which Cycles guides how likely camera rays scatter in a volume."""
 
@@ -97,7 +101,7 @@ class CardPlace:
     lens_radius: float
 
 
-def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
+def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:  # noqa: ARG001
     """Return why a portal cannot send on the rays of these views, as `PackedCamera.blocker` says."""
     layer, eyes = rendered_layer(scene), list(eyes)
     lens = evaluated(scene.camera, scene).data
@@ -106,10 +110,11 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
     checks = {
         "a material override would replace the portal's material": layer.material_override is not None,
         "the view layer shows no surfaces": not layer.use_solid,
-        "a shader counts transparent surfaces or portals": any(uses_output("ShaderNodeLightPath", output) for output in COUNTERS),
+        "a shader counts transparent surfaces or portals": any(
+            uses_output("ShaderNodeLightPath", output) for output in COUNTERS
+        ),
         "the scene's texture limit would scale the portal's table": scene.render.use_simplify
         and scene.cycles.texture_limit_render != "OFF",
-        "at an alpha threshold of 0 passes would show the portal": layer.pass_alpha_threshold == 0.0,
         "denoising passes that do not follow reflections would show the portal": guided
         and not getattr(layer.cycles, "denoising_pass_follow_reflections", True),
         "the pixel filter or the limit of transparent bounces is animated": _is_overwritten(scene),
@@ -183,7 +188,10 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     narrow = {"filter_width": cycles.filter_width * jitter / support}
     # The card is a transparent surface more.
     bounces = {name: getattr(cycles, name) + 1 for name in CYCLES_SETTINGS[1:]}
+    layer = rendered_layer(scene)
+    seen = max(layer.pass_alpha_threshold, LEAST_ALPHA)
     with ExitStack() as restored:
+        restored.enter_context(changed(layer, pass_alpha_threshold=seen))
         packed = restored.enter_context(lens_to_set(scene))
         restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
@@ -214,9 +222,7 @@ def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> I
 
 
 @contextmanager
-def _card(
-    scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace
-) -> Iterator[bpy.types.Material]:
+def _card(scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace) -> Iterator[bpy.types.Material]:
     """Have the card in a scene, for the time of a `with` block; it is removed afterwards, also after an error. It
     yields the card's material, which has no nodes yet.
     """
@@ -300,7 +306,7 @@ def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
     return table.reshape(packing.height, packing.width, 4)
 
 
-def _on_plane(pixels: PackedPixels) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _on_plane(pixels: PackedPixels) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return x and y (N,) of the pixels' centres on their camera's view plane."""
     camera, plane = pixels.camera, pixels.camera.plane
     across, up = _steps(camera)

@@ -32,8 +32,8 @@ from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
-from .packed_trace import packed_blocker, packed_camera
 from .mask_card import card_blocker, trace_card
+from .packed_trace import packed_blocker, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
 from .ray_passes import RayPasses
 from .render import Rendered, render_views

@@ -48,8 +48,8 @@ def trace_together(
     in the order of the requests.
 
     cameras has those of the requests' views by name, both eyes included. volumes has, for each volume of the scene, the
-    corners (8, 3) of a box around it. next_seed returns a new seed for each render. by is the packed camera. Raises BadInputError for a view
-    that is no eye where its pixels could not be right.
+    corners (8, 3) of a box around it. next_seed returns a new seed for each render. by is the packed camera. Raises
+    BadInputError for a view that is no eye where its pixels could not be right.
     """
     renders: list[Rendered] = []
     answers: dict[int, Passes] = {}
@@ -110,8 +110,7 @@ def why_apart(
         "a shader reads where the camera is": any(uses_output(*output) for output in CAMERA_OUTPUTS)
         or any(map(_may_read_camera, shader_nodes())),
         # Of its own camera alone Cycles asks whether its rays begin in a volume.
-        "a view may begin in a volume": not _surely_inside(rendered, volumes)
-        and may_begin_in(scene, volumes, views),
+        "a view may begin in a volume": not _surely_inside(rendered, volumes) and may_begin_in(scene, volumes, views),
     }
     return next((reason for reason, holds in checks.items() if holds), None)
 
