@@ -32,6 +32,7 @@ from tests.blender.toolbox import (
     set_background,
 )
 from tests.render.ruler import TARGET, plain_renders
+from tests.render.test_fill import blocker
 
 pytestmark = pytest.mark.slow
 
@@ -187,13 +188,24 @@ def case(request, tmp_path_factory):
 
 @pytest.mark.parametrize("trace", [by_osl, by_portal, behind_the_card])
 def test_traced_pixels_have_the_footprint_of_plain_ones(case, trace):
-    _, scene, folder, renders = case
+    surface, scene, folder, renders = case
+    if trace is by_portal and surface.name == "wireframe":
+        assert "wireframe" in blocker(scene, folder, "portal")
+        return
     with working_scene(scene, SceneOverrides()) as working:
         ours = trace(working, folder)
     figures = held_against(ours, renders)
     assert figures.rms < AS_FAR, figures
     assert figures.worst < AS_FAR_AT_WORST, figures
     assert figures.mean < MEAN, figures
+
+
+@pytest.mark.parametrize(("lens", "blocks"), [(24.0, False), (18.0, True)])
+def test_bumps_are_not_traced_by_a_portal_where_pixels_differ_much(tmp_path, lens, blocks):
+    scene = floor(tmp_path, SURFACES[0])
+    scene.camera.data.lens = lens
+    assert ("bumps" in (blocker(scene, tmp_path, "portal") or "")) == blocks
+    assert blocker(scene, tmp_path, "osl") is None
 
 
 def test_another_footprint_would_be_seen(case):
