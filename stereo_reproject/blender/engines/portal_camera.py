@@ -9,7 +9,8 @@ near clip, where no ray of the view comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,13 +30,13 @@ from ..scene.effects import shader_nodes, uses_output
 from ..scene.materials import world_shading
 from ..scene.rig import camera_from_eye
 from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
-from ..scene.working import changed, evaluated, rendered_layer
+from ..scene.working import KEPT_OBJECT, changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
 from .packed_views import POSITION, PackedPixels, focus_distance_of, may_begin_in, pose_in, seen_from_view
 from .portal_material import VIEW_ROWS, CardRays, ViewRays, build_material
 
 CARD_NAME = "Stereo Reproject portal"
-"""Name of the card's object, mesh and material."""
+"""Name of the card's object, mesh and material; Blender may add a number."""
 
 MAX_JITTER_PIXELS = 0.9
 """Part of a packed pixel, along its side, in which rays are shot: rounding cannot bring them into the next pixel. A box
@@ -241,26 +242,43 @@ def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> I
 
 
 @contextmanager
-def _card(scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace) -> Iterator[bpy.types.Material]:
-    """Have the card in a scene, for the time of a `with` block; it is removed afterwards, also after an error. It
-    yields the card's material, which has no nodes yet.
+def _card(
+    scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace
+) -> Iterator[bpy.types.Material]:
+    """Have the card in a scene, for the time of a `with` block; it is empty afterwards, also after an error. It yields
+    the card's material, which has no nodes yet.
     """
-    mesh = bpy.data.meshes.new(CARD_NAME)
-    material = bpy.data.materials.new(CARD_NAME)
-    card = bpy.data.objects.new(CARD_NAME, mesh)
+    card = _kept_card(scene)
+    mesh: bpy.types.Mesh = card.data  # pyright: ignore[reportAssignmentType] - the card's is one
+    material = mesh.materials[0]
+    assert material is not None
     try:
         _build_mesh(mesh, rays, place, evaluated(scene.camera, scene).data)
-        mesh.materials.append(material)
-        _hang_on_camera(card, scene, task.view)
-        scene.collection.objects.link(card)
+        _put_before_camera(card, scene, task.view)
         yield material
     finally:
-        bpy.data.objects.remove(card)
-        bpy.data.meshes.remove(mesh)
-        bpy.data.materials.remove(material)
-        # Else Blender crashes when it lists what the scene shows: the card that it has evaluated is gone. And
-        # scene.view_layers.update() passes over a scene that no window shows.
-        rendered_layer(scene).update()
+        mesh.clear_geometry()
+        material.node_tree.nodes.clear()
+
+
+def _kept_card(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Return the card of a working scene, which is empty between traces; it is made where there is none yet."""
+    eye = scene.camera
+    card = bpy.data.objects.get(eye.get(KEPT_OBJECT, ""))
+    if card is None:
+        mesh, material = bpy.data.meshes.new(CARD_NAME), bpy.data.materials.new(CARD_NAME)
+        if material.node_tree is None:
+            material.use_nodes = True
+        material.node_tree.nodes.clear()
+        mesh.materials.append(material)
+        card = bpy.data.objects.new(CARD_NAME, mesh)
+        card.parent = eye
+        eye[KEPT_OBJECT] = card.name
+        for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+            setattr(card, f"visible_{kind}", False)
+    if scene.collection.objects.get(card.name) is None:
+        scene.collection.objects.link(card)
+    return card
 
 
 @contextmanager
@@ -286,18 +304,24 @@ def _build_mesh(mesh: bpy.types.Mesh, rays: CardRays, place: CardPlace, lens: bp
     mesh.from_pydata([(x, y, -place.depth) for x, y in corners], [], [(0, 1, 2, 3)])
 
 
-def _hang_on_camera(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
-    """Hang the card on the camera, so that its space is the view's camera space at any time while the shutter is open,
-    and show it to camera rays alone.
-    """
+def _put_before_camera(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
+    """Give the card, which hangs on the camera, the view's camera space at any time while the shutter is open."""
     camera = evaluated(scene.camera, scene)
-    card.parent = scene.camera
     scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))
     card.matrix_parent_inverse = scale.inverted()
     card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
     card.cycles.motion_steps = scene.camera.cycles.motion_steps
-    for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-        setattr(card, f"visible_{kind}", False)
+
+
+def without_card(texts: Mapping[str, str]) -> dict[str, str]:
+    """Return the texts of a render's header without the card in the manifests of cryptomattes: it stays in the scene,
+    and is in no picture.
+    """
+    if not any(CARD_NAME in text for text in texts.values()):
+        return dict(texts)
+    entry = re.compile(rf'"{CARD_NAME}(\.\d+)?":"[0-9a-f]{{8}}",?')
+    kept = {key: entry.sub("", text) for key, text in texts.items()}
+    return {key: text.replace(",}", "}") if text != texts[key] else text for key, text in kept.items()}
 
 
 # The tables

@@ -57,16 +57,13 @@ class ViewRays:
 def build_material(
     material: bpy.types.Material, card: CardRays, views: ViewRays, tables: Sequence[bpy.types.Image]
 ) -> None:
-    """Make the material of the card. tables are the image of the pixels' table and, for several views, that of the
+    """Make the material of the card, which has no nodes yet. tables are the image of the pixels' table and, for several views, that of the
     views' table.
 
     An entry of the pixels' table has the place of the lower left corner of what the pixel's filter covers, on its
     view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
     its view, -1 where there is no pixel.
     """
-    if material.node_tree is None:
-        material.use_nodes = True
-    material.node_tree.nodes.clear()
     graph = _Graph(material.node_tree)
     raster, on_lens = _place_in_picture(graph, card)
     entry, place = _look_up(graph, card, raster, tables[0])

@@ -35,6 +35,7 @@ from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_trace import packed_blocker, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
+from .portal_camera import without_card
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
@@ -148,7 +149,7 @@ class BlenderRenderer:
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
-        self.metadata.update(rendered.attributes)
+        self.metadata.update(without_card(rendered.attributes))
         passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
         if not ours_too:
             return self._as_asked_for(passes), cost_of(rendered)
