@@ -10,7 +10,7 @@ near clip, where no ray of the view comes.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,7 @@ from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...trace.pixel_filter import filter_support
 from ...views.camera import Camera, OrthographicCamera
+from ...views.frustum import Frustum, Lens
 from ..scene.animated import animated_values
 from ..scene.effects import shader_nodes, uses_output
 from ..scene.materials import world_shading
@@ -217,9 +218,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
         restored.enter_context(_set_camera(packed, card, place))
-        material = restored.enter_context(_card(scene, task, card, place))
-        images = restored.enter_context(_images(tables))
-        build_material(material, card, views, images)
+        build_material(_card(scene, task, card, place), card, views, tables)
         yield
 
 
@@ -241,76 +240,90 @@ def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> I
         yield
 
 
-@contextmanager
-def _card(
-    scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace
-) -> Iterator[bpy.types.Material]:
-    """Have the card in a scene, for the time of a `with` block; it is empty afterwards, also after an error. It yields
-    the card's material, which has no nodes yet.
+def _card(scene: bpy.types.Scene, task: PackedTask, rays: CardRays, place: CardPlace) -> bpy.types.Material:
+    """Put the card of a working scene before its camera, and return its material. It is made where there is none yet,
+    and stays: no plain render shows it, since it is before the near clip and only camera rays see it.
     """
-    card = _kept_card(scene)
-    mesh: bpy.types.Mesh = card.data  # pyright: ignore[reportAssignmentType] - the card's is one
-    material = mesh.materials[0]
-    assert material is not None
-    try:
-        _build_mesh(mesh, rays, place, evaluated(scene.camera, scene).data)
-        _put_before_camera(card, scene, task.view)
-        yield material
-    finally:
-        mesh.clear_geometry()
-        material.node_tree.nodes.clear()
-
-
-def _kept_card(scene: bpy.types.Scene) -> bpy.types.Object:
-    """Return the card of a working scene, which is empty between traces; it is made where there is none yet."""
-    eye = scene.camera
-    card = bpy.data.objects.get(eye.get(KEPT_OBJECT, ""))
-    if card is None:
-        mesh, material = bpy.data.meshes.new(CARD_NAME), bpy.data.materials.new(CARD_NAME)
-        if material.node_tree is None:
-            material.use_nodes = True
-        material.node_tree.nodes.clear()
-        mesh.materials.append(material)
-        card = bpy.data.objects.new(CARD_NAME, mesh)
-        card.parent = eye
-        eye[KEPT_OBJECT] = card.name
-        for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-            setattr(card, f"visible_{kind}", False)
+    eye, lens = scene.camera, evaluated(scene.camera, scene).data
+    card = bpy.data.objects.get(eye.get(KEPT_OBJECT, "")) or _new_card(eye)
     if scene.collection.objects.get(card.name) is None:
         scene.collection.objects.link(card)
+    mesh: bpy.types.Mesh = card.data  # pyright: ignore[reportAssignmentType] - the card's is one
+    corners = _corners(task.rendered, rays, place, lens)
+    # Where a mesh or an object changes, Cycles builds what finds it, and all others, again.
+    if [tuple(vertex.co) for vertex in mesh.vertices] != corners:
+        mesh.clear_geometry()
+        mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    _put_before_camera(card, scene, task.view)
+    material = mesh.materials[0]
+    assert material is not None
+    return material
+
+
+def _new_card(eye: bpy.types.Object) -> bpy.types.Object:
+    """Return a new card, without faces, that hangs on a working camera and is shown to camera rays alone."""
+    mesh, material = bpy.data.meshes.new(CARD_NAME), bpy.data.materials.new(CARD_NAME)
+    card = bpy.data.objects.new(CARD_NAME, mesh)
+    for block in (card, mesh, material):
+        block[KEPT_OBJECT] = True
+    eye[KEPT_OBJECT] = card.name
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    mesh.materials.append(material)
+    card.parent = eye
+    for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(card, f"visible_{kind}", False)
     return card
 
 
-@contextmanager
-def _images(tables: Sequence[Path]) -> Iterator[list[bpy.types.Image]]:
-    """Have the files of these tables as images of numbers, for the time of a `with` block."""
-    images: list[bpy.types.Image] = []
-    try:
-        for table in tables:
-            images.append(bpy.data.images.load(str(table)))
-            images[-1].colorspace_settings.name = "Non-Color"
-        yield images
-    finally:
-        for image in images:
-            bpy.data.images.remove(image)
-
-
-def _build_mesh(mesh: bpy.types.Mesh, rays: CardRays, place: CardPlace, lens: bpy.types.Camera) -> None:
-    """Build the card's mesh: somewhat more than what the packed camera sees of the plane at the card's depth."""
-    scale = 1.0 if rays.orthographic else place.depth
+def _corners(
+    camera: Camera, rays: CardRays, place: CardPlace, lens: bpy.types.Camera
+) -> list[tuple[float, float, float]]:
+    """Return the corners of the card: somewhat more than what the packed camera, or the view's own, sees of the plane
+    at the card's depth. Sides are powers of two, so that they seldom change.
+    """
+    plane, scale = camera.plane, 1.0 if rays.orthographic else place.depth
     margin = 2.0 * place.lens_radius / min(lens.dof.aperture_ratio, 1.0)
-    across, up = (0.5 * side * step * scale + margin for side, step in zip(rays.size, rays.step, strict=True))
-    corners = [(-across, -up), (across, -up), (across, up), (-across, up)]
-    mesh.from_pydata([(x, y, -place.depth) for x, y in corners], [], [(0, 1, 2, 3)])
+    views = max(-plane.left, plane.right), max(-plane.bottom, plane.top)
+    halves = (
+        max(0.5 * side * step, view) * scale + margin
+        for side, step, view in zip(rays.size, rays.step, views, strict=True)
+    )
+    across, up = (float(np.float32(2.0 ** np.ceil(np.log2(half)))) for half in halves)
+    depth = float(np.float32(place.depth))
+    return [(-across, -up, -depth), (across, -up, -depth), (across, up, -depth), (-across, up, -depth)]
 
 
 def _put_before_camera(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
     """Give the card, which hangs on the camera, the view's camera space at any time while the shutter is open."""
     camera = evaluated(scene.camera, scene)
-    scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))
-    card.matrix_parent_inverse = scale.inverted()
-    card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
-    card.cycles.motion_steps = scene.camera.cycles.motion_steps
+    without_scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0)).inverted()
+    from_eye = Matrix(camera_from_eye(camera.data, view).tolist())
+    for name, value in (("matrix_parent_inverse", without_scale), ("matrix_basis", from_eye)):
+        if getattr(card, name) != value:
+            setattr(card, name, value)
+    if card.cycles.motion_steps != scene.camera.cycles.motion_steps:
+        card.cycles.motion_steps = scene.camera.cycles.motion_steps
+
+
+def hide_card(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> None:
+    """Take away the faces of a working scene's card, if any of the cameras might see it in a plain render."""
+    card = bpy.data.objects.get(scene.camera.get(KEPT_OBJECT, ""))
+    if card is None:
+        return
+    mesh: bpy.types.Mesh = card.data  # pyright: ignore[reportAssignmentType] - the card's is one
+    if len(mesh.vertices) == 0:
+        return
+    places = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", places)
+    corners = (
+        np.pad(places.reshape(-1, 3), ((0, 0), (0, 1)), constant_values=1.0)
+        @ np.array(evaluated(card, scene).matrix_world).T
+    )
+    near = Lens(near=evaluated(scene.camera, scene).data.clip_start)
+    if any(Frustum(camera, near).may_meet(corners[:, :3]) for camera in cameras):
+        mesh.clear_geometry()
 
 
 def without_card(texts: Mapping[str, str]) -> dict[str, str]:

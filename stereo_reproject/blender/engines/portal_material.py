@@ -9,13 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
+
+from ..scene.working import KEPT_OBJECT
 
 VIEW_ROWS = 5
 """Rows of the views' table, for several views. They hold, for each view, in the card's space: one of its pixels to the
 right, one upwards and one unit of depth ahead (three numbers each); its place (three); and the depth in focus and how
 many pixels are one unit to the right and upwards."""
+
+KIND = "stereo_reproject_kind"
+"""Property of the card's material that tells for which kind of rays it was made."""
 
 Socket = bpy.types.NodeSocket
 Value = Socket | float | tuple[float, float, float]
@@ -54,17 +60,23 @@ class ViewRays:
     count: int
 
 
-def build_material(
-    material: bpy.types.Material, card: CardRays, views: ViewRays, tables: Sequence[bpy.types.Image]
-) -> None:
-    """Make the material of the card, which has no nodes yet. tables are the image of the pixels' table and, for several views, that of the
-    views' table.
+def build_material(material: bpy.types.Material, card: CardRays, views: ViewRays, tables: Sequence[Path]) -> None:
+    """Make the material of the card, or set it anew. tables are the files of the pixels' table and, for several views,
+    of the views' table.
+
+    Where the material has nodes for rays of this kind already, only their values are set: where nodes come or go,
+    Blender works out anew what depends on what, and Cycles syncs all objects again.
 
     An entry of the pixels' table has the place of the lower left corner of what the pixel's filter covers, on its
     view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
     its view, -1 where there is no pixel.
     """
-    graph = _Graph(material.node_tree)
+    kind = f"{card.orthographic} {views.lens > 0.0} {views.count > 1}"
+    known = material.get(KIND) == kind
+    if not known:
+        remove_nodes(material)
+    material[KIND] = kind
+    graph = _Graph(material.node_tree, known=known)
     raster, on_lens = _place_in_picture(graph, card)
     entry, place = _look_up(graph, card, raster, tables[0])
     number = graph.part(entry, 2)
@@ -104,7 +116,7 @@ def _place_in_picture(graph: _Graph, card: CardRays) -> tuple[Socket, Socket]:
     return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
 
-def _look_up(graph: _Graph, card: CardRays, raster: Socket, pixels: bpy.types.Image) -> tuple[Socket, Socket]:
+def _look_up(graph: _Graph, card: CardRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
     """Return the entry of the pixels' table at a place in the packed picture, and the ray's place on its view's plane,
     in pixels as the entry has it.
     """
@@ -149,7 +161,7 @@ class _View:
         return way if self.place is None else graph.vector("ADD", way, self.place)
 
 
-def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: bpy.types.Image) -> _View:
+def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) -> _View:
     """Return the view of this number, from the views' table."""
     across = graph.math("MULTIPLY_ADD", number, 1.0 / views.count, 0.5 / views.count)
     rows: list[Socket] = []
@@ -211,14 +223,29 @@ def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
     return mix.outputs[0]
 
 
-class _Graph:
-    """A node tree, and the nodes that are used here: each method adds one and returns its output."""
+def remove_nodes(material: bpy.types.Material) -> None:
+    """Remove the nodes of the card's material, and their images."""
+    images = {node.image for node in material.node_tree.nodes if isinstance(node, bpy.types.ShaderNodeTexImage)}
+    material.node_tree.nodes.clear()
+    for image in images:
+        bpy.data.images.remove(image)
 
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
+
+class _Graph:
+    """A node tree, and the nodes that are used here: each method adds one and returns its output.
+
+    known: True for a tree that was made by the same calls, but for values: then they return the nodes that are there,
+    one after the other, and set values alone.
+    """
+
+    def __init__(self, tree: bpy.types.NodeTree, *, known: bool) -> None:
         self._nodes, self._links = tree.nodes, tree.links
+        self._known = iter(list(tree.nodes)) if known else None
 
     def node(self, kind: str, **properties: object) -> bpy.types.Node:
-        """Return a new node of this type, with these properties."""
+        """Return a node of this type, with these properties."""
+        if self._known is not None:
+            return next(self._known)
         added = self._nodes.new(kind)
         for name, value in properties.items():
             setattr(added, name, value)
@@ -227,7 +254,8 @@ class _Graph:
     def put(self, value: Value, to: Socket) -> None:
         """Give an input its value."""
         if isinstance(value, bpy.types.NodeSocket):
-            self._links.new(value, to)
+            if self._known is None:
+                self._links.new(value, to)
         else:
             to.default_value = value  # pyright: ignore[reportAttributeAccessIssue] - all inputs used here have one
 
@@ -269,8 +297,14 @@ class _Graph:
         self.put(vector, added.inputs[0])
         return added.outputs[0]
 
-    def texture(self, image: bpy.types.Image, texel: Socket) -> Socket:
-        """Return the colour of an image's texel, as it is."""
-        added = self.node("ShaderNodeTexImage", image=image, interpolation="Closest", extension="EXTEND")
+    def texture(self, table: Path, texel: Socket) -> Socket:
+        """Return the numbers of a table's texel, as they are."""
+        added = self.node("ShaderNodeTexImage", interpolation="Closest", extension="EXTEND")
+        if added.image is None:
+            added.image = bpy.data.images.load(str(table), check_existing=True)
+            added.image.colorspace_settings.name = "Non-Color"
+            added.image[KEPT_OBJECT] = True
+        elif added.image.filepath != str(table):
+            added.image.filepath = str(table)
         self.put(texel, added.inputs[0])
         return added.outputs[0]

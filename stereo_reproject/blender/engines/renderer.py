@@ -35,7 +35,7 @@ from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_trace import packed_blocker, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
-from .portal_camera import without_card
+from .portal_camera import hide_card, without_card
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
@@ -141,6 +141,7 @@ class BlenderRenderer:
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
+        hide_card(self.scene, self.cameras.values())
         limited = has_time_limit(self.scene)
         if limited:
             count_samples(self.scene)
@@ -218,6 +219,7 @@ class BlenderRenderer:
         large as the view.
         """
         check_blenders(request.view)
+        hide_card(self.scene, self.cameras.values())
         trace = {"card": trace_card, "full": trace_full}[method]
         apart = [
             trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())[1] for mask in request.masks

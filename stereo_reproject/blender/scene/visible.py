@@ -19,7 +19,7 @@ from ...views.camera import Camera
 from ...views.frustum import Frustum, Lens
 from .instancing import brought_along
 from .materials import Shading, Shadings
-from .working import evaluated, focus_distance, rendered_layer
+from .working import evaluated, focus_distance, is_kept, rendered_layer
 
 SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
 """Types of objects that a render may show."""
@@ -173,7 +173,8 @@ def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
     """Yield the names of the objects that a view layer renders of a collection and those within it."""
     if collection.exclude or collection.collection.hide_render or collection.indirect_only:
         return
-    yield from (item.name for item in collection.collection.objects if not item.hide_render)
+    objects = collection.collection.objects
+    yield from (item.name for item in objects if not item.hide_render and not is_kept(item))
     for child in collection.children:
         yield from _rendered_objects(child)
 
@@ -266,7 +267,9 @@ def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shad
             yield _seen(member, None, layer, shadings)
         if any(modifier.type == "NODES" and modifier.show_render for modifier in member.modifiers):
             materials = (
-                material for material in bpy.data.materials if material.users and not material.is_grease_pencil
+                material
+                for material in bpy.data.materials
+                if material.users and not material.is_grease_pencil and not is_kept(material)
             )
             yield Seen(member.name, "MESH", tuple(materials))
 

@@ -25,7 +25,7 @@ DRIVEN_SEED = "stereo_reproject_seed"
 
 KEPT_OBJECT = "stereo_reproject_kept_object"
 """Property of a working camera that names an object of ours in its scene: it is removed together with the scene, since
-Cycles syncs everything again where an object comes or goes."""
+Cycles syncs everything again where an object comes or goes. All datablocks of the object have it too."""
 
 MIN_SIDE_PX = 4
 """Least pixels along a side: Blender renders nothing smaller."""
@@ -230,6 +230,11 @@ def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return next(layer for layer in scene.view_layers if layer.use)
 
 
+def is_kept(block: bpy.types.ID) -> bool:
+    """Return whether a datablock belongs to the object of ours in a working scene, which is in no plain render."""
+    return KEPT_OBJECT in block
+
+
 def main_layer(scene: bpy.types.Scene) -> str:
     """Return the name of the first view layer that is used for rendering; the first of all where none is."""
     return next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
@@ -406,8 +411,8 @@ def _remove_kept(eye: bpy.types.Object) -> None:
     if kept is None:
         return
     mesh: bpy.types.Mesh = kept.data  # pyright: ignore[reportAssignmentType] - of ours, all are meshes
-    materials = [material for material in mesh.materials if material is not None]
-    bpy.data.objects.remove(kept)
-    bpy.data.meshes.remove(mesh)
-    for material in materials:
-        bpy.data.materials.remove(material)
+    materials = [slot.material for slot in kept.material_slots if slot.material is not None]
+    trees = [material.node_tree for material in materials if material.node_tree is not None]
+    nodes = (node for tree in trees for node in tree.nodes)
+    images = {node.image for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage) and node.image}
+    bpy.data.batch_remove([kept, mesh, *materials, *images])
