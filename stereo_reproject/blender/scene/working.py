@@ -411,8 +411,10 @@ def _remove_kept(eye: bpy.types.Object) -> None:
     if kept is None:
         return
     mesh: bpy.types.Mesh = kept.data  # pyright: ignore[reportAssignmentType] - of ours, all are meshes
-    materials = [slot.material for slot in kept.material_slots if slot.material is not None]
-    trees = [material.node_tree for material in materials if material.node_tree is not None]
+    materials = [mesh.materials[index] for index in range(len(mesh.materials))]
+    trees: list[bpy.types.NodeTree] = [
+        material.node_tree for material in materials if material is not None and material.node_tree is not None
+    ]
     nodes = (node for tree in trees for node in tree.nodes)
     images = {node.image for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage) and node.image}
-    bpy.data.batch_remove([kept, mesh, *materials, *images])
+    bpy.data.batch_remove([kept, mesh, *filter(None, materials), *images])
