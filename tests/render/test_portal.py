@@ -123,6 +123,14 @@ def texture_limit(scene):
     scene.render.use_simplify, scene.cycles.texture_limit_render = True, "1024"
 
 
+def path_guiding(scene):
+    scene.cycles.use_guiding = True
+
+
+def shaders_in_osl(scene):
+    scene.cycles.shading_system = True
+
+
 def hardly_any_near_clip(scene):
     scene.camera.location.x, scene.camera.data.clip_start = 1000.0, 1e-4
 
@@ -144,6 +152,8 @@ def as_it_is(scene):
         (something_far_away_behind, None),
         (no_surfaces, "surfaces"),
         (texture_limit, "texture limit"),
+        (shaders_in_osl, "OSL"),
+        (path_guiding, "guiding"),
         (hardly_any_near_clip, "near clip"),
         (alpha_threshold_of_0, None),
     ],

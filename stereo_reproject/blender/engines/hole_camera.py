@@ -25,7 +25,7 @@ from ...views.camera import Camera, PerspectiveCamera
 from ...warp.motion import motion_from_directions
 from ..scene.visible import aperture_radius
 from ..scene.working import changed, evaluated
-from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
+from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
 from .packed_views import PackedPixels, numbers_of_others, seen_from_view
 
 TEXTURES_UPWARDS_FROM_VERSION = (5, 0, 0)
@@ -69,10 +69,7 @@ def _has_osl() -> bool:
 
 def _device_has_osl(scene: bpy.types.Scene) -> bool:
     """Return whether the device that the scene is rendered on can run OSL cameras."""
-    if scene.cycles.device == "CPU":
-        return True
-    preferences = bpy.context.preferences.addons["cycles"].preferences
-    return preferences.compute_device_type in ("NONE", "OPTIX")
+    return compute_device(scene) in ("NONE", "OPTIX")
 
 
 def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:

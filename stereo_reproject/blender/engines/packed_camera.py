@@ -83,6 +83,13 @@ class PackedCamera:
     as_plain: Callable[[Passes, PackedTask, int], Passes]
 
 
+def compute_device(scene: bpy.types.Scene) -> str:
+    """Return the kind of device that the scene is rendered on, as Cycles' preferences name it: "NONE" is the CPU."""
+    if scene.cycles.device == "CPU":
+        return "NONE"
+    return bpy.context.preferences.addons["cycles"].preferences.compute_device_type
+
+
 @contextmanager
 def packed_resolution(scene: bpy.types.Scene, packing: Packing, *, aspect: float = 1.0) -> Iterator[None]:
     """Have a scene render a packed picture, whole, for the time of a `with` block. aspect is the height of a pixel over

@@ -32,7 +32,7 @@ from ..scene.materials import world_shading
 from ..scene.rig import camera_from_eye
 from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
 from ..scene.working import KEPT_OBJECT, changed, evaluated, rendered_layer
-from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
+from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
 from .packed_views import POSITION, PackedPixels, focus_distance_of, may_begin_in, pose_in, seen_from_view
 from .portal_material import VIEW_ROWS, CardRays, ViewRays, build_material
 
@@ -116,6 +116,11 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
     checks = {
         "a material override would replace the portal's material": layer.material_override is not None,
         "the view layer shows no surfaces": not layer.use_solid,
+        # It is there on the CPU alone, and takes the portal for a part of the path.
+        "path guiding learns from rays that a portal breaks": scene.cycles.use_guiding
+        and compute_device(scene) == "NONE",
+        # They look a little of the neighbouring texels up, and the table has other numbers there.
+        "shaders are rendered by OSL": scene.cycles.shading_system,
         "a shader counts transparent surfaces or portals": any(
             uses_output("ShaderNodeLightPath", output) for output in COUNTERS
         ),
