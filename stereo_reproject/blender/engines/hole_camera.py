@@ -210,5 +210,12 @@ def _with_numbers(source: str, stands_there: str, numbers: NDArray[np.float32]) 
     return source.replace(stands_there, f"{name}[{numbers.size}] = {{{listed}}}")
 
 
-OSL_CAMERA = PackedCamera("osl", _blocker, SETTINGS, _in_place, _as_plain)
+OSL_CAMERA = PackedCamera(
+    name="osl",
+    clips_by_distance=True,
+    blocker=_blocker,
+    settings=SETTINGS,
+    in_place=_in_place,
+    as_plain=_as_plain,
+)
 """The packed camera in OSL."""

@@ -515,5 +515,12 @@ class _Raster:
         return start + change[:, 2:] * slope
 
 
-PORTAL_CAMERA = PackedCamera("portal", _blocker, SETTINGS, _in_place, _as_plain)
+PORTAL_CAMERA = PackedCamera(
+    name="portal",
+    clips_by_distance=False,
+    blocker=_blocker,
+    settings=SETTINGS,
+    in_place=_in_place,
+    as_plain=_as_plain,
+)
 """The packed camera by a Ray Portal."""

@@ -95,6 +95,7 @@ class BlenderRenderer:
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
         self._rays = RayPasses(scene, denoised=self.denoise is not None, mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
+        self._packed_blockers: dict[float, str | None] = {}
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
@@ -181,9 +182,20 @@ class BlenderRenderer:
         deepest is as for `fill_blockers`.
         """
         return {
-            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest, by=self.packed),
+            "packed": self.uncounted or self._packed_blocker(deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
+
+    def _packed_blocker(self, deepest: float) -> str | None:
+        """Return why pixels cannot be traced packed, in words, or None if they can; deepest is as for `fill_blockers`.
+
+        It is found out once, since all instances of the scene are looked at.
+        """
+        key = deepest if self.packed.clips_by_distance else 0.0
+        if key not in self._packed_blockers:
+            found = packed_blocker(self.scene, self.cameras.values(), deepest, by=self.packed)
+            self._packed_blockers[key] = found
+        return self._packed_blockers[key]
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with probes, since one engine renders and traces."""
