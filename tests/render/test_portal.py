@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.engines.packed_trace import packed_camera
-from stereo_reproject.blender.engines.portal_camera import CARD_NAME
+from stereo_reproject.blender.engines.portal_card import CARD_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 from stereo_reproject.blender.scene.missing import missing_files

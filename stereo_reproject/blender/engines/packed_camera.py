@@ -70,10 +70,10 @@ class PackedCamera:
     """A way to have Cycles shoot the rays of a packed picture.
 
     blocker(scene, eyes, deepest) returns why it cannot do so in a working scene, in words, or None; its arguments are
-    as for `packed_blocker`, and deepest counts only where it clips_by_distance. settings are the paths, from the scene, of what it sets, as drivers name them.
-    in_place(scene, task, folder) is a context in which the scene renders the packed picture; folder is private.
-    as_plain(passes, task, index) returns the passes (N, C) of the pixels of one of the task's views as a plain
-    render of that view has them.
+    as for `packed_blocker`, and deepest counts only where it clips_by_distance. settings are the paths, from the scene,
+    of what it sets, as drivers name them. in_place(scene, task, folder) is a context in which the scene renders the
+    packed picture; folder is private. as_plain(passes, task, index) returns the passes (N, C) of the pixels of one of
+    the task's views as a plain render of that view has them.
     """
 
     name: str

@@ -35,7 +35,7 @@ from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_trace import packed_blocker, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
-from .portal_camera import hide_card, without_card
+from .portal_card import hide_card, without_card
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
