@@ -59,6 +59,8 @@ class _Main:
         layout.row().prop(chosen, "source", expand=True)
         layout.prop(chosen, "source_engine")
         layout.prop(chosen, "fill")
+        if chosen.fill in ("auto", "packed"):
+            layout.prop(chosen, "packed_by")
         paragraph(layout, context, _means(scene))
         _draw_layout(layout, scene)
         _draw_buttons(layout)
@@ -77,14 +79,12 @@ def _means(scene: bpy.types.Scene) -> str:
     if engine != CYCLES and engine not in EEVEE:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
     missing = missing_osl_cameras(scene)
-    if chosen.fill == "packed" and missing:
+    if chosen.fill in ("auto", "packed") and chosen.packed_by == "osl" and missing:
         return f"Not possible here: {missing}."
     if chosen.fill != "auto":
         return f"{FILLS[chosen.fill]}."
     if engine in EEVEE:
         return "Cycles traces missing pixels and matches them to EEVEE's light, or EEVEE renders the other eye as well."
-    if missing:
-        return f"Missing pixels are rendered through a card, which takes a little longer: {missing}."
     return "Missing pixels are rendered in the way that is fastest for each frame."
 
 

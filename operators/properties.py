@@ -3,13 +3,19 @@
 import bpy
 
 from ..stereo_reproject.settings.accuracy import SETTINGS
-from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, StereoSettings
+from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, PACKED_CAMERAS, StereoSettings
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",
-    "packed": "Only the missing pixels are rendered, gathered in a small picture (CPU and OptiX)",
+    "packed": "Only the missing pixels are rendered, gathered in a small picture",
     "card": "The missing pixels are rendered through a card with openings (any device)",
     "full": "The other eye is rendered whole, as Blender's multiview does",
+}
+
+CAMERAS = {
+    "auto": ("Automatic", "An OSL camera where Cycles has one, a Ray Portal elsewhere"),
+    "osl": ("OSL", "A camera in OSL (CPU and OptiX)"),
+    "portal": ("Ray Portal", "A plain camera that looks through a Ray Portal (every device)"),
 }
 
 ENGINES = {
@@ -71,6 +77,12 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         description="How pixels that the source eye does not show are rendered",
         items=[(name, name.capitalize(), FILLS[name]) for name in FILL_METHODS],
         default=StereoSettings.fill,
+    )
+    packed_by: bpy.props.EnumProperty(
+        name="Packed by",
+        description="What shoots the rays of missing pixels that are gathered in a small picture",
+        items=[(name, *CAMERAS[name]) for name in PACKED_CAMERAS],
+        default=StereoSettings.packed_by,
     )
     compare: bpy.props.BoolProperty(
         name="Compare",

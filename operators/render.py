@@ -139,6 +139,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
         source=chosen.source,
         accuracy=chosen.accuracy,
         fill=chosen.fill,
+        packed_by=chosen.packed_by,
         grid_threshold=chosen.grid_threshold,
         interpolation=chosen.interpolation,
         warp=chosen.warp,

@@ -17,6 +17,7 @@ from ..settings.frame import (
     EYES,
     FILL_METHODS,
     INTERPOLATIONS,
+    PACKED_CAMERAS,
     SOURCE_ENGINES,
     WARPS,
     SceneOverrides,
@@ -48,6 +49,7 @@ def settings_of(arguments: argparse.Namespace) -> StereoSettings:
         accuracy=arguments.accuracy,
         tolerance=arguments.tolerance,
         fill=arguments.fill,
+        packed_by=arguments.packed_by,
         grid_threshold=arguments.grid_threshold,
         interpolation=arguments.interpolation,
         warp=arguments.warp,
@@ -259,8 +261,15 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         "--fill",
         choices=FILL_METHODS,
         default=StereoSettings.fill,
-        help="how it is traced: packed needs Cycles with OSL on CPU or OptiX; card works everywhere; full renders the "
-        "whole eye; auto takes the cheapest (%(default)s)",
+        help="how it is traced: packed renders the missing pixels alone; card renders them through a card with "
+        "openings; full renders the whole eye; auto takes the cheapest (%(default)s)",
+    )
+    parser.add_argument(
+        "--packed-by",
+        choices=PACKED_CAMERAS,
+        default=StereoSettings.packed_by,
+        help="what shoots the rays of packed pixels: osl is an OSL camera, on CPU and OptiX; portal is a Ray Portal, "
+        "on every device; auto takes osl where it is to be had (%(default)s)",
     )
     _add_grid_threshold(parser)
     parser.add_argument(

@@ -25,6 +25,14 @@ class FillReport(FillChoice):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FillReport(FillChoice):
+    """The fill of holes. camera is what shot the rays of packed pixels, "osl" or "portal"; None where they were traced
+    otherwise."""
+
+    camera: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class RefineReport:
     """One render of tiles that refinement asked for: the fill method, and the reason why that method was chosen, in
     words."""

@@ -30,9 +30,10 @@ from .header import ReportHeader
 @dataclass(frozen=True, kw_only=True)
 class LayerFacts:
     """The facts about one view layer that its renderer knows and the report needs. time_limit and samples_rendered are
-    as in `FrameReport`; parallax is None where no point is seen."""
+    as in `FrameReport`; parallax is None where no point is seen. packed_by is the camera of packed renders."""
 
     header: ReportHeader
+    packed_by: str
     plan: EffectsPlan
     parallax: ParallaxReport | None
     warnings: tuple[str, ...]
@@ -49,7 +50,11 @@ def pair_report(
     refined = frame.refinement.fill
     return FrameReport(
         **vars(main.header),
-        fill=FillReport(**vars(frame.fill), costs=frame.trace_costs),
+        fill=FillReport(
+            **vars(frame.fill),
+            costs=frame.trace_costs,
+            camera=main.packed_by if frame.fill.method == "packed" else None,
+        ),
         refine=None if refined is None else (RefineReport(method=refined.method, reason=refined.reason),),
         grid=GridReport(
             cells=frame.grid.cells, subdivided=int(frame.grid.subdivided.sum()), triangles=frame.grid.triangles

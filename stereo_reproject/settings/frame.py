@@ -11,6 +11,7 @@ ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
 CUSTOM = "custom"
 """The accuracy of a run that was given a tolerance."""
 FILL_METHODS = ("auto", "packed", "card", "full")
+PACKED_CAMERAS = ("auto", "osl", "portal")
 EYES = ("left", "right")
 SOURCE_ENGINES = ("cycles", "eevee")
 CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
@@ -103,9 +104,10 @@ class StereoSettings:
     """The settings of a pair; those of the scene are in `scene`. Raises BadInputError.
 
     source is the eye that is rendered whole. tolerance is the greatest honest ratio that is promised, in place of that
-    of `accuracy`, which then becomes "custom". fill is the method by which holes are traced. grid_threshold is the
-    binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare has multiview rendered
-    too, for comparison.
+    of `accuracy`, which then becomes "custom". fill is the method by which holes are traced, and packed_by the camera
+    that shoots the rays of packed pixels: "auto" takes an OSL camera where Cycles has one, and a Ray Portal elsewhere.
+    grid_threshold is the binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare
+    has multiview rendered too, for comparison.
 
     interpolation "auto" is cubic for the colour of a denoised picture; for light in a noisy one it is cubic where the
     picture stands above its noise and linear where noise rules; it is linear for all else.
@@ -122,6 +124,7 @@ class StereoSettings:
     scene: SceneOverrides = field(default_factory=SceneOverrides)
     tolerance: float | None = None
     warp: str = "auto"
+    packed_by: str = "auto"
 
     def __post_init__(self) -> None:
         _check_choice("the source eye", self.source, EYES)
@@ -133,6 +136,7 @@ class StereoSettings:
                 raise BadInputError("accuracy and tolerance are two ways to say the same; give one of them")
             object.__setattr__(self, "accuracy", CUSTOM)
         _check_choice("fill", self.fill, FILL_METHODS)
+        _check_choice("packed by", self.packed_by, PACKED_CAMERAS)
         _check_choice("interpolation", self.interpolation, INTERPOLATIONS)
         _check_choice("warp", self.warp, WARPS)
         _check_float("the grid threshold", self.grid_threshold, 0.0)

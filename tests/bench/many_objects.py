@@ -28,7 +28,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stereo_reproject.blender.engines.hole_camera import trace_packed  # noqa: E402
+from stereo_reproject.blender.engines.packed_trace import trace_packed  # noqa: E402
 from stereo_reproject.blender.engines.packed_views import PackedPixels  # noqa: E402
 from stereo_reproject.blender.engines.render import render_views  # noqa: E402
 from stereo_reproject.blender.engines.renderer import BlenderRenderer  # noqa: E402

@@ -120,9 +120,9 @@ def test_the_pair_is_drawn_in_stereo_where_one_eye_was_drawn_before(facts):
     assert min(others) > FRINGES
 
 
-def test_the_fill_and_its_reason_fit_this_blender(facts):
-    method, reason = facts["fill"]["method"], facts["fill"]["reason"]
-    assert method == "packed" if facts["osl"] else (method in ("card", "full") and "without OSL" in reason)
+def test_the_fill_fits_this_blender(facts):
+    assert facts["fill"]["method"] == "packed"
+    assert facts["fill"]["camera"] == ("osl" if facts["osl"] else "portal")
 
 
 def test_a_picture_is_shown_in_the_image_editor(facts):

@@ -199,9 +199,15 @@ def test_a_compositor_that_shows_what_is_not_rendered_is_left_out_with_a_word(ex
 
 
 @pytest.mark.parametrize(
-    ("device", "kind", "words"), [("CPU", "NONE", "fastest"), ("GPU", "CUDA", "device"), ("GPU", "HIP", "device")]
+    ("device", "kind", "camera", "words"),
+    [
+        ("CPU", "NONE", "auto", "fastest"),
+        ("GPU", "CUDA", "auto", "fastest"),
+        ("GPU", "HIP", "portal", "fastest"),
+        ("GPU", "HIP", "osl", "device"),
+    ],
 )
-def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, kind, words):
+def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, kind, camera, words):
     from stereo_reproject_extension.operators.panels import _means
     from stereo_reproject_extension.stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 
@@ -209,7 +215,7 @@ def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, 
     try:
         use_devices({"type": kind, "ids": [], "options": {}})
         assert devices_in_use()["type"] == kind
-        scene.cycles.device = device
+        scene.cycles.device, scene.stereo_reproject.packed_by = device, camera
         assert words in _means(scene)
     finally:
         use_devices(kept)

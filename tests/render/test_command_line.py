@@ -260,6 +260,7 @@ def test_the_same_command_gives_the_same_pair(demo, tmp_path):
         ("balanced", "full", ["--mode", "toe-in"]),
         ("high", "auto", ["--grid-threshold", "0", "--frame", "3"]),
         ("exact", "packed", ["--mode", "parallel", "--source", "right"]),
+        ("balanced", "packed", ["--packed-by", "portal", "--mode", "parallel"]),
     ],
 )
 def test_options(tmp_path, accuracy, fill, others):
@@ -268,6 +269,8 @@ def test_options(tmp_path, accuracy, fill, others):
     report, given = run.report, dict(zip(others[::2], others[1::2], strict=True))
     assert report["accuracy"] == accuracy
     assert fill in ("auto", report["fill"]["method"])
+    packed_by = given.get("--packed-by", "osl") if report["fill"]["method"] == "packed" else None
+    assert report["fill"]["camera"] == packed_by
     assert report["stereo"]["source"] == given.get("--source", "left")
     assert report["stereo"]["convergence_mode"] == {"toe-in": "TOE", "parallel": "PARALLEL"}.get(
         given.get("--mode"), "OFFAXIS"
@@ -393,8 +396,8 @@ def orthographic(scene):
         (panoramic, [], "panoramic"),
         (without_camera, [], "no camera"),
         (layers_off, [], "view layer"),
-        (orthographic, ["--fill", "packed"], "orthographic"),
-        (eevee_orthographic, ["--fill", "packed"], "orthographic"),
+        (orthographic, ["--fill", "packed", "--packed-by", "osl"], "orthographic"),
+        (eevee_orthographic, ["--fill", "packed", "--packed-by", "osl"], "orthographic"),
     ],
 )
 def test_what_cannot_be_rendered_is_said_in_one_line(tmp_path, small_scene, change, options, part):

@@ -149,6 +149,7 @@ def orthographic_toe_in(scene):
 
 VARIANTS = [
     (as_it_is, {"fill": "packed"}),
+    (as_it_is, {"fill": "packed", "packed_by": "portal"}),
     (as_it_is, {"fill": "card"}),
     (as_it_is, {"fill": "full"}),
     (as_it_is, {"fill": "packed", "interpolation": "cubic"}),
@@ -162,6 +163,7 @@ VARIANTS = [
     (border, {"fill": "packed"}),
     (wide_pixels, {"fill": "card"}),
     (orthographic, {"fill": "card"}),
+    (orthographic, {"fill": "packed"}),
     (orthographic_toe_in, {"fill": "card"}),
     *((as_it_is, {"fill": "packed", "accuracy": accuracy}) for accuracy in ACCURACIES if accuracy != "balanced"),
 ]

@@ -11,6 +11,7 @@ from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import keyframes, render_plain, rms
 from tests.render.every_pass import AOVS, LAYER, LIGHT_GROUP, every_pass
+from tests.render.test_fill import fill_method
 
 SAMPLES = 16
 
@@ -65,22 +66,26 @@ def camera_stands_still(scene):
 
 
 VARIANTS = {
-    "packed": ("packed", camera_stands_still),
-    "packed, moving": ("packed", camera_moves),
+    "packed": ("osl", camera_stands_still),
+    "packed, moving": ("osl", camera_moves),
+    "portal, moving": ("portal", camera_moves),
     "card, moving": ("card", camera_moves),
     "card, zooming": ("card", camera_zooms),
-    "packed, toe-in": ("packed", camera_turns_in),
+    "packed, toe-in": ("osl", camera_turns_in),
+    "portal, toe-in": ("portal", camera_turns_in),
 }
+"""How pixels are traced, as `fill_method` has it, and what moves."""
 
 
 class Pair:
     """Ours, and plain multiview's with two seeds."""
 
-    def __init__(self, folder, fill, change):
+    def __init__(self, folder, method, change):
+        fill, packed_by = fill_method(method)
         scene = every_pass(folder, samples=SAMPLES)
         change(scene)
         with working_scene(scene, SceneOverrides()) as working:
-            renderer = BlenderRenderer(working, folder, user_scene=scene)
+            renderer = BlenderRenderer(working, folder, user_scene=scene, packed_by=packed_by)
             # A card's probes are few: in so small a picture they are sure of little, and the default traces nearly all.
             accuracy = "preview" if fill == "card" else "balanced"
             self.frame = render_stereo_frame(renderer, StereoSettings(fill=fill, accuracy=accuracy))
@@ -103,8 +108,8 @@ def distance(one, other):
 
 @pytest.fixture(scope="module", params=VARIANTS)
 def pair(request, tmp_path_factory):
-    fill, change = VARIANTS[request.param]
-    return Pair(tmp_path_factory.mktemp("pair"), fill, change)
+    method, change = VARIANTS[request.param]
+    return Pair(tmp_path_factory.mktemp("pair"), method, change)
 
 
 def test_both_eyes_have_all_passes_and_no_other(pair):

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene
@@ -32,6 +32,7 @@ from tests.blender.toolbox import (
     set_background,
 )
 from tests.render.ruler import TARGET, plain_renders
+from tests.render.test_fill import blocker
 
 pytestmark = pytest.mark.slow
 
@@ -151,16 +152,24 @@ def held_against(ours, renders) -> Figures:
     )
 
 
-def packed_in_any_order(working, folder):
+def in_any_order(working, folder, packed_by):
     """Every pixel of the target, at a random place of the packed picture."""
     renderer = BlenderRenderer(working, folder)
     places = np.argwhere(np.ones((HEIGHT, WIDTH), bool))
     order = np.random.default_rng(7).permutation(len(places))
     pixels = PackedPixels(renderer.cameras[TARGET], places[order])
-    _, (passes,) = trace_packed(working, TARGET, pixels.camera, [pixels], folder, seed=1)
+    _, (passes,) = trace_packed(working, TARGET, pixels.camera, [pixels], folder, seed=1, by=CAMERAS[packed_by])
     result = np.empty((HEIGHT * WIDTH, 3), np.float32)
     result[order] = passes[COLOUR_PASS][:, :3]
     return result.reshape(HEIGHT, WIDTH, 3)
+
+
+def by_osl(working, folder):
+    return in_any_order(working, folder, "osl")
+
+
+def by_portal(working, folder):
+    return in_any_order(working, folder, "portal")
 
 
 def behind_the_card(working, folder):
@@ -177,15 +186,26 @@ def case(request, tmp_path_factory):
     return request.param, scene, folder, plain_renders(scene, folder, seeds=SEEDS)
 
 
-@pytest.mark.parametrize("trace", [packed_in_any_order, behind_the_card])
+@pytest.mark.parametrize("trace", [by_osl, by_portal, behind_the_card])
 def test_traced_pixels_have_the_footprint_of_plain_ones(case, trace):
-    _, scene, folder, renders = case
+    surface, scene, folder, renders = case
+    if trace is by_portal and surface.name == "wireframe":
+        assert "wireframe" in blocker(scene, folder, "portal")
+        return
     with working_scene(scene, SceneOverrides()) as working:
         ours = trace(working, folder)
     figures = held_against(ours, renders)
     assert figures.rms < AS_FAR, figures
     assert figures.worst < AS_FAR_AT_WORST, figures
     assert figures.mean < MEAN, figures
+
+
+@pytest.mark.parametrize(("lens", "blocks"), [(24.0, False), (18.0, True)])
+def test_bumps_are_not_traced_by_a_portal_where_pixels_differ_much(tmp_path, lens, blocks):
+    scene = floor(tmp_path, SURFACES[0])
+    scene.camera.data.lens = lens
+    assert ("bumps" in (blocker(scene, tmp_path, "portal") or "")) == blocks
+    assert blocker(scene, tmp_path, "osl") is None
 
 
 def test_another_footprint_would_be_seen(case):

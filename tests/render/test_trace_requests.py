@@ -14,7 +14,7 @@ from mathutils import Euler, Matrix
 
 from stereo_reproject.blender.engines.denoise import NORMAL
 from stereo_reproject.blender.engines.eevee import MEAN_DEPTH, renderer_of
-from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.engines.shared_render import turns_in_shutter
@@ -28,7 +28,9 @@ from tests.render.test_eevee import EEVEE
 from tests.render.test_fill import (
     EDGE_PIXELS,
     NOISE,
+    PACKED,
     PASS_VALUES,
+    blocker,
     camera_in_fog,
     camera_in_the_world,
     defocus,
@@ -75,6 +77,20 @@ def traced(renderer, *views):
     ]
 
 
+def skip_if_blocked(scene, folder, packed_by):
+    """The portal cannot do all that the OSL camera does; test_fill holds what it must do."""
+    reason = blocker(scene, folder, packed_by)
+    if reason is not None:
+        assert packed_by == "portal"
+        pytest.skip(reason)
+
+
+@pytest.fixture(params=PACKED)
+def packed_by(request):
+    """Each packed camera."""
+    return request.param
+
+
 @pytest.fixture
 def renders():
     """The scenes of finished renders."""
@@ -117,12 +133,13 @@ def sliding_camera(scene):
     ],
     ids=lambda changes: "_".join(change.__name__ for change in changes),
 )
-def test_both_eyes_in_one_render_are_as_rendered(tmp_path, renders, changes):
+def test_both_eyes_in_one_render_are_as_rendered(packed_by, tmp_path, renders, changes):
     scene = small_studio(tmp_path, *changes)
+    skip_if_blocked(scene, tmp_path, packed_by)
     a, b = (render_plain(scene, tmp_path, seed=seed) for seed in (1, 2))
     scene.cycles.seed = 3
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, tmp_path)
+        renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
         renders.clear()
         ours = traced(renderer, *EYES)
     assert len(renders) == 1
@@ -145,11 +162,11 @@ def positions(scene):
 
 
 @pytest.mark.parametrize("changes", [(positions,), (turned_around, positions), (turned_around, camera_in_the_world)])
-def test_data_passes_are_those_of_each_eye(tmp_path, changes):
+def test_data_passes_are_those_of_each_eye(packed_by, tmp_path, changes):
     scene = small_studio(tmp_path, data_passes, *changes, lit=True)
     plain = render_plain(scene, tmp_path)
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, tmp_path)
+        renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
         ours = dict(zip(EYES, traced(renderer, *EYES), strict=True))
         again = traced(renderer, "left")[0]
     for view in EYES:
@@ -157,7 +174,8 @@ def test_data_passes_are_those_of_each_eye(tmp_path, changes):
         assert ours[view][DEPTH_PASS].max() > 5.0
         for name in set(plain[view]) - {COLOUR_PASS}:
             with np.errstate(invalid="ignore"):
-                differs = np.abs(ours[view][name] - plain[view][name]) > PASS_VALUES
+                # The box's side is seen at a grazing angle.
+                differs = np.abs(ours[view][name] - plain[view][name]) > 2.0 * PASS_VALUES
             differs &= ours[view][name] != plain[view][name]
             assert differs.any(axis=-1).mean() <= EDGE_PIXELS, (view, name)
 
@@ -185,11 +203,11 @@ def parallel(scene):
 
 
 @pytest.mark.parametrize("count", [3, 12])
-def test_views_that_blender_does_not_have(tmp_path, renders, count):
+def test_views_that_blender_does_not_have(packed_by, tmp_path, renders, count):
     scene = small_studio(tmp_path, parallel, data_passes)
     with working_scene(scene, SceneOverrides()) as working:
-        views = between(BlenderRenderer(working, tmp_path).cameras, count)
-        renderer = BlenderRenderer(working, tmp_path, views=views)
+        views = between(BlenderRenderer(working, tmp_path, packed_by=packed_by).cameras, count)
+        renderer = BlenderRenderer(working, tmp_path, views=views, packed_by=packed_by)
         renders.clear()
         ours = traced(renderer, *views)
         assert len(renders) == 1
@@ -206,13 +224,13 @@ def test_views_that_blender_does_not_have(tmp_path, renders, count):
             assert differs.any(axis=-1).mean() <= 2.0 * EDGE_PIXELS, (number, name)
 
 
-def test_the_lens_turns_with_its_view(tmp_path):
+def test_the_lens_turns_with_its_view(packed_by, tmp_path):
     """Bokeh that is no disc lies in the plane of the view that it belongs to, and what is in focus by its depth."""
     scene = small_studio(tmp_path, parallel, defocus_on_an_object)
     parallel(scene)
     with working_scene(scene, SceneOverrides(seed=3)) as working:
-        views = between(BlenderRenderer(working, tmp_path).cameras, 3)
-        ours = traced(BlenderRenderer(working, tmp_path, views=views), *views)
+        views = between(BlenderRenderer(working, tmp_path, packed_by=packed_by).cameras, 3)
+        ours = traced(BlenderRenderer(working, tmp_path, views=views, packed_by=packed_by), *views)
     scene.camera.matrix_basis = Matrix(views["view 02"].world_from_camera.tolist())
     one, other = (render_plain(scene, tmp_path, seed=seed, views=("left",))["left"][COLOUR_PASS] for seed in (1, 2))
     assert rms(ours[2][COLOUR_PASS] - one) < NOISE * rms(other - one)
@@ -237,12 +255,13 @@ def fog_around_the_right_eye(scene):
 @pytest.mark.parametrize(
     "change", [shader_that_knows_the_camera, moving_camera, vectors, mist, fog_around_the_right_eye]
 )
-def test_what_depends_on_the_camera_is_traced_view_by_view(tmp_path, renders, change):
+def test_what_depends_on_the_camera_is_traced_view_by_view(packed_by, tmp_path, renders, change):
     scene = small_studio(tmp_path, change)
+    skip_if_blocked(scene, tmp_path, packed_by)
     a, b = (render_plain(scene, tmp_path, seed=seed) for seed in (1, 2))
     scene.cycles.seed = 3
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, tmp_path)
+        renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
         renders.clear()
         ours = traced(renderer, *EYES)
         assert len(renders) == 2
@@ -250,7 +269,7 @@ def test_what_depends_on_the_camera_is_traced_view_by_view(tmp_path, renders, ch
             return
         views = between(renderer.cameras, 3)
         with pytest.raises(BadInputError, match="view 00"):
-            traced(BlenderRenderer(working, tmp_path, views=views), "view 00")
+            traced(BlenderRenderer(working, tmp_path, views=views, packed_by=packed_by), "view 00")
     for view, passes in zip(EYES, ours, strict=True):
         one, other = a[view][COLOUR_PASS], b[view][COLOUR_PASS]
         assert rms(passes[COLOUR_PASS] - one) < NOISE * rms(other - one), view
@@ -264,13 +283,13 @@ def test_only_a_camera_that_turns_parts_its_views(tmp_path, change, turns):
         assert (working.frame_current, working.frame_subframe) == frame
 
 
-def test_answers_come_in_the_order_of_the_requests(tmp_path):
+def test_answers_come_in_the_order_of_the_requests(packed_by, tmp_path):
     """And the pixels of each in the order of its masks, those that are traced twice last."""
     scene = small_studio(tmp_path, data_passes)
     some = np.random.default_rng(1).random(SIZE[::-1]) < 0.3
     few = some & (np.random.default_rng(2).random(SIZE[::-1]) < 0.3)
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, tmp_path)
+        renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
         left, right = (passes[DEPTH_PASS] for passes in traced(renderer, *EYES))
         requests = [TraceRequest("right", some, few), TraceRequest("left", few), TraceRequest("right", ~some)]
         answers = [passes[DEPTH_PASS] for passes in renderer.trace("packed", requests)]
@@ -280,12 +299,15 @@ def test_answers_come_in_the_order_of_the_requests(tmp_path):
         np.testing.assert_allclose(answer, wanted, rtol=1e-4)
 
 
-def test_eevee_has_the_holes_of_both_eyes_traced_together(tmp_path, renders):
+def test_eevee_has_the_holes_of_both_eyes_traced_together(packed_by, tmp_path, renders):
     """By Cycles, and what it learns of them is that of each eye."""
     scene = small_studio(tmp_path, turned_around, lit=True)
     scene.cycles.filter_width = scene.render.filter_size = FINEST_FILTER
     scene.render.engine, scene.cycles.samples = EEVEE, 1
-    with working_scene(scene, SceneOverrides()) as working, renderer_of(working, tmp_path) as renderer:
+    with (
+        working_scene(scene, SceneOverrides()) as working,
+        renderer_of(working, tmp_path, packed_by=packed_by) as renderer,
+    ):
         renders.clear()
         together = traced(renderer, *EYES)
         assert len(renders) == 1
@@ -299,15 +321,18 @@ def test_eevee_has_the_holes_of_both_eyes_traced_together(tmp_path, renders):
 
 
 @pytest.mark.parametrize("changes", [(), (defocus, moving_object)])
-def test_an_eye_is_traced_alike_by_its_own_camera_and_by_the_other_eyes(tmp_path, changes):
+def test_an_eye_is_traced_alike_by_its_own_camera_and_by_the_other_eyes(packed_by, tmp_path, changes):
     """With the same noise: all that differs is the rounding of rays."""
     scene = small_studio(tmp_path, *changes, lit=True)
     scene.cycles.samples = 2
     with working_scene(scene, SceneOverrides()) as working:
-        cameras = BlenderRenderer(working, tmp_path).cameras
+        cameras = BlenderRenderer(working, tmp_path, packed_by=packed_by).cameras
         pixels = PackedPixels(cameras["right"], np.argwhere(np.ones(SIZE[::-1], bool)))
         own, other = (
-            trace_packed(working, view, cameras[view], [pixels], tmp_path, seed=1)[1][0][COLOUR_PASS] for view in EYES
+            trace_packed(working, view, cameras[view], [pixels], tmp_path, seed=1, by=CAMERAS[packed_by])[1][0][
+                COLOUR_PASS
+            ]
+            for view in EYES
         )
     assert np.ptp(own[:, 0]) > 0.1
     assert np.mean(np.abs(own - other).max(axis=1) > SAME_NOISE) <= EDGE_PIXELS

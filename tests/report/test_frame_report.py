@@ -73,6 +73,7 @@ def made_up(*, whole: bool) -> FrameReport:
     facts = [
         LayerFacts(
             header=HEADER,
+            packed_by="portal",
             plan=PLAN if whole else EffectsPlan((), {}),
             parallax=PARALLAX if whole else None,
             warnings=("same", f"layer {k}") if whole else (),

@@ -29,6 +29,7 @@ BAD_SETTINGS = [
     *[("source", value) for value in ["", "Left", "middle", 0, ["left"]]],
     *[("accuracy", value) for value in ["best", "", 1.0]],
     *[("fill", value) for value in ["osl", "", 0, "pack\ned"]],
+    *[("packed_by", value) for value in ["cuda", "OSL", ""]],
     *[("interpolation", value) for value in ["nearest", "lanczos", ""]],
     *[("warp", value) for value in ["GPU", "cuda", "", None]],
     *[("grid_threshold", value) for value in [*NO_NUMBERS, -1.0, -1e-12]],
@@ -105,7 +106,7 @@ def test_every_accuracy_has_a_meaning_and_higher_ones_trace_no_less():
         assert higher.colour_tolerance <= lower.colour_tolerance
 
 
-@pytest.mark.parametrize("name", ["source", "accuracy", "fill", "grid_threshold", "interpolation"])
+@pytest.mark.parametrize("name", ["source", "accuracy", "fill", "packed_by", "grid_threshold", "interpolation"])
 def test_what_a_run_cannot_do_without_must_be_said(name):
     with pytest.raises(BadInputError):
         StereoSettings(**{name: None})

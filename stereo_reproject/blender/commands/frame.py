@@ -132,16 +132,18 @@ def _render_layer(
     of `scene` that is rendered; findings are those of a sequence for this layer; learns is as for `render_pair`.
     """
     header = report_header(scene, working, settings)
-    with renderer_of(working, work, user_scene=scene) as renderer:
-        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings, costs=known_costs(working))
+    with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_by) as renderer:
+        costs = known_costs(working, renderer.packed.name)
+        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings, costs=costs)
         if learns:
-            learn_costs(working, frame.source_cost, renderer.trace_renders)
+            learn_costs(working, renderer.packed.name, frame.source_cost, renderer.trace_renders)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
             header=header,
             plan=renderer.plan,
             parallax=parallax_report(renderer, frame.eyes[settings.source], frame_region(working.render).full_width),
             warnings=tuple(renderer.warnings),
+            packed_by=renderer.packed.name,
             time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
             samples_rendered=renderer.samples_rendered if limited else ABSENT,
         )

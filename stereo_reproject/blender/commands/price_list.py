@@ -103,7 +103,7 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
     start = time.perf_counter()
     with working_scene(scene, replace(settings.scene, samples=WARM_UP_SAMPLES)) as working:
         make_small(working, WARM_UP_WIDTH_PIXELS)
-        renderer = BlenderRenderer(working, work)
+        renderer = BlenderRenderer(working, work, packed_by=settings.packed_by)
         source, _ = renderer.render_source(settings.source)
         pixels = np.zeros(colour(source).shape[:2], bool)
         pixels[::WARM_UP_SPACING_PIXELS, ::WARM_UP_SPACING_PIXELS] = True
@@ -192,7 +192,7 @@ def _render_cases(
 
 def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
     """Render the source eye that the cases share, and return it."""
-    renderer = BlenderRenderer(working, work)
+    renderer = BlenderRenderer(working, work, packed_by=settings.packed_by)
     start = time.perf_counter()
     passes, cost = renderer.render_source(settings.source)
     seconds = time.perf_counter() - start

@@ -43,15 +43,15 @@ DIRECT_LIGHT_PASSES = ("Environment", "Emission", "Env", "Emit")
 
 @contextmanager
 def renderer_of(
-    scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None
+    scene: bpy.types.Scene, folder: Path, *, user_scene: bpy.types.Scene | None = None, packed_by: str = "auto"
 ) -> Iterator[BlenderRenderer]:
     """Have a renderer for a working scene, by the engine that is set in it, for the time of a `with` block; afterwards
-    what it added to the file is removed.
+    what it added to the file is removed. packed_by is as for `BlenderRenderer`.
     """
     if scene.render.engine == CYCLES:
-        yield BlenderRenderer(scene, folder, user_scene=user_scene)
+        yield BlenderRenderer(scene, folder, user_scene=user_scene, packed_by=packed_by)
         return
-    renderer = EeveeRenderer(scene, folder, user_scene=user_scene)
+    renderer = EeveeRenderer(scene, folder, user_scene=user_scene, packed_by=packed_by)
     try:
         yield renderer
     finally:

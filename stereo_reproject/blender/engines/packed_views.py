@@ -6,7 +6,7 @@ is right as it is; what it tells in the camera's own is converted here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
-from ...views.camera import Camera, PerspectiveCamera, target_from_source
+from ...views.camera import Camera, target_from_source
+from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
 
@@ -34,13 +35,11 @@ class PackedPixels:
     be there twice, to be traced twice.
     """
 
-    camera: PerspectiveCamera
+    camera: Camera
     places: NDArray[np.intp]
 
 
-def numbers_of_others(
-    scene: bpy.types.Scene, rendered: Camera, others: Sequence[PerspectiveCamera]
-) -> tuple[float, ...]:
+def numbers_of_others(scene: bpy.types.Scene, rendered: Camera, others: Sequence[Camera]) -> tuple[float, ...]:
     """Return the numbers by which the shader knows the views that Blender does not render, 17 for each.
 
     They are: left and top of the view plane, and a pixel's width and height on it, at unit depth; the depth in focus,
@@ -50,12 +49,17 @@ def numbers_of_others(
     for camera in others:
         plane = camera.plane
         step = (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
-        pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
-        numbers += [plane.left, plane.top, *step, _focus_distance(scene, camera), *pose[:3].ravel()]
+        pose = FORWARD @ pose_in(camera, rendered) @ FORWARD
+        numbers += [plane.left, plane.top, *step, focus_distance_of(scene, camera), *pose[:3].ravel()]
     return tuple(float(number) for number in numbers)
 
 
-def _focus_distance(scene: bpy.types.Scene, camera: Camera) -> float:
+def pose_in(camera: Camera, rendered: Camera) -> NDArray[np.floating]:
+    """Return the transform (4, 4) from a camera's space to that of the rendered one."""
+    return target_from_source(camera, rendered)
+
+
+def focus_distance_of(scene: bpy.types.Scene, camera: Camera) -> float:
     """Return the depth at which a view of the scene is in focus, in scene units. With a focus object, it is that
     object's depth in this view, as Cycles has it.
     """
@@ -102,6 +106,22 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
         known = np.isfinite(flat[DEPTH_PASS])
         converted[DEPTH_PASS] = np.where(known, ahead[:, None], flat[DEPTH_PASS]).astype(np.float32)
     if NORMAL in flat:
-        turn = (FORWARD @ target_from_source(rendered, camera) @ FORWARD)[:3, :3]
+        turn = (FORWARD @ pose_in(rendered, camera) @ FORWARD)[:3, :3]
         converted[NORMAL] = (flat[NORMAL] @ turn.T).astype(np.float32)
     return converted
+
+
+def may_begin_in(scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], views: Iterable[Camera]) -> bool:
+    """Return whether rays of any of the views may begin in one of the boxes (8, 3) of a working scene. An infinite box
+    may be anywhere. Boxes count as large as those around them along the world's axes.
+    """
+    camera = evaluated(scene.camera, scene).data
+    reach = camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
+    places = [view.world_from_camera[:3, 3] for view in views]
+    return any(
+        not np.isfinite(box).all()
+        or any(
+            bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach))) for place in places
+        )
+        for box in boxes
+    )

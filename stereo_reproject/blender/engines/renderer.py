@@ -35,9 +35,10 @@ from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
-from .hole_camera import packed_blocker
 from .mask_card import card_blocker, trace_card
+from .packed_trace import packed_blocker, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
+from .portal_card import hide_card, without_card
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
@@ -59,7 +60,8 @@ class BlenderRenderer:
 
     scene is a working scene and user_scene the one that it is a copy of; folder is private and takes the files between
     the stages. `plan` says which effects the scene calls for. views are further cameras by name, besides Blender's two
-    eyes: their pixels can be traced, by the packed method alone.
+    eyes: their pixels can be traced, by the packed method alone. packed_by is the packed camera that was asked for:
+    "auto", "osl" or "portal".
     """
 
     gpu = staticmethod(gpu_warper)
@@ -76,8 +78,10 @@ class BlenderRenderer:
         *,
         user_scene: bpy.types.Scene | None = None,
         views: Mapping[str, PerspectiveCamera] | None = None,
+        packed_by: str = "auto",
     ) -> None:
         self.scene = scene
+        self.packed = packed_camera(scene, packed_by)
         self.folder = folder
         eyes = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.cameras: dict[str, Camera] = {**(views or {}), **eyes}
@@ -96,6 +100,7 @@ class BlenderRenderer:
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
+        self._packed_blockers: dict[float, str | None] = {}
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
@@ -142,6 +147,7 @@ class BlenderRenderer:
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
+        hide_card(self.scene, self.cameras.values())
         limited = has_time_limit(self.scene)
         if limited:
             count_samples(self.scene)
@@ -150,7 +156,7 @@ class BlenderRenderer:
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
-        self.metadata.update(rendered.attributes)
+        self.metadata.update(without_card(rendered.attributes))
         passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
         if not ours_too:
             return self._as_asked_for(passes), cost_of(rendered)
@@ -181,7 +187,7 @@ class BlenderRenderer:
         deepest is as for `fill_blockers`.
         """
         return {
-            "packed": self.uncounted or packed_blocker(self.scene, self.cameras.values(), deepest),
+            "packed": self.uncounted or self._packed_blocker(deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
 
@@ -194,6 +200,17 @@ class BlenderRenderer:
         # The frame's own pixels have the seeds that they have where nothing was measured.
         self._traces = traces
         return learned_costs(planner.costs, planner.cost, self.trace_renders)
+
+    def _packed_blocker(self, deepest: float) -> str | None:
+        """Return why pixels cannot be traced packed, in words, or None if they can; deepest is as for `fill_blockers`.
+
+        It is found out once, since all instances of the scene are looked at.
+        """
+        key = deepest if self.packed.clips_by_distance else 0.0
+        if key not in self._packed_blockers:
+            found = packed_blocker(self.scene, self.cameras.values(), deepest, by=self.packed)
+            self._packed_blockers[key] = found
+        return self._packed_blockers[key]
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with probes, since one engine renders and traces."""
@@ -226,13 +243,14 @@ class BlenderRenderer:
         """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C).
         scene is the one that Cycles renders.
         """
-        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed)
+        return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed, self.packed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, by the method "card" or "full". Each of its masks takes a render as
         large as the view.
         """
         check_blenders(request.view)
+        hide_card(self.scene, self.cameras.values())
         trace = {"card": trace_card, "full": trace_full}[method]
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []

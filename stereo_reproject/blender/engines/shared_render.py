@@ -13,13 +13,13 @@ from ...errors import BadInputError
 from ...images.passes import Passes
 from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
-from ...views.camera import Camera, PerspectiveCamera
+from ...views.camera import Camera
 from ..scene.effects import is_animated, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for
-from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
-from .hole_camera import trace_packed
-from .packed_views import PackedPixels
+from .packed_camera import PackedCamera
+from .packed_trace import trace_packed
+from .packed_views import PackedPixels, may_begin_in
 from .render import Rendered
 
 CAMERA_OUTPUTS = (
@@ -42,19 +42,20 @@ def trace_together(
     requests: Sequence[TraceRequest],
     folder: Path,
     next_seed: Callable[[], int],
+    by: PackedCamera,
 ) -> tuple[list[Rendered], list[Passes]]:
     """Trace all requests packed, in as few renders as is exact. Return the renders, and each request's passes (N, C),
     in the order of the requests.
 
     cameras has those of the requests' views by name, both eyes included. volumes has, for each volume of the scene, the
-    corners (8, 3) of a box around it. next_seed returns a new seed for each render. Raises BadInputError for a view
-    that is no eye where its pixels could not be right.
+    corners (8, 3) of a box around it. next_seed returns a new seed for each render. by is the packed camera. Raises
+    BadInputError for a view that is no eye where its pixels could not be right.
     """
     renders: list[Rendered] = []
     answers: dict[int, Passes] = {}
     for view, numbers in _renders(scene, cameras, volumes, [request.view for request in requests]):
         packed = [_pixels_of(requests[number], cameras) for number in numbers]
-        rendered, traced = trace_packed(scene, view, cameras[view], packed, folder, seed=next_seed())
+        rendered, traced = trace_packed(scene, view, cameras[view], packed, folder, seed=next_seed(), by=by)
         renders.append(rendered)
         answers.update(zip(numbers, traced, strict=True))
     return renders, [answers[number] for number in range(len(requests))]
@@ -62,9 +63,7 @@ def trace_together(
 
 def _pixels_of(request: TraceRequest, cameras: Mapping[str, Camera]) -> PackedPixels:
     """Return the camera and the pixels that a request asks for, those of its second mask after those of the first."""
-    camera = cameras[request.view]
-    assert isinstance(camera, PerspectiveCamera)
-    return PackedPixels(camera, np.concatenate([np.argwhere(mask) for mask in request.masks]))
+    return PackedPixels(cameras[request.view], np.concatenate([np.argwhere(mask) for mask in request.masks]))
 
 
 def _renders(
@@ -111,8 +110,7 @@ def why_apart(
         "a shader reads where the camera is": any(uses_output(*output) for output in CAMERA_OUTPUTS)
         or any(map(_may_read_camera, shader_nodes())),
         # Of its own camera alone Cycles asks whether its rays begin in a volume.
-        "a view may begin in a volume": not _surely_inside(rendered, volumes)
-        and any(_maybe_inside(view, volumes, _reach(scene)) for view in views),
+        "a view may begin in a volume": not _surely_inside(rendered, volumes) and may_begin_in(scene, volumes, views),
     }
     return next((reason for reason, holds in checks.items() if holds), None)
 
@@ -124,29 +122,11 @@ def _may_read_camera(node: bpy.types.Node) -> bool:
     return node.bl_idname == "ShaderNodeScript"
 
 
-def _reach(scene: bpy.types.Scene) -> float:
-    """Return how far from a view's centre its rays may begin, in scene units."""
-    camera = evaluated(scene.camera, scene).data
-    return camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
-
-
 def _surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
     """Return whether the camera is certainly in one of these boxes (8, 3); an infinite box tells nothing."""
     place = camera.world_from_camera[:3, 3]
     finite = (box for box in boxes if np.isfinite(box).all())
     return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)
-
-
-def _maybe_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]], reach: float) -> bool:
-    """Return whether the camera may be in one of the boxes (8, 3), or nearer to one than `reach`. An infinite box may
-    be anywhere. Boxes count as large as those around them along the world's axes.
-    """
-    place = camera.world_from_camera[:3, 3]
-    return any(
-        not np.isfinite(box).all()
-        or bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach)))
-        for box in boxes
-    )
 
 
 def turns_in_shutter(scene: bpy.types.Scene) -> bool:

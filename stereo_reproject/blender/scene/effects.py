@@ -14,7 +14,7 @@ from .instancing import brought_along
 from .materials import Shadings, world_shading
 from .rig import stereo_cameras
 from .visible import STRANDS, Seen, aperture_radius, visible_objects
-from .working import CYCLES, evaluated, layers_to_render, rendered_layer
+from .working import CYCLES, evaluated, is_kept, layers_to_render, rendered_layer
 
 DEFAULT_SURFACE = "default_surface"
 """Cycles' name for the material of an object that has none."""
@@ -241,12 +241,14 @@ def has_grease_pencil(scene: bpy.types.Scene) -> bool:
 
 def uses_output(node_type: str, output: str) -> bool:
     """Return whether any shader of the file has a node of this type whose output of this name is linked."""
-    return any(node.outputs[output].is_linked for node in shader_nodes() if node.bl_idname == node_type)
+    found = (node.outputs.get(output) for node in shader_nodes() if node.bl_idname == node_type)
+    return any(socket is not None and socket.is_linked for socket in found)
 
 
 def shader_nodes() -> Iterator[bpy.types.Node]:
     """Yield the nodes of all materials, worlds, lights and node groups of the file."""
-    owners = [*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights]
+    materials = (material for material in bpy.data.materials if not is_kept(material))
+    owners = [*materials, *bpy.data.worlds, *bpy.data.lights]
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
     for tree in trees:
         yield from tree.nodes

@@ -13,6 +13,7 @@ import bpy
 from .file_digest import numbered_like
 from .fingerprint_files import BUILTIN, TILE
 from .instancing import brought_along
+from .working import is_kept
 
 UNRENDERED_USERS = (
     bpy.types.Brush,
@@ -102,8 +103,8 @@ def _file_line(kind: str, names: list[str]) -> str:
 
 
 def _used(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Return the datablocks that have users and were found."""
-    return (block for block in blocks if block.users and not block.is_missing)
+    """Return the user's datablocks that have users and were found."""
+    return (block for block in blocks if block.users and not block.is_missing and not is_kept(block))
 
 
 def _rendered(images: Iterable[bpy.types.Image]) -> list[str]:

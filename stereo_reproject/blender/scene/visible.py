@@ -19,7 +19,7 @@ from ...views.camera import Camera
 from ...views.frustum import Frustum, Lens
 from .instancing import brought_along
 from .materials import Shading, Shadings
-from .working import evaluated, focus_distance, rendered_layer
+from .working import evaluated, focus_distance, is_kept, rendered_layer
 
 SHOWN = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "LIGHT"}
 """Types of objects that a render may show."""
@@ -38,6 +38,8 @@ LOWER, UPPER = 0, 6
 AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
 """(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
 
+UNCERTAIN_SCALE = 2.0
+"""Size at which a box counts that may not hold all of an object, over its own: hair and displacement reach beyond."""
 
 Box = tuple[NDArray, tuple[float, ...], tuple[float, ...]]
 """An instance's matrix (4, 4) into the world, and in its own space the lowest and uppermost corner of its bounds."""
@@ -107,6 +109,30 @@ def _boxes(scene: bpy.types.Scene, wanted: Callable[[Seen, Shading], bool]) -> t
     return tuple(boxes)
 
 
+def seen_beyond(scene: bpy.types.Scene, cameras: Iterable[Camera], depth: float) -> bool:
+    """Return whether anything of a working scene may be in view of the cameras beyond this depth, in scene units.
+
+    It is looked at as it is in the present frame. Where Blender's bounds may not hold all of an object, they count as
+    twice as wide. The world and suns do not count.
+    """
+    layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
+    rendered = set(_rendered_objects(layer.layer_collection))
+    frustums = [Frustum(camera, Lens(near=depth)) for camera in cameras]
+    boxes = (
+        (_box(instance), 1.0 if seen.bounded else UNCERTAIN_SCALE)
+        for instance, seen in _rendered_instances(layer, rendered, shadings, set())
+        if instance.object.type != "LIGHT" or instance.object.data.type != "SUN"
+    )
+    while some := list(islice(boxes, BOXES_AT_ONCE)):
+        corners = _corners([box for box, _ in some])
+        middle = corners.mean(axis=1, keepdims=True)
+        scales = np.array([scale for _, scale in some])[:, None, None]
+        corners = middle + scales * (corners - middle)
+        if any(frustum.may_meet(corners).any() for frustum in frustums):
+            return True
+    return False
+
+
 def _rendered_instances(
     layer: bpy.types.ViewLayer, rendered: set[str], shadings: Shadings, met: set[str]
 ) -> Iterator[tuple[bpy.types.DepsgraphObjectInstance, Seen]]:
@@ -147,7 +173,8 @@ def _rendered_objects(collection: bpy.types.LayerCollection) -> Iterator[str]:
     """Yield the names of the objects that a view layer renders of a collection and those within it."""
     if collection.exclude or collection.collection.hide_render or collection.indirect_only:
         return
-    yield from (item.name for item in collection.collection.objects if not item.hide_render)
+    objects = collection.collection.objects
+    yield from (item.name for item in objects if not item.hide_render and not is_kept(item))
     for child in collection.children:
         yield from _rendered_objects(child)
 
@@ -240,7 +267,9 @@ def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shad
             yield _seen(member, None, layer, shadings)
         if any(modifier.type == "NODES" and modifier.show_render for modifier in member.modifiers):
             materials = (
-                material for material in bpy.data.materials if material.users and not material.is_grease_pencil
+                material
+                for material in bpy.data.materials
+                if material.users and not material.is_grease_pencil and not is_kept(material)
             )
             yield Seen(member.name, "MESH", tuple(materials))
 

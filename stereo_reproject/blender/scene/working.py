@@ -23,6 +23,10 @@ Block = TypeVar("Block", bound=bpy.types.ID)
 DRIVEN_SEED = "stereo_reproject_seed"
 """A working scene's property that has the driver of its seed."""
 
+KEPT_OBJECT = "stereo_reproject_kept_object"
+"""Property of a working camera that names an object of ours in its scene: it is removed together with the scene, since
+Cycles syncs everything again where an object comes or goes. All datablocks of the object have it too."""
+
 MIN_SIDE_PX = 4
 """Least pixels along a side: Blender renders nothing smaller."""
 
@@ -109,6 +113,7 @@ def working_scene(
         copy.timeline_markers.clear()
         # A property of the user's own may have the name of ours.
         copy.pop(DRIVEN_SEED, None)
+        eye.pop(KEPT_OBJECT, None)
         copy.collection.objects.link(eye)
         copy.camera = eye
         copy.render.engine = engine
@@ -223,6 +228,11 @@ def changed(owner: bpy.types.bpy_struct, **values: Any) -> Iterator[None]:
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     """Return the one view layer that a working scene renders."""
     return next(layer for layer in scene.view_layers if layer.use)
+
+
+def is_kept(block: bpy.types.ID) -> bool:
+    """Return whether a datablock belongs to the object of ours in a working scene, which is in no plain render."""
+    return KEPT_OBJECT in block
 
 
 def main_layer(scene: bpy.types.Scene) -> str:
@@ -388,7 +398,23 @@ def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
         bpy.data.scenes.remove(scene)
     eye = bpy.data.objects.get(object_name)
     if eye is not None:
+        _remove_kept(eye)
         bpy.data.objects.remove(eye)
     camera = bpy.data.cameras.get(camera_name)
     if camera is not None:
         bpy.data.cameras.remove(camera)
+
+
+def _remove_kept(eye: bpy.types.Object) -> None:
+    """Remove the object that a working camera names as ours, with its mesh and materials."""
+    kept = bpy.data.objects.get(eye.get(KEPT_OBJECT, ""))
+    if kept is None:
+        return
+    mesh: bpy.types.Mesh = kept.data  # pyright: ignore[reportAssignmentType] - of ours, all are meshes
+    materials = [mesh.materials[index] for index in range(len(mesh.materials))]
+    trees: list[bpy.types.NodeTree] = [
+        material.node_tree for material in materials if material is not None and material.node_tree is not None
+    ]
+    nodes = (node for tree in trees for node in tree.nodes)
+    images = {node.image for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage) and node.image}
+    bpy.data.batch_remove([kept, mesh, *filter(None, materials), *images])

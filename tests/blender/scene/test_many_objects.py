@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.hole_camera import trace_packed
+from stereo_reproject.blender.engines.packed_trace import trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.render import render_views
 from stereo_reproject.blender.output.delivery import deliver_side_by_side

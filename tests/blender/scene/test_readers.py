@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from stereo_reproject.blender.engines.hole_camera import packed_blocker
+from stereo_reproject.blender.engines.packed_trace import packed_blocker
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import evaluated, rendered_layer, working_scene
 from stereo_reproject.settings.frame import SceneOverrides

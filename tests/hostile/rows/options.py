@@ -311,6 +311,7 @@ def _choices() -> Iterator[Refusal]:
     yield from _values(RENDER, "--source-engine", (*NO_CHOICE[5:8], "CYCLES", "workbench", "BLENDER_EEVEE", "left"))
     yield from _values(RENDER, "--accuracy", (*NO_CHOICE, "Draft", "custom", "medium", "1.1", "exact,high"))
     yield from _values(RENDER, "--fill", (*NO_CHOICE[2:5], "AUTO", "none", "packed,card", "card packed"))
+    yield from _values(RENDER, "--packed-by", (*NO_CHOICE[2:5], "OSL", "none", "osl,portal"))
     yield from _values(RENDER, "--interpolation", (*NO_CHOICE[:2], "Cubic", "nearest", "bicubic", "3"))
     yield from _values(RENDER, "--warp", (*NO_CHOICE[6:9], "GPU", "cuda", "0", "numpy,gpu"))
     yield from _values(ANIMATE, "--layout", (*NO_CHOICE, "side by side", "sbs", "side_by_side", "anaglyph", "_LR"))
