@@ -24,7 +24,7 @@ from ..images.seen_light import display_scale, scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy, accuracy_of, for_denoised, for_size
 from ..settings.frame import StereoSettings
-from ..trace.costs import ASSUMED_COSTS, TraceCosts
+from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice, SourceCost, check_fill
 from ..trace.planner import FillPlanner
 from ..trace.requests import TraceRequest
@@ -209,7 +209,7 @@ def render_stereo_frame(
     accuracy: Accuracy | None = None,
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
-    costs: TraceCosts = ASSUMED_COSTS,
+    costs: TraceCosts | None = None,
 ) -> StereoFrame:
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
@@ -230,7 +230,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    planner = _planner_of(renderer, settings, source, reprojection, findings, costs, watch)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, costs or TraceCosts(), watch)
     tracing = renderer.tracing_of(
         WarpedTarget(
             settings.target,

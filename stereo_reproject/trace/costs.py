@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from .tuning import TUNING
@@ -23,35 +23,35 @@ class TraceCosts:
     `MEASURED` and `AGREED`.
     """
 
-    packed_pixel_cost: float = TUNING.packed_pixel_cost
-    card_pixel_cost: float = TUNING.card_pixel_cost
-    render_call_seconds: float = TUNING.render_call_seconds
-    resync_share: float = TUNING.resync_share
+    packed_pixel_cost: float = field(default_factory=lambda: TUNING.packed_pixel_cost)
+    card_pixel_cost: float = field(default_factory=lambda: TUNING.card_pixel_cost)
+    render_call_seconds: float = field(default_factory=lambda: TUNING.render_call_seconds)
+    resync_share: float = field(default_factory=lambda: TUNING.resync_share)
     source: str = ASSUMED
 
     @property
     def numbers(self) -> dict[str, float]:
         """All costs by name."""
-        return {name: getattr(self, name) for name in COST_LIMITS}
+        return {name: getattr(self, name) for name in COST_NAMES}
 
     def within_limits(self) -> TraceCosts:
-        """Return these costs with each one held within its limits, beyond which no measurement is believed."""
-        held = {name: min(max(getattr(self, name), low), high) for name, (low, high) in COST_LIMITS.items()}
+        """Return these costs with each one held within its limits."""
+        held = {name: min(max(getattr(self, name), low), high) for name, (low, high) in cost_limits().items()}
         return replace(self, **held)
 
 
-ASSUMED_COSTS = TraceCosts()
-"""Costs by which fill methods are chosen as long as nothing was measured."""
+COST_NAMES = tuple(one.name for one in fields(TraceCosts) if one.name != "source")
+"""Names of the costs."""
 
-COST_LIMITS = {
-    "packed_pixel_cost": TUNING.packed_pixel_cost_limits,
-    "card_pixel_cost": TUNING.card_pixel_cost_limits,
-    "render_call_seconds": TUNING.render_call_seconds_limits,
-    "resync_share": TUNING.resync_share_limits,
-}
-"""Least and greatest value of each cost by name."""
 
-assert COST_LIMITS.keys() == {field.name for field in fields(TraceCosts)} - {"source"}
+def cost_limits() -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest value of each cost by name, beyond which no measurement is believed."""
+    return {
+        "packed_pixel_cost": TUNING.packed_pixel_cost_limits,
+        "card_pixel_cost": TUNING.card_pixel_cost_limits,
+        "render_call_seconds": TUNING.render_call_seconds_limits,
+        "resync_share": TUNING.resync_share_limits,
+    }
 
 
 def costs_of(numbers: Any, source: str) -> TraceCosts | None:
@@ -60,9 +60,9 @@ def costs_of(numbers: Any, source: str) -> TraceCosts | None:
 
     None for anything else: what is read from a file may be of any kind.
     """
-    if not isinstance(numbers, Mapping) or not all(_is_number(numbers.get(name)) for name in COST_LIMITS):
+    if not isinstance(numbers, Mapping) or not all(_is_number(numbers.get(name)) for name in COST_NAMES):
         return None
-    return TraceCosts(**{name: float(numbers[name]) for name in COST_LIMITS}, source=source).within_limits()
+    return TraceCosts(**{name: float(numbers[name]) for name in COST_NAMES}, source=source).within_limits()
 
 
 def _is_number(value: Any) -> bool:

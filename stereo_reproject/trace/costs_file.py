@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files import is_missing, read_small, write_json
-from .costs import ASSUMED_COSTS, MEASURED, TraceCosts, costs_of
+from .costs import MEASURED, TraceCosts, costs_of
 
 COSTS_FILE = "trace-costs.json"
 COSTS_SCHEMA = 1
@@ -33,14 +33,14 @@ class CostsFile:
     def read(self, key: str) -> TraceCosts:
         """Return the costs of this key; those that are assumed where there are none."""
         entries = self._entries() or {}
-        return costs_of(entries.get(key), MEASURED) or ASSUMED_COSTS
+        return costs_of(entries.get(key), MEASURED) or TraceCosts()
 
     def renew(self, key: str, learn: Callable[[TraceCosts], TraceCosts]) -> None:
         """Replace the costs of this key by what `learn` returns for them; do nothing if it returns the same ones."""
         entries = self._entries()
         if entries is None:
             return
-        known = costs_of(entries.pop(key, None), MEASURED) or ASSUMED_COSTS
+        known = costs_of(entries.pop(key, None), MEASURED) or TraceCosts()
         learned = learn(known)
         if learned == known:
             return

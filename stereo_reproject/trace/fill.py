@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..errors import BadInputError
-from .costs import ASSUMED_COSTS, TraceCosts
+from .costs import TraceCosts
 from .tuning import TUNING
 
 
@@ -64,7 +64,7 @@ def choose_fill(
     cost: SourceCost,
     blockers: Mapping[str, str | None],
     *,
-    costs: TraceCosts = ASSUMED_COSTS,
+    costs: TraceCosts | None = None,
     spacing: int | None = None,
     expected: float = 0.0,
 ) -> FillChoice:
@@ -76,6 +76,7 @@ def choose_fill(
     one pixel in each tile so many pixels wide is a probe, traced twice. expected is the share of the frame that will
     have to be traced afterwards as well: if that makes a full render the cheaper way, it is chosen at once.
     """
+    costs = costs or TraceCosts()
     if expected and asked == "auto":
         whole = choose_fill(asked, fraction + expected, cost, blockers, costs=costs, spacing=spacing)
         if whole.method == "full":

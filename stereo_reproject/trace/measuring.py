@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .costs import COST_LIMITS, MEASURED, TraceCosts
+from .costs import COST_NAMES, MEASURED, TraceCosts
 from .fill import SourceCost
 from .tuning import TUNING
 
@@ -51,7 +51,7 @@ def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[Trace
     if measured == known:
         return known
     weight = TUNING.measured_weight
-    blended = {name: (1.0 - weight) * getattr(known, name) + weight * getattr(measured, name) for name in COST_LIMITS}
+    blended = {name: (1.0 - weight) * getattr(known, name) + weight * getattr(measured, name) for name in COST_NAMES}
     return replace(known, **blended, source=MEASURED)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from .costs import ASSUMED_COSTS, TraceCosts
+from .costs import TraceCosts
 from .fill import FillChoice, SourceCost, choose_fill
 from .tuning import TUNING
 
@@ -22,7 +22,7 @@ class FillPlanner:
     asked: str
     cost: SourceCost
     blockers: Mapping[str, str | None]
-    costs: TraceCosts = ASSUMED_COSTS
+    costs: TraceCosts = field(default_factory=TraceCosts)
 
     def plan(self, fraction: float, *, spacing: int | None = None, expected: float = 0.0) -> FillChoice:
         """Return the fill method for tracing a share `fraction`, 0 to 1, of the picture, with its predicted seconds.

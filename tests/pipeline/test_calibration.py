@@ -7,9 +7,11 @@ import pytest
 
 from stereo_reproject.pipeline.calibration import calibrated_costs
 from stereo_reproject.pipeline.tuning import TUNING
-from stereo_reproject.trace.costs import AGREED, ASSUMED_COSTS, MEASURED, TraceCosts
+from stereo_reproject.trace.costs import AGREED, MEASURED, TraceCosts
 from stereo_reproject.trace.fill import SourceCost
 from stereo_reproject.trace.planner import FillPlanner
+
+ASSUMED_COSTS = TraceCosts()
 
 SHAPE = (90, 160)
 FREE = {"packed": None, "card": None}

@@ -8,9 +8,11 @@ import pytest
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.pipeline.next_accuracy import WHOLE, FinishedTarget, cost_of
 from stereo_reproject.settings.accuracy import SETTINGS, for_size
-from stereo_reproject.trace.costs import ASSUMED_COSTS
+from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import FillChoice, SourceCost
 from stereo_reproject.trace.planner import FillPlanner
+
+ASSUMED_COSTS = TraceCosts()
 
 SIZE = (40, 60)
 COST = SourceCost(20.0, 0.0)

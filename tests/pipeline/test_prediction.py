@@ -18,9 +18,11 @@ from stereo_reproject.pipeline.prediction import (
     sketch_accuracy,
 )
 from stereo_reproject.settings.accuracy import SETTINGS
-from stereo_reproject.trace.costs import ASSUMED_COSTS
+from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import SourceCost, choose_fill
 from stereo_reproject.trace.planner import FillPlanner
+
+ASSUMED_COSTS = TraceCosts()
 
 FREE: dict[str, str | None] = {"packed": None, "card": None}
 BALANCED = SETTINGS["balanced"]

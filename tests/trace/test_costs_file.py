@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject.trace.costs import ASSUMED_COSTS, MEASURED, TraceCosts
+from stereo_reproject.trace.costs import MEASURED, TraceCosts
 from stereo_reproject.trace.costs_file import COSTS_FILE, COSTS_SCHEMA, MAX_COSTS_FILE_BYTES, MAX_KEPT_COSTS, CostsFile
 
 ROOT = Path(__file__).resolve().parents[2]
 
+ASSUMED_COSTS = TraceCosts()
 MEASURED_COSTS = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED)
 SECONDS = 60.0
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.trace.costs import ASSUMED_COSTS
+from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import SourceCost, check_fill, choose_fill
+
+ASSUMED_COSTS = TraceCosts()
 
 FREE = {"packed": None, "card": None}
 NO_OSL = {"packed": "OSL is absent", "card": None}

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stereo_reproject.trace.costs import ASSUMED, ASSUMED_COSTS, COST_LIMITS, MEASURED, TraceCosts, costs_of
+from stereo_reproject.trace.costs import ASSUMED, MEASURED, TraceCosts, cost_limits, costs_of
 from stereo_reproject.trace.fill import SourceCost, choose_fill
 from stereo_reproject.trace.measuring import TraceRender, learned_costs, open_share
 from stereo_reproject.trace.tuning import TUNING
+
+ASSUMED_COSTS = TraceCosts()
 
 FREE = {"packed": None, "card": None}
 SOURCE = SourceCost(seconds=21.0, sync_seconds=1.0)
@@ -92,7 +94,7 @@ def test_whatever_is_measured_the_costs_stay_within_their_limits(method, seconds
     known = ASSUMED_COSTS
     for _ in range(5):
         known = learned_costs(known, source, [TraceRender(method, seconds, seconds, share)] * 2)
-    for name, (low, high) in COST_LIMITS.items():
+    for name, (low, high) in cost_limits().items():
         assert low <= known.numbers[name] <= high
 
 
@@ -149,8 +151,8 @@ def test_what_is_no_costs_is_none(numbers):
 def test_costs_that_are_read_are_held_within_their_limits():
     read = costs_of({**ASSUMED_COSTS.numbers, "packed_pixel_cost": 1e9, "render_call_seconds": -1, "more": 3}, MEASURED)
     assert read == TraceCosts(
-        packed_pixel_cost=COST_LIMITS["packed_pixel_cost"][1],
-        render_call_seconds=COST_LIMITS["render_call_seconds"][0],
+        packed_pixel_cost=cost_limits()["packed_pixel_cost"][1],
+        render_call_seconds=cost_limits()["render_call_seconds"][0],
         source=MEASURED,
     )
     assert ASSUMED_COSTS.source == ASSUMED

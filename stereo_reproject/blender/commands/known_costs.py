@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import bpy
 
-from ...trace.costs import ASSUMED_COSTS, TraceCosts
+from ...trace.costs import TraceCosts
 from ...trace.costs_file import COSTS_FILE, CostsFile
 from ...trace.fill import SourceCost
 from ...trace.measuring import TraceRender, learned_costs
@@ -22,7 +22,7 @@ def known_costs(scene: bpy.types.Scene) -> TraceCosts:
     assumed where nothing was measured yet.
     """
     file = _file()
-    return ASSUMED_COSTS if file is None else file.read(_key(scene))
+    return TraceCosts() if file is None else file.read(_key(scene))
 
 
 def learn_costs(scene: bpy.types.Scene, source: SourceCost, renders: Iterable[TraceRender]) -> None:

@@ -8,8 +8,10 @@ from stereo_reproject.blender.commands.frame_maker import AgreedFindings, FrameC
 from stereo_reproject.sequence.journal import Fingerprints, Journal
 from stereo_reproject.settings.animation import AnimationSettings
 from stereo_reproject.settings.frame import StereoSettings
-from stereo_reproject.trace.costs import AGREED, ASSUMED_COSTS, MEASURED, TraceCosts
+from stereo_reproject.trace.costs import AGREED, MEASURED, TraceCosts
 from stereo_reproject.trace.fill import SourceCost
+
+ASSUMED_COSTS = TraceCosts()
 
 WANTED = Fingerprints("settings", {"Object": "1"})
 

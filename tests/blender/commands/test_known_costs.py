@@ -21,9 +21,11 @@ from stereo_reproject.blender.scene.devices import device_name
 from stereo_reproject.blender.scene.user_folder import USER_FOLDER_VARIABLE, user_folder
 from stereo_reproject.report.as_json import as_json
 from stereo_reproject.settings.frame import StereoSettings
-from stereo_reproject.trace.costs import ASSUMED_COSTS, MEASURED, TraceCosts
+from stereo_reproject.trace.costs import MEASURED, TraceCosts
 from stereo_reproject.trace.costs_file import COSTS_FILE, COSTS_SCHEMA
 from tests.blender.toolbox import add_camera, add_cube, add_plane, add_sun, diffuse, empty_scene
+
+ASSUMED_COSTS = TraceCosts()
 
 PACKED = StereoSettings(accuracy="draft", fill="packed")
 
