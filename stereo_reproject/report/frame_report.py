@@ -11,24 +11,20 @@ from dataclasses import dataclass
 from ..matching.matching import Correction
 from ..pipeline.next_accuracy import NextAccuracy
 from ..trace.costs import TraceCosts
-from ..trace.fill import FillChoice
 from ..views.parallax import ScreenParallax
 from .as_json import ABSENT, Absent
 from .header import ReportHeader
 
 
 @dataclass(frozen=True)
-class FillReport(FillChoice):
-    """The fill method as `FillChoice` has it, and the costs of tracing by which it was chosen."""
+class FillReport:
+    """The choice of a fill method, as `FillChoice` has it, the costs of tracing by which it was chosen, and the packed
+    camera that shot the rays ("osl" or "portal"), None for pixels that were not packed."""
 
+    method: str
+    reason: str
+    predicted_seconds: float
     costs: TraceCosts
-
-
-@dataclass(frozen=True, kw_only=True)
-class FillReport(FillChoice):
-    """The fill of holes. camera is what shot the rays of packed pixels, "osl" or "portal"; None where they were traced
-    otherwise."""
-
     camera: str | None
 
 

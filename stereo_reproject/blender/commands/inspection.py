@@ -181,7 +181,7 @@ def _predicted(
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
         accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
-    planner = FillPlanner(settings.fill, cost, blockers, known_costs(renderer.scene))
+    planner = FillPlanner(settings.fill, cost, blockers, known_costs(renderer.scene, renderer.packed.name))
     prediction = predict(
         planner,
         warp_seconds * pixels / reasons.size,

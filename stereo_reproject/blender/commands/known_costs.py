@@ -13,27 +13,24 @@ from ...trace.measuring import TraceRender, learned_costs
 from ..scene.devices import device_name
 from ..scene.user_folder import user_folder
 
-PACKED_BY_OSL = "osl"
-"""Name of the way in which pixels are packed, as the keys of the file have it."""
 
-
-def known_costs(scene: bpy.types.Scene) -> TraceCosts:
-    """Return the costs of tracing that this user has measured on the scene's device with this Blender; those that are
-    assumed where nothing was measured yet.
+def known_costs(scene: bpy.types.Scene, packed_by: str) -> TraceCosts:
+    """Return the costs of tracing that this user has measured on the scene's device with this Blender and this packed
+    camera, "osl" or "portal"; those that are assumed where nothing was measured yet.
     """
     file = _file()
-    return TraceCosts() if file is None else file.read(_key(scene))
+    return TraceCosts() if file is None else file.read(_key(scene, packed_by))
 
 
-def learn_costs(scene: bpy.types.Scene, source: SourceCost, renders: Iterable[TraceRender]) -> None:
+def learn_costs(scene: bpy.types.Scene, packed_by: str, source: SourceCost, renders: Iterable[TraceRender]) -> None:
     """Renew this user's costs of tracing by what one frame of the scene has measured.
 
-    source is the cost of its source, whose scene Cycles synced anew; renders are those that traced pixels. Costs that
-    cannot be kept are left as they were.
+    packed_by is the name of the packed camera; source is the cost of its source, whose scene Cycles synced anew;
+    renders are those that traced pixels. Costs that cannot be kept are left as they were.
     """
     file = _file()
     if file is not None:
-        file.renew(_key(scene), lambda known: learned_costs(known, source, renders))
+        file.renew(_key(scene, packed_by), lambda known: learned_costs(known, source, renders))
 
 
 def _file() -> CostsFile | None:
@@ -42,7 +39,7 @@ def _file() -> CostsFile | None:
     return None if folder is None else CostsFile(folder / COSTS_FILE)
 
 
-def _key(scene: bpy.types.Scene) -> str:
-    """Return the key of the costs in the file: the scene's device, the version of Blender, and the way of packing."""
+def _key(scene: bpy.types.Scene, packed_by: str) -> str:
+    """Return the key of the costs in the file: the scene's device, the version of Blender, and the packed camera."""
     version = ".".join(map(str, bpy.app.version[:2]))
-    return f"{device_name(scene)} | Blender {version} | {PACKED_BY_OSL}"
+    return f"{device_name(scene)} | Blender {version} | {packed_by}"

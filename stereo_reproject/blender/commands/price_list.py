@@ -284,7 +284,7 @@ def _make(
         case.settings(settings),
         watch=watch,
         accuracy=case.accuracy,
-        costs=known_costs(renderer.scene),
+        costs=known_costs(renderer.scene, renderer.packed.name),
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)

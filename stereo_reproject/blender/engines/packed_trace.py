@@ -68,6 +68,23 @@ def packed_blocker(
     return reason or by.blocker(scene, eyes, deepest) or what_reads(scene, PACKED_SETTINGS | by.settings)
 
 
+class PackedBlockers:
+    """Reasons why pixels of a scene's views cannot be traced packed. Each is found out once, since all instances of the
+    scene are looked at; the scene must not change meanwhile.
+    """
+
+    def __init__(self, scene: bpy.types.Scene, eyes: Iterable[Camera], by: PackedCamera) -> None:
+        self._scene, self._eyes, self._by = scene, tuple(eyes), by
+        self._found: dict[float, str | None] = {}
+
+    def at(self, deepest: float) -> str | None:
+        """Return what `packed_blocker` returns for this greatest depth."""
+        key = deepest if self._by.clips_by_distance else 0.0
+        if key not in self._found:
+            self._found[key] = packed_blocker(self._scene, self._eyes, deepest, by=self._by)
+        return self._found[key]
+
+
 def _uses_adaptive_subdivision(scene: bpy.types.Scene) -> bool:
     """Return whether adaptive subdivision is on for any object of the scene."""
     for item in scene.objects:

@@ -36,7 +36,7 @@ from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
-from .packed_trace import packed_blocker, packed_camera
+from .packed_trace import PackedBlockers, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
 from .portal_card import hide_card, without_card
 from .ray_passes import RayPasses
@@ -100,26 +100,16 @@ class BlenderRenderer:
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
-        self._packed_blockers: dict[float, str | None] = {}
+        self._packed_blockers = PackedBlockers(scene, self.cameras.values(), self.packed)
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
         """Reason why those samples cannot be told, if they cannot: then nothing is traced."""
 
     def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:
-        """Return whether the eyes may see flat mirrors whose images can be found, worth the passes that tell of them.
-
-        A denoised picture has most of these passes anyway; for a noisy one, boxes around what may be a mirror must
-        cover min_mirror_boxes_share of the picture.
-        """
-        if not self.plan.may_mirror or not ray_lengths_tell(
-            eyes["left"], eyes["right"], Optics(self.lens, self.volumes)
-        ):
-            return False
-        if self.denoise is not None:
-            return True
-        covered = covered_by(mirror_boxes(self.scene), eyes["left"], self.lens)
-        return float(covered.mean()) >= WARP_TUNING.min_mirror_boxes_share
+        """Return whether passes are worth rendering that tell of the images in flat mirrors."""
+        optics = Optics(self.lens, self.volumes)
+        return self.plan.may_mirror and _shows_mirrors(self.scene, eyes, optics, denoised=self.denoise is not None)
 
     @property
     def view_dependent(self) -> tuple[str, ...]:
@@ -187,7 +177,7 @@ class BlenderRenderer:
         deepest is as for `fill_blockers`.
         """
         return {
-            "packed": self.uncounted or self._packed_blocker(deepest),
+            "packed": self.uncounted or self._packed_blockers.at(deepest),
             "card": self.uncounted or card_blocker(self.scene),
         }
 
@@ -200,17 +190,6 @@ class BlenderRenderer:
         # The frame's own pixels have the seeds that they have where nothing was measured.
         self._traces = traces
         return learned_costs(planner.costs, planner.cost, self.trace_renders)
-
-    def _packed_blocker(self, deepest: float) -> str | None:
-        """Return why pixels cannot be traced packed, in words, or None if they can; deepest is as for `fill_blockers`.
-
-        It is found out once, since all instances of the scene are looked at.
-        """
-        key = deepest if self.packed.clips_by_distance else 0.0
-        if key not in self._packed_blockers:
-            found = packed_blocker(self.scene, self.cameras.values(), deepest, by=self.packed)
-            self._packed_blockers[key] = found
-        return self._packed_blockers[key]
 
     def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
         """Return what completes a warped target with probes, since one engine renders and traces."""
@@ -270,6 +249,20 @@ class BlenderRenderer:
         """
         self._traces += 1
         return shifted_seed(self.seed, TRACE_SEED_STEP * self._traces)
+
+
+def _shows_mirrors(scene: bpy.types.Scene, eyes: Mapping[str, Camera], optics: Optics, *, denoised: bool) -> bool:
+    """Return whether the eyes may see flat mirrors whose images can be found, worth the passes that tell of them.
+
+    A denoised picture has most of these passes anyway; for a noisy one, boxes around what may be a mirror must cover
+    min_mirror_boxes_share of the picture.
+    """
+    if not ray_lengths_tell(eyes["left"], eyes["right"], optics):
+        return False
+    if denoised:
+        return True
+    covered = covered_by(mirror_boxes(scene), eyes["left"], optics.lens)
+    return float(covered.mean()) >= WARP_TUNING.min_mirror_boxes_share
 
 
 def cost_of(rendered: Rendered) -> SourceCost:

@@ -193,9 +193,9 @@ def test_a_process_in_blender_is_given_the_folder(monkeypatch, named):
 
 
 def test_the_source_of_costs_that_were_read(scene, folder, tmp_path):
-    assert known_costs(scene) == ASSUMED_COSTS
+    assert known_costs(scene, "osl") == ASSUMED_COSTS
     render_pair(scene, PACKED, tmp_path)
-    assert known_costs(scene).source == MEASURED
+    assert known_costs(scene, "osl").source == MEASURED
 
 
 def eye_in(path):
