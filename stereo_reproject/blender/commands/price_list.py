@@ -175,7 +175,7 @@ def _render_cases(
                 # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
                 working.cycles.seed = seed
                 watch = _watch(case, on_stage)
-                renderer = SharedSourceRenderer(working, work, source)
+                renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
                 outcome.add(case, partial(_make, case, renderer, settings, multiview, watch, shared=shared))
     for case in chosen:
         if case.kind == HEURISTIC:
@@ -202,8 +202,8 @@ def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Pat
 class SharedSourceRenderer(BlenderRenderer):
     """A renderer whose source was rendered before: it only traces."""
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource) -> None:
-        super().__init__(scene, folder)
+    def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource, *, packed_by: str) -> None:
+        super().__init__(scene, folder, packed_by=packed_by)
         self._source = source
         self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
 
