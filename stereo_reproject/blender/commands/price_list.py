@@ -181,7 +181,7 @@ def _render_cases(
         if case.kind == HEURISTIC:
             watch = _watch(case, on_stage)
             with working_scene(scene, settings.scene) as working:
-                renderer = HeuristicRenderer(working, work)
+                renderer = HeuristicRenderer(working, work, packed_by=settings.packed_by)
                 outcome.add(case, partial(_make, case, renderer, settings, multiview, watch))
     if not outcome.rows:
         raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
@@ -202,7 +202,9 @@ def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Pat
 class SharedSourceRenderer(BlenderRenderer):
     """A renderer whose source was rendered before: it only traces."""
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path, source: RenderedSource, *, packed_by: str) -> None:
+    def __init__(
+        self, scene: bpy.types.Scene, folder: Path, source: RenderedSource, *, packed_by: str = "auto"
+    ) -> None:
         super().__init__(scene, folder, packed_by=packed_by)
         self._source = source
         self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
