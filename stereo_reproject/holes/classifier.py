@@ -157,8 +157,8 @@ class HoleClassifier:
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
             silhouettes &= ~_within_fur(warped)
         reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
-        reasons[answered & _blurred(warped, accuracy)] |= Reason.DETAIL.bit
         if accuracy.promise is not None:
+            reasons[answered & _blurred(warped, accuracy)] |= Reason.DETAIL.bit
             for reason, pixels in (target.seen_through_or_blurred(accuracy) | self._volumes(warped)).items():
                 reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source.passes:

@@ -236,4 +236,9 @@ def _with_mirrors(seen: JudgedView, images: JudgedView, found: Images) -> Judged
         name: np.where(shown[..., None], images.warped.passes[name], image) if seen_in_mirrors(name) else image
         for name, image in seen.warped.passes.items()
     }
-    return replace(seen, warped=replace(seen.warped, passes=passes), mirrors=InMirrors(shown, images, strayed))
+    sharpness = seen.warped.sharpness
+    if sharpness is not None:
+        # Of what mirrors show, the images' own lookup tells what is lost.
+        sharpness = replace(sharpness, lost=np.where(shown, np.float32(0.0), sharpness.lost))
+    warped = replace(seen.warped, passes=passes, sharpness=sharpness)
+    return replace(seen, warped=warped, mirrors=InMirrors(shown, images, strayed))

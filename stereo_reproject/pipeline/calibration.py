@@ -26,19 +26,27 @@ class CostMeasurer(Protocol):
         ...
 
 
+def worth_measuring(planner: FillPlanner, holes: NDArray[np.bool_]) -> bool:
+    """Return whether the costs of tracing can be measured by a view's holes (H, W), and something depends on them.
+
+    It is False where they are not just assumed, where there is nothing to choose or to trace, and where pixels cannot
+    be packed.
+    """
+    assumed = planner.costs.source == ASSUMED and planner.asked == "auto"
+    return assumed and not planner.blockers.get("packed") and bool(holes.any())
+
+
 def calibrated_costs(
     measurer: CostMeasurer, planner: FillPlanner, view: str, holes: NDArray[np.bool_], seed: int
 ) -> TraceCosts:
     """Return the costs of tracing after a measurement by some of a view's holes (H, W), drawn by chance with this seed.
 
-    As many holes are traced as take `PipelineTuning.calibration_seconds` by what was known before. Those costs are
-    returned unmeasured where they are not just assumed, where there is nothing to choose or to trace, or where pixels
-    cannot be packed.
+    As many holes are traced as take `PipelineTuning.calibration_seconds` by what was known before. Where that is not
+    `worth_measuring`, those costs are returned.
     """
-    rows, columns = np.nonzero(holes)
-    of_use = planner.costs.source == ASSUMED and planner.asked == "auto" and not planner.blockers.get("packed")
-    if not of_use or not rows.size:
+    if not worth_measuring(planner, holes):
         return planner.costs
+    rows, columns = np.nonzero(holes)
     seconds_per_pixel = planner.costs.packed_pixel_cost * planner.cost.per_frame / holes.size
     most = TUNING.calibration_seconds / seconds_per_pixel if seconds_per_pixel > 0.0 else np.inf
     count = int(min(rows.size, max(most, 1.0)))

@@ -38,7 +38,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
-from .calibration import calibrated_costs
+from .calibration import calibrated_costs, worth_measuring
 from .effect_costs import EffectCost, effect_costs
 from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
 from .shared_findings import SharedFindings
@@ -348,8 +348,9 @@ def _planner_of(
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
 
     def measure() -> TraceCosts:
-        watch.lap(Stage.PILOT)
         holes = reprojection.reasons > 0
+        if worth_measuring(planner, holes):
+            watch.lap(Stage.PILOT)
         return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
 
     return replace(planner, costs=findings.trace_costs(costs, measure))

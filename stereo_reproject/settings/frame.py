@@ -126,6 +126,11 @@ class StereoSettings:
     warp: str = "auto"
     packed_by: str = "auto"
 
+    @property
+    def packed_camera(self) -> str:
+        """The packed camera that is asked for: `packed_by`, or "auto" where the fill method packs nothing."""
+        return self.packed_by if self.fill in ("auto", "packed") else "auto"
+
     def __post_init__(self) -> None:
         _check_choice("the source eye", self.source, EYES)
         if self.tolerance is None:

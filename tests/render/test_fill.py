@@ -162,6 +162,11 @@ def moving_camera(scene):
     keyframes(scene.camera, "rotation_euler", {0: (0.0, 0.0, 0.0), 2: (0.02, 0.1, 0.1)})
 
 
+def moving_camera_that_is_not_blurred(scene):
+    moving_camera(scene)
+    scene.camera.cycles.use_motion_blur = False
+
+
 def moving_parent_of_the_camera(scene):
     scene.render.use_motion_blur, scene.render.motion_blur_position = True, "START"
     parent = add(scene, bpy.data.objects.new("Parent", None))
@@ -325,6 +330,7 @@ VARIANTS = [
     Variant(moving_object),
     Variant(moving_camera),
     Variant(moving_parent_of_the_camera),
+    Variant(moving_camera_that_is_not_blurred),
     Variant(rolling_shutter, blocked=PACKED),
     Variant(film_exposure),
     Variant(transparent_film, lit=True),

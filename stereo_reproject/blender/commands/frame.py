@@ -132,7 +132,7 @@ def _render_layer(
     of `scene` that is rendered; findings are those of a sequence for this layer; learns is as for `render_pair`.
     """
     header = report_header(scene, working, settings)
-    with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_by) as renderer:
+    with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
         costs = known_costs(working, renderer.packed.name)
         frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings, costs=costs)
         if learns:

@@ -83,7 +83,7 @@ def inspect_scene(
         cycles = working.render.engine == CYCLES
         frame_width = frame_region(working.render).full_width
         scale = make_small(working, SKETCH_WIDTH_PIXELS) if sketch and cycles else 1.0
-        with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_by) as renderer:
+        with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
             check_fill(settings.fill, renderer.fill_blockers())
             rows = effects_rows(renderer.plan)
             passes = _passes(working, renderer)

@@ -21,6 +21,7 @@ from ...images.passes import Passes
 from ...trace.pixel_filter import filter_support
 from ...views.camera import OrthographicCamera
 from ..scene.effects import has_grease_pencil, is_animated, uses_output
+from ..scene.motion import BLUR_SETTINGS
 from ..scene.rig import camera_from_eye, stereo_cameras
 from ..scene.working import evaluated, focus_distance, rendered_layer
 from .render import Rendered, render_views
@@ -134,5 +135,7 @@ def _place(card: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
     scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0))
     card.matrix_parent_inverse = scale.inverted()
     card.matrix_basis = Matrix(camera_from_eye(camera.data, view).tolist())
+    for name in BLUR_SETTINGS:
+        setattr(card.cycles, name, getattr(scene.camera.cycles, name))
     for kind in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
         setattr(card, f"visible_{kind}", False)

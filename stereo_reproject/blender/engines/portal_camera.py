@@ -131,7 +131,9 @@ def _is_overwritten(scene: bpy.types.Scene) -> bool:
 @contextmanager
 def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterator[None]:
     """Have a card before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
-    all is restored afterwards, also after an error. The folder takes the tables.
+    what it sets of the scene and of its camera is restored afterwards, also after an error. The card itself stays in
+    the working scene, with its mesh, its material and the images of its tables (see portal_card.py). The folder takes
+    the tables.
     """
     place = place_of(task)
     pixel_filter, cycles = scene.cycles.pixel_filter_type, scene.cycles

@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ...views.camera import Camera
 from ...views.frustum import Frustum, Lens
+from ..scene.motion import BLUR_SETTINGS
 from ..scene.rig import camera_from_eye
 from ..scene.working import KEPT_OBJECT, evaluated
 from .packed_camera import PackedTask
@@ -84,8 +85,10 @@ def _put_before_camera(card: bpy.types.Object, scene: bpy.types.Scene, view: str
     for name, value in (("matrix_parent_inverse", without_scale), ("matrix_basis", from_eye)):
         if getattr(card, name) != value:
             setattr(card, name, value)
-    if card.cycles.motion_steps != scene.camera.cycles.motion_steps:
-        card.cycles.motion_steps = scene.camera.cycles.motion_steps
+    for name in BLUR_SETTINGS:
+        value = getattr(scene.camera.cycles, name)
+        if getattr(card.cycles, name) != value:
+            setattr(card.cycles, name, value)
 
 
 def hide_card(scene: bpy.types.Scene, cameras: Iterable[Camera]) -> None:

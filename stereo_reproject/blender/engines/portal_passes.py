@@ -28,7 +28,8 @@ def as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
     the card where a ray meets nothing behind it, and counts the way to the card and what the card lets through.
     """
     passes, pixels = dict(flat), task.views[index]
-    sky = _shows_card(flat, task, own=pixels.camera is task.rendered)
+    # Some versions leave depth endless there themselves.
+    sky = _shows_card(flat, task, own=pixels.camera is task.rendered) | np.isposinf(flat[DEPTH_PASS])
     passes[DEPTH_PASS] = np.where(sky, np.float32(np.inf), flat[DEPTH_PASS])
     if POSITION in flat:
         passes[POSITION] = np.where(sky, np.float32(0.0), flat[POSITION])
@@ -75,7 +76,8 @@ def _motion(
     """
     (across, up), (packed_across, packed_up) = steps(task.rendered), packed_step(task)
     converted = vectors * np.float32(packed_across / across)
-    if isinstance(task.rendered, OrthographicCamera) or not sky.any():
+    # 4.5 gives no vectors of the sky: what moves in its pixels is what else is in them.
+    if isinstance(task.rendered, OrthographicCamera) or not sky.any() or not vectors[sky].any(axis=-1).all():
         return converted
     plane, region, packing = task.rendered.plane, task.region, task.packing
     x, y = (place[sky] for place in on_plane(pixels))

@@ -11,6 +11,10 @@ from ...views.motion import Moving, moving
 from .rig import stereo_cameras
 from .working import evaluated, rendered_layer
 
+BLUR_SETTINGS = ("use_motion_blur", "motion_steps")
+"""Properties of an object's Cycles settings that say how it moves while the shutter is open. What must move with the
+camera has the camera's."""
+
 
 def vector_pass_asked_for(scene: bpy.types.Scene) -> bool:
     """Return whether a working scene's layer renders the Vector pass. With motion blur Blender renders none."""

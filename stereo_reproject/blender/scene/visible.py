@@ -7,7 +7,7 @@ off there and on in the render counts with all that it may bring along, wherever
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import bpy
@@ -112,12 +112,13 @@ def _boxes(scene: bpy.types.Scene, wanted: Callable[[Seen, Shading], bool]) -> t
 def seen_beyond(scene: bpy.types.Scene, cameras: Iterable[Camera], depth: float) -> bool:
     """Return whether anything of a working scene may be in view of the cameras beyond this depth, in scene units.
 
-    It is looked at as it is in the present frame. Where Blender's bounds may not hold all of an object, they count as
-    twice as wide. The world and suns do not count.
+    It is looked at as it is in the present frame, through the scene's lens. Where Blender's bounds may not hold all of
+    an object, they count as twice as wide. The world and suns do not count.
     """
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
-    frustums = [Frustum(camera, Lens(near=depth)) for camera in cameras]
+    lens = replace(lens_of(scene), near=depth, far=float("inf"))
+    frustums = [Frustum(camera, lens) for camera in cameras]
     boxes = (
         (_box(instance), 1.0 if seen.bounded else UNCERTAIN_SCALE)
         for instance, seen in _rendered_instances(layer, rendered, shadings, set())
