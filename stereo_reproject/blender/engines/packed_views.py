@@ -49,14 +49,9 @@ def numbers_of_others(scene: bpy.types.Scene, rendered: Camera, others: Sequence
     for camera in others:
         plane = camera.plane
         step = (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
-        pose = FORWARD @ pose_in(camera, rendered) @ FORWARD
+        pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
         numbers += [plane.left, plane.top, *step, focus_distance_of(scene, camera), *pose[:3].ravel()]
     return tuple(float(number) for number in numbers)
-
-
-def pose_in(camera: Camera, rendered: Camera) -> NDArray[np.floating]:
-    """Return the transform (4, 4) from a camera's space to that of the rendered one."""
-    return target_from_source(camera, rendered)
 
 
 def focus_distance_of(scene: bpy.types.Scene, camera: Camera) -> float:
@@ -106,7 +101,7 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
         known = np.isfinite(flat[DEPTH_PASS])
         converted[DEPTH_PASS] = np.where(known, ahead[:, None], flat[DEPTH_PASS]).astype(np.float32)
     if NORMAL in flat:
-        turn = (FORWARD @ pose_in(rendered, camera) @ FORWARD)[:3, :3]
+        turn = (FORWARD @ target_from_source(rendered, camera) @ FORWARD)[:3, :3]
         converted[NORMAL] = (flat[NORMAL] @ turn.T).astype(np.float32)
     return converted
 

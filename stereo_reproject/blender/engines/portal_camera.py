@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from ...images.effects import Effect
 from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
-from ...views.camera import Camera, OrthographicCamera
+from ...views.camera import Camera, OrthographicCamera, target_from_source
 from ..scene.animated import animated_values
 from ..scene.effects import shader_nodes, uses_output
 from ..scene.materials import world_shading
 from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
-from .packed_views import focus_distance_of, may_begin_in, pose_in
+from .packed_views import focus_distance_of, may_begin_in
 from .portal_card import put_card
 from .portal_geometry import (
     CardPlace,
@@ -124,8 +124,8 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
 
 def _is_overwritten(scene: bpy.types.Scene) -> bool:
     """Return whether curves or drivers would overwrite what is set in the scene's Cycles settings."""
-    owner = scene.cycles.as_pointer()
-    return any((owner, name) in animated_values(scene) for name in CYCLES_SETTINGS)
+    owner, animated = scene.cycles.as_pointer(), animated_values(scene)
+    return any((owner, name) in animated for name in CYCLES_SETTINGS)
 
 
 @contextmanager
@@ -217,7 +217,7 @@ def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32
     cameras = [task.rendered, *task.others]
     table = np.ones((VIEW_ROWS, len(cameras), 4), np.float32)
     for number, camera in enumerate(cameras):
-        pose = pose_in(camera, task.rendered)
+        pose = target_from_source(camera, task.rendered)
         across, up = steps(camera)
         table[0, number, :3] = pose[:3, 0] * across
         table[1, number, :3] = pose[:3, 1] * up
