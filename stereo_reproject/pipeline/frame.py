@@ -102,9 +102,10 @@ class StereoFrame:
     source's. fill is how holes were traced, refinement the tracing that probes asked for; pilot_share is as in
     `TargetTracing`.
     seconds are by stage, and in total; source_cost is that of the source render, trace_costs are those by which fill
-    methods were chosen. effect_costs are by effect; next_accuracy is the cost of the next better accuracy. invalid_pixels is the number of pixels by view that were no
-    number. metadata is the renderer's. correction is how far traced pixels were moved to match a source of another
-    engine, None where it is the same. warped_by is 'numpy' or 'gpu'; gpu is its name, None for NumPy.
+    methods were chosen. effect_costs are by effect; next_accuracy is the cost of the next better accuracy.
+    invalid_pixels is the number of pixels by view that were no number. metadata is the renderer's. correction is how
+    far traced pixels were moved to match a source of another engine, None where it is the same. warped_by is 'numpy' or
+    'gpu'; gpu is its name, None for NumPy.
     light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
     """
 
