@@ -72,9 +72,9 @@ def main(argv: Sequence[str] | None = None, *, host: Host | None = None) -> int:
         # That is how argparse ends after --help and --version.
         status = finished.code if isinstance(finished.code, int) else 0
     except StereoReprojectError as error:
-        if isinstance(error, RunInterruptedError):
-            console.let_go()
-        console.complain(str(error), kind=None if isinstance(error, RunInterruptedError) else "error")
+        # That a run was interrupted has been said already.
+        if not isinstance(error, RunInterruptedError):
+            console.complain(str(error), kind="error")
         status = error.exit_status
     except KeyboardInterrupt:
         console.complain("interrupted", kind=None)
@@ -140,11 +140,18 @@ def _have_done(
     run: Callable[..., dict[str, Any]] = run_worker,
 ) -> dict[str, Any]:
     """Have the job done by the host's worker and return its report, with signals held back meanwhile. on_event gets the
-    worker's events. `run` is the function that starts the worker: `run_worker` or one with the same arguments."""
+    worker's events. `run` is the function that starts the worker: `run_worker` or one with the same arguments. Where
+    the run is interrupted, the error that it raises has been shown."""
     with Interrupts() as interrupts:
-        report = run(
-            host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
-        )
+        try:
+            report = run(
+                host.job(job), on_event, on_tick=console.on_tick, interrupts=interrupts, command=host.worker_command
+            )
+        except RunInterruptedError as error:
+            # Said while further signals are still held back: one that comes after this block may end the process.
+            console.let_go()
+            console.complain(str(error), kind=None)
+            raise
     console.end_stage()
     return report
 
