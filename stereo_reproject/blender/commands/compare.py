@@ -116,7 +116,7 @@ def compare_with_multiview(
     scale = pair.main_frame.light_scale
     multiview = render_reference(scene, settings, folder, layers=list(pair.frames), light_scale=scale)
     ours = colour(pair.main_frame.eyes[settings.target])
-    flip, noise_flip = _flips(scene, settings, ours, multiview, folder)
+    flip, noise_flip = flips(scene, settings, ours, multiview, folder)
     errors = multiview.judge(ours, pair.main_frame.variance_share)
     no_noise = _why_no_noise(errors, multiview.engine)
     by_noise = {name: value if no_noise is ABSENT else None for name, value in errors.items() if name != "rmse"}
@@ -154,7 +154,7 @@ def over_grey(picture: NDArray[np.float32], grey: float) -> NDArray[np.float32]:
     return result
 
 
-def _flips(
+def flips(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     ours: NDArray[np.float32],

@@ -167,7 +167,7 @@ def _render_cases(
         del facts["accuracy"]
         seed = working.cycles.seed
         on_stage(Stage.SOURCE, "")
-        source = _render_source(working, settings, work)
+        source = render_shared_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
         shared = {"plan": copied, "source": source.seconds}
         for case in chosen:
@@ -190,7 +190,7 @@ def _render_cases(
     return facts, outcome
 
 
-def _render_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
+def render_shared_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
     """Render the source eye that the cases share, and return it."""
     renderer = BlenderRenderer(working, work, packed_by=settings.packed_by)
     start = time.perf_counter()
