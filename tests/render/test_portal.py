@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.engines.packed_trace import packed_camera
-from stereo_reproject.blender.engines.portal_card import CARD_NAME
+from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 from stereo_reproject.blender.scene.missing import missing_files
@@ -44,7 +44,7 @@ def test_a_plain_render_shows_nothing_of_it(tmp_path):
         before, _ = renderer.render_source("left")
         texts.append(dict(renderer.metadata))
         trace(renderer, "right")
-        assert any(item.name.startswith(CARD_NAME) for item in working.objects)
+        assert any(item.name.startswith(SHEET_NAME) for item in working.objects)
         again = portal_renderer(working, tmp_path)
         after, _ = again.render_source("left")
         texts.append(dict(again.metadata))
@@ -56,7 +56,7 @@ def test_a_plain_render_shows_nothing_of_it(tmp_path):
         np.testing.assert_array_equal(after[name], before[name], err_msg=name)
     first, second = ({key: text for key, text in one.items() if "cryptomatte" in key} for one in texts)
     assert any(key.endswith("manifest") for key in first)
-    assert CARD_NAME not in str(second)
+    assert SHEET_NAME not in str(second)
     own = [text for key, text in first.items() if "manifest" in key and '"ball"' in text]
     assert [text for key, text in second.items() if "manifest" in key and '"ball"' in text] == own
 
@@ -87,7 +87,7 @@ def test_traces_of_all_kinds_one_after_the_other(tmp_path):
 
 
 def test_it_is_taken_away_where_a_plain_render_might_show_it(tmp_path):
-    """A near clip that is animated may come closer than the card of the last frame stands."""
+    """A near clip that is animated may come closer than the sheet of the last frame stands."""
     scene = studio(tmp_path, lit=False)
     scene.camera.data.clip_start = 2.0
     with working_scene(scene, SceneOverrides()) as working:

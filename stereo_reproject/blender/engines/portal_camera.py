@@ -1,9 +1,9 @@
-"""The packed camera without OSL: a plain camera looks at a card, and a Ray Portal sends its rays on (see
+"""The packed camera without OSL: a plain camera looks at a sheet, and a Ray Portal sends its rays on (see
 portal_material.py). It works on every device.
 
 The packed camera is the rendered view's own, with another piece of the view plane: pixels as large as the view's, as
 many as the packed picture has. What Cycles derives from the camera (depth, mist, motion in pixels, camera coordinates
-in shaders, the footprint of a pixel) so stays that of the view. The card stands between the camera's place and its
+in shaders, the footprint of a pixel) so stays that of the view. The sheet stands between the camera's place and its
 near clip, where no ray of the view comes.
 """
 
@@ -28,18 +28,18 @@ from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
 from .packed_views import focus_distance_of, may_begin_in
-from .portal_card import put_card
 from .portal_geometry import (
-    CardPlace,
-    card_place,
+    SheetPlace,
     on_plane,
     packed_step,
     place_of,
+    sheet_place,
     spread_ratio,
     steps,
 )
-from .portal_material import VIEW_ROWS, CardRays, ViewRays, build_material
+from .portal_material import VIEW_ROWS, SheetRays, ViewRays, build_material
 from .portal_passes import as_plain
+from .portal_sheet import put_sheet
 
 MAX_JITTER_PIXELS = 0.9
 """Part of a packed pixel, along its side, in which rays are shot: rounding cannot bring them into the next pixel. A box
@@ -60,14 +60,14 @@ CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit"
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
 
 LEAST_ALPHA = 1e-6
-"""Smallest alpha threshold of passes: at 0 they would show the card. Where the user has 0, what is wholly transparent
+"""Smallest alpha threshold of passes: at 0 they would show the sheet. Where the user has 0, what is wholly transparent
 is in a plain render's passes, and not in those of traced pixels."""
 
 VOLUMES_GUIDED_FROM_VERSION = (5, 0, 0)
 """Version of Blender from which Cycles guides how likely camera rays scatter in a volume."""
 
 COUNTERS = ("Transparent Depth", "Portal Depth")
-"""Outputs of the Light Path node that count the card; 4.5 has not the second."""
+"""Outputs of the Light Path node that count the sheet; 4.5 has not the second."""
 
 CYCLES_SETTINGS = ("filter_width", "transparent_max_bounces", "min_transparent_bounces")
 
@@ -104,7 +104,7 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
         and not getattr(layer.cycles, "denoising_pass_follow_reflections", True),
         "the pixel filter or the limit of transparent bounces is animated": _is_overwritten(scene),
         "the near clip is too close to the camera for the portal to be before it": any(
-            card_place(eye, lens.clip_start) is None for eye in eyes
+            sheet_place(eye, lens.clip_start) is None for eye in eyes
         ),
         # Rays that a portal sends on have no end, and pixels all the same width.
         "a wireframe is drawn as wide in pixels, and a portal's are all as wide": any(
@@ -114,7 +114,7 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
         and any(spread_ratio(eye) > MAX_SPREAD_RATIO for eye in eyes),
         "a volume of the world ends at the camera's clip end": world is not None
         and bool(world_shading(world) & Effect.VOLUME),
-        # Cycles guides a ray's first part in a volume, and up to the card there is next to nothing of it: more noise.
+        # Cycles guides a ray's first part in a volume, and up to the sheet there is next to nothing of it: more noise.
         "a view may begin in a volume": bpy.app.version >= VOLUMES_GUIDED_FROM_VERSION
         and may_begin_in(scene, volume_boxes(scene), eyes),
         "something may be seen beyond the camera's clip end": seen_beyond(scene, eyes, lens.clip_end),
@@ -130,9 +130,9 @@ def _is_overwritten(scene: bpy.types.Scene) -> bool:
 
 @contextmanager
 def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterator[None]:
-    """Have a card before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
-    what it sets of the scene and of its camera is restored afterwards, also after an error. The card itself stays in
-    the working scene, with its mesh, its material and the images of its tables (see portal_card.py). The folder takes
+    """Have a sheet before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
+    what it sets of the scene and of its camera is restored afterwards, also after an error. The sheet itself stays in
+    the working scene, with its mesh, its material and the images of its tables (see portal_sheet.py). The folder takes
     the tables.
     """
     place = place_of(task)
@@ -140,7 +140,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     support = filter_support(pixel_filter, cycles.filter_width)
     jitter = 1.0 if pixel_filter == "BOX" else MAX_JITTER_PIXELS
     step = packed_step(task)
-    card = CardRays(
+    sheet = SheetRays(
         orthographic=isinstance(task.rendered, OrthographicCamera),
         size=(task.packing.width, task.packing.height),
         step=step,
@@ -155,13 +155,13 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         count=1 + len(task.others),
     )
     tables = [folder / "pixels.exr"]
-    write_table(tables[0], _pixels_table(task, card.widening))
+    write_table(tables[0], _pixels_table(task, sheet.widening))
     if task.others:
         tables.append(folder / "views.exr")
         write_table(tables[1], _views_table(scene, task))
     # As wide as the scene's own, and of its kind: so much of a pixel is so much of the scene's filter.
     narrow = {"filter_width": cycles.filter_width * jitter / support}
-    # The card is a transparent surface more.
+    # The sheet is a transparent surface more.
     bounces = {name: getattr(cycles, name) + 1 for name in CYCLES_SETTINGS[1:]}
     layer = rendered_layer(scene)
     seen = max(layer.pass_alpha_threshold, LEAST_ALPHA)
@@ -171,16 +171,16 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
-        restored.enter_context(_set_camera(packed, card, place))
-        build_material(put_card(scene, task, card, place), card, views, tables)
+        restored.enter_context(_set_camera(packed, sheet, place))
+        build_material(put_sheet(scene, task, sheet, place), sheet, views, tables)
         yield
 
 
 @contextmanager
-def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> Iterator[None]:
-    """Have the lens `packed` look at the card, for the time of a `with` block."""
-    width = card.size[0] * card.step[0]
-    if card.orthographic:
+def _set_camera(packed: bpy.types.Camera, sheet: SheetRays, place: SheetPlace) -> Iterator[None]:
+    """Have the lens `packed` look at the sheet, for the time of a `with` block."""
+    width = sheet.size[0] * sheet.step[0]
+    if sheet.orthographic:
         view = {"ortho_scale": width}
         diameter, focus = 1.0, place.depth
     else:
@@ -197,7 +197,7 @@ def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> I
 
 
 def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
-    """Return the pixels' table (height, width, 4) that `build_material` takes; widening is as in `CardRays`."""
+    """Return the pixels' table (height, width, 4) that `build_material` takes; widening is as in `SheetRays`."""
     packing = task.packing
     table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
     number = 0

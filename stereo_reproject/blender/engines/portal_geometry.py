@@ -1,4 +1,4 @@
-"""The place of the portal's card, and the pixels of the packed camera that looks at it."""
+"""The place of the portal's sheet, and the pixels of the packed camera that looks at it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .packed_camera import PackedTask
 from .packed_views import PackedPixels
 
 DEPTH_SHARE = 1.0 / 64.0
-"""Depth of the card over that of the near clip: the closer to the camera, the less can stand in front of it."""
+"""Depth of the sheet over that of the near clip: the closer to the camera, the less can stand in front of it."""
 
 LEAST_DEPTH_ROUNDINGS = 12
-"""Least depth of the card, over what coordinates of the camera's place are rounded by."""
+"""Least depth of the sheet, over what coordinates of the camera's place are rounded by."""
 
 LENS_ROUNDINGS = 4096
 """Least radius of the packed camera's aperture, over the same: places on it are told apart by so much."""
@@ -25,8 +25,8 @@ MIN_CLIP = 1e-6
 
 
 @dataclass(frozen=True)
-class CardPlace:
-    """Place of the card before the packed camera, in scene units: its depth, the camera's near clip, and the radius of
+class SheetPlace:
+    """Place of the sheet before the packed camera, in scene units: its depth, the camera's near clip, and the radius of
     its aperture where it has one."""
 
     depth: float
@@ -34,21 +34,21 @@ class CardPlace:
     lens_radius: float
 
 
-def place_of(task: PackedTask) -> CardPlace:
-    """Return where the card of a packed render stands; there is room for it."""
-    place = card_place(task.rendered, task.clip_start)
+def place_of(task: PackedTask) -> SheetPlace:
+    """Return where the sheet of a packed render stands; there is room for it."""
+    place = sheet_place(task.rendered, task.clip_start)
     assert place is not None
     return place
 
 
-def card_place(camera: Camera, clip_start: float) -> CardPlace | None:
-    """Return where the card stands before a camera with this near clip; None where there is no room for it."""
+def sheet_place(camera: Camera, clip_start: float) -> SheetPlace | None:
+    """Return where the sheet stands before a camera with this near clip; None where there is no room for it."""
     rounding = float(np.spacing(np.float32(np.abs(camera.world_from_camera[:3, 3]).max())))
     least = max(LEAST_DEPTH_ROUNDINGS * rounding, 2.0 * MIN_CLIP)
     depth = max(DEPTH_SHARE * clip_start, least)
     if depth > 0.5 * clip_start:
         return None
-    return CardPlace(depth, 0.5 * depth, max(depth, LENS_ROUNDINGS * rounding))
+    return SheetPlace(depth, 0.5 * depth, max(depth, LENS_ROUNDINGS * rounding))
 
 
 def steps(camera: Camera) -> tuple[float, float]:

@@ -38,7 +38,7 @@ from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_trace import PackedBlockers, packed_camera
 from .packed_views import switch_on_positions, without_added_positions
-from .portal_card import hide_card, without_card
+from .portal_sheet import hide_sheet, without_sheet
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
@@ -137,7 +137,7 @@ class BlenderRenderer:
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
-        hide_card(self.scene, self.cameras.values())
+        hide_sheet(self.scene, self.cameras.values())
         limited = has_time_limit(self.scene)
         if limited:
             count_samples(self.scene)
@@ -146,7 +146,7 @@ class BlenderRenderer:
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
-        self.metadata.update(without_card(rendered.attributes))
+        self.metadata.update(without_sheet(rendered.attributes))
         passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
         if not ours_too:
             return self._as_asked_for(passes), cost_of(rendered)
@@ -229,7 +229,7 @@ class BlenderRenderer:
         large as the view.
         """
         check_blenders(request.view)
-        hide_card(self.scene, self.cameras.values())
+        hide_sheet(self.scene, self.cameras.values())
         trace = {"card": trace_card, "full": trace_full}[method]
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []
