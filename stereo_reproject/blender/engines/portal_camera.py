@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...images.effects import Effect
 from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
-from ...views.camera import Camera, OrthographicCamera, target_from_source
+from ...views.camera import Camera, OrthographicCamera, pixel_size, target_from_source
 from ..scene.animated import animated_values
 from ..scene.effects import shader_nodes, uses_output
 from ..scene.materials import world_shading
@@ -35,33 +35,15 @@ from .portal_geometry import (
     place_of,
     sheet_place,
     spread_ratio,
-    steps,
 )
 from .portal_material import VIEW_ROWS, SheetRays, ViewRays, build_material
 from .portal_passes import as_plain
 from .portal_sheet import put_sheet
-
-MAX_JITTER_PIXELS = 0.9
-"""Part of a packed pixel, along its side, in which rays are shot: rounding cannot bring them into the next pixel. A box
-filter has no width that can be set, and fills the pixel."""
-
-SENSOR_MM = 8.0
-"""Width of the packed camera's sensor, unless so many pixels are traced that its lens would be too short for it."""
-
-FOCUS_RADII = 1e7
-"""Depth in focus of the packed perspective camera over the radius of its aperture: it is as good as endless."""
-
-MAX_SPREAD_RATIO = 1.6
-"""Spread of the rays in the middle of a view over that in its corners, up to which bumps look alike: with 35 mm (1.2)
-the error was 1.01 times that between two seeds, with 18 mm (1.8) 1.07 times, on a floor that was all bumps."""
+from .tuning import TUNING
 
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
 
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
-
-LEAST_ALPHA = 1e-6
-"""Smallest alpha threshold of passes: at 0 they would show the sheet. Where the user has 0, what is wholly transparent
-is in a plain render's passes, and not in those of traced pixels."""
 
 VOLUMES_GUIDED_FROM_VERSION = (5, 0, 0)
 """Version of Blender from which Cycles guides how likely camera rays scatter in a volume."""
@@ -111,7 +93,7 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
             node.bl_idname == "ShaderNodeWireframe" and node.use_pixel_size for node in shader_nodes()
         ),
         "a material has bumps, and pixels of so wide a lens differ": uses_output("ShaderNodeBump", "Normal")
-        and any(spread_ratio(eye) > MAX_SPREAD_RATIO for eye in eyes),
+        and any(spread_ratio(eye) > TUNING.max_bump_spread_ratio for eye in eyes),
         "a volume of the world ends at the camera's clip end": world is not None
         and bool(world_shading(world) & Effect.VOLUME),
         # Cycles guides a ray's first part in a volume, and up to the sheet there is next to nothing of it: more noise.
@@ -138,7 +120,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     place = place_of(task)
     pixel_filter, cycles = scene.cycles.pixel_filter_type, scene.cycles
     support = filter_support(pixel_filter, cycles.filter_width)
-    jitter = 1.0 if pixel_filter == "BOX" else MAX_JITTER_PIXELS
+    jitter = 1.0 if pixel_filter == "BOX" else TUNING.jitter_pixels
     step = packed_step(task)
     sheet = SheetRays(
         orthographic=isinstance(task.rendered, OrthographicCamera),
@@ -148,7 +130,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         widening=support / jitter,
     )
     views = ViewRays(
-        step=steps(task.rendered),
+        step=pixel_size(task.rendered),
         focus=focus_distance_of(scene, task.rendered),
         lens=aperture_radius(evaluated(scene.camera, scene).data) / place.lens_radius,
         near_clip=task.clip_start,
@@ -164,7 +146,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     # The sheet is a transparent surface more.
     bounces = {name: getattr(cycles, name) + 1 for name in CYCLES_SETTINGS[1:]}
     layer = rendered_layer(scene)
-    seen = max(layer.pass_alpha_threshold, LEAST_ALPHA)
+    seen = max(layer.pass_alpha_threshold, TUNING.min_pass_alpha_threshold)
     with ExitStack() as restored:
         restored.enter_context(changed(layer, pass_alpha_threshold=seen))
         packed = restored.enter_context(lens_to_set(scene))
@@ -185,9 +167,9 @@ def _set_camera(packed: bpy.types.Camera, sheet: SheetRays, place: SheetPlace) -
         diameter, focus = 1.0, place.depth
     else:
         # Blender takes no lens of less than 1 mm.
-        sensor = max(SENSOR_MM, width)
+        sensor = max(TUNING.sensor_mm, width)
         view = {"sensor_width": sensor, "lens": sensor / width}
-        diameter, focus = sensor / width * 1e-3, FOCUS_RADII * place.lens_radius
+        diameter, focus = sensor / width * 1e-3, TUNING.focus_lens_radii * place.lens_radius
     stop = {"aperture_fstop": diameter / (2.0 * place.lens_radius), "focus_distance": focus, "focus_object": None}
     with (
         changed(packed, sensor_fit="HORIZONTAL", clip_start=place.near_clip, **view),
@@ -205,7 +187,7 @@ def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
         own = pixels.camera is task.rendered
         number += not own
         x, y = on_plane(pixels)
-        across, up = steps(pixels.camera)
+        across, up = pixel_size(pixels.camera)
         table[at, 0], table[at, 1] = x / across - 0.5 * widening, y / up - 0.5 * widening
         table[at, 2] = 0 if own else number
     table[:, 3] = 1.0
@@ -218,7 +200,7 @@ def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32
     table = np.ones((VIEW_ROWS, len(cameras), 4), np.float32)
     for number, camera in enumerate(cameras):
         pose = target_from_source(camera, task.rendered)
-        across, up = steps(camera)
+        across, up = pixel_size(camera)
         table[0, number, :3] = pose[:3, 0] * across
         table[1, number, :3] = pose[:3, 1] * up
         table[2, number, :3] = -pose[:3, 2]

@@ -8,17 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
-from ...views.camera import OrthographicCamera
+from ...views.camera import OrthographicCamera, pixel_size
 from .packed_camera import PackedTask
 from .packed_views import POSITION, PackedPixels, seen_from_view
-from .portal_geometry import on_plane, packed_step, place_of, steps
-
-SHEET_REACH = 8.0
-"""Distance from the camera within which all of the sheet lies that is seen, over its depth and the aperture's
-radius."""
-
-NEWTON_STEPS = 8
-"""Steps by which directions are found again from their motion in pixels; three are enough for any but fast turns."""
+from .portal_geometry import on_plane, packed_step, place_of
+from .tuning import TUNING
 
 MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
 """Passes in which the sheet counts: the length of the rays, and what is reflected sharply."""
@@ -54,7 +48,7 @@ def _shows_sheet(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.boo
     if own:
         return near
     away = np.linalg.norm(flat[POSITION] - task.rendered.world_from_camera[:3, 3], axis=-1, keepdims=True)
-    return near & (away < SHEET_REACH * (place.depth + place.lens_radius))
+    return near & (away < TUNING.sheet_reach_depths * (place.depth + place.lens_radius))
 
 
 def _lengths_to_sheet(task: PackedTask, index: int) -> NDArray[np.float64]:
@@ -75,7 +69,7 @@ def _motion(
     """Return motion vectors (N, 4) in pixels of the rendered view, from those in packed pixels. sky (N,) are pixels of
     what is endlessly far.
     """
-    (across, up), (packed_across, packed_up) = steps(task.rendered), packed_step(task)
+    (across, up), (packed_across, packed_up) = pixel_size(task.rendered), packed_step(task)
     converted = vectors * np.float32(packed_across / across)
     # 4.5 gives no vectors of the sky: what moves in its pixels is what else is in them.
     if isinstance(task.rendered, OrthographicCamera) or not sky.any() or not vectors[sky].any(axis=-1).all():
@@ -116,7 +110,7 @@ class _Raster:
         change = np.zeros_like(ahead)
         slope = np.array([-self.middle_x / self.per_x, -self.middle_y / self.per_y, 1.0])
         start = np.concatenate([moved / np.array([self.per_x, self.per_y]), np.zeros((len(moved), 1))], axis=-1)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(TUNING.motion_newton_steps):
             change = start + change[:, 2:] * slope
             off = ((ahead + change) ** 2).sum(axis=-1) - 1.0
             per_depth = 2.0 * ((ahead + change) * slope).sum(axis=-1)
