@@ -209,7 +209,7 @@ def render_stereo_frame(
     accuracy: Accuracy | None = None,
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
-    costs: TraceCosts | None = None,
+    known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> StereoFrame:
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
@@ -218,8 +218,9 @@ def render_stereo_frame(
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
     for a picture of `SettingsTuning.unscaled_picture_px`; findings are those of other frames of the same animation.
-    costs are those of tracing as far as they are known, by default the assumed ones. Raises BadInputError when the
-    settings cannot be met for this scene, and StereoReprojectError when a render fails.
+    known_costs returns the costs of tracing as far as they are known, by default the assumed ones; it is asked once the
+    source is rendered and warped. Raises BadInputError when the settings cannot be met for this scene, and
+    StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
     findings = findings or SharedFindings()
@@ -230,7 +231,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    planner = _planner_of(renderer, settings, source, reprojection, findings, costs or TraceCosts(), watch)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, known_costs, watch)
     tracing = renderer.tracing_of(
         WarpedTarget(
             settings.target,
@@ -336,7 +337,7 @@ def _planner_of(
     source: _Source,
     reprojection: Reprojection,
     findings: SharedFindings,
-    costs: TraceCosts,
+    known_costs: Callable[[], TraceCosts],
     watch: Stopwatch,
 ) -> FillPlanner:
     """Return the planner of the frame's traces, which knows the costs of tracing, or measures them first.
@@ -345,12 +346,15 @@ def _planner_of(
     """
     blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
+    # Only now is it certain by which packed camera pixels are traced, each of which has costs of its own.
+    costs = known_costs()
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
 
     def measure() -> TraceCosts:
         holes = reprojection.reasons > 0
-        if worth_measuring(planner, holes):
-            watch.lap(Stage.PILOT)
+        if not worth_measuring(planner, holes):
+            return costs
+        watch.lap(Stage.PILOT)
         return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
 
     return replace(planner, costs=findings.trace_costs(costs, measure))

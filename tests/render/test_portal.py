@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.packed_trace import packed_camera
+from stereo_reproject.blender.engines.eevee import renderer_of
 from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.devices import devices_in_use, use_devices
@@ -12,10 +12,13 @@ from stereo_reproject.blender.scene.missing import missing_files
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.passes import COLOUR_PASS
-from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import EYES, Material, add_cube, render_plain, rms
 from tests.render.every_pass import every_pass
+from tests.render.test_eevee import EEVEE
 from tests.render.test_fill import NOISE, blocker, defocus, studio
 
 KINDS = ("objects", "meshes", "materials", "images", "cameras", "scenes")
@@ -165,19 +168,98 @@ def test_what_it_cannot_trace_is_said(tmp_path, change, words):
     assert (words in reason) if words else reason is None
 
 
-@pytest.mark.parametrize(("device", "kind", "taken"), [("CPU", "NONE", "osl"), ("GPU", "HIP", "portal")])
-def test_it_is_taken_where_there_are_no_osl_cameras(tmp_path, device, kind, taken):
-    scene = studio(tmp_path, lit=False)
+def chosen(scene, folder, deepest=10.0, *, packed_by="auto"):
+    """The name of the packed camera of a scene, and why pixels cannot be packed."""
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder, packed_by=packed_by)
+        reason = renderer.fill_blockers(deepest)["packed"]
+        return renderer.packed.name, reason
+
+
+@pytest.fixture
+def devices():
+    """Devices may be switched in the test; afterwards they are as they were."""
     kept = devices_in_use()
-    try:
-        use_devices({"type": kind, "ids": [], "options": {}})
-        scene.cycles.device = device
-        assert packed_camera(scene).name == taken
-        assert packed_camera(scene, "portal").name == "portal"
-        if taken == "portal":
-            with pytest.raises(BadInputError, match="--packed-by osl is not possible: the device has no OSL cameras"):
-                packed_camera(scene, "osl")
-        scene.camera.data.type = "ORTHO"
-        assert packed_camera(scene).name == "portal"
-    finally:
-        use_devices(kept)
+    yield
+    use_devices(kept)
+
+
+@pytest.mark.parametrize(("device", "kind", "taken"), [("CPU", "NONE", "osl"), ("GPU", "HIP", "portal")])
+def test_it_is_taken_where_there_are_no_osl_cameras(tmp_path, devices, device, kind, taken):
+    scene = studio(tmp_path, lit=False)
+    use_devices({"type": kind, "ids": [], "options": {}})
+    scene.cycles.device = device
+    assert chosen(scene, tmp_path) == (taken, None)
+    assert chosen(scene, tmp_path, packed_by="portal") == ("portal", None)
+    if taken == "portal":
+        with pytest.raises(BadInputError, match="--packed-by osl is not possible: the device has no OSL cameras"):
+            chosen(scene, tmp_path, packed_by="osl")
+
+
+def orthographic(scene):
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 5.0
+
+
+@pytest.mark.parametrize("change", [orthographic, None])
+def test_it_is_taken_where_the_osl_camera_is_blocked(tmp_path, change):
+    """By an orthographic camera, or by what the source shows: rays to the corners that end before the clip end."""
+    scene = studio(tmp_path, lit=False)
+    scene.camera.data.clip_end = 25.0
+    deepest = 24.0
+    assert chosen(scene, tmp_path) == ("osl", None)
+    if change is not None:
+        change(scene)
+        deepest = 10.0
+    assert chosen(scene, tmp_path, deepest) == ("portal", None)
+    name, reason = chosen(scene, tmp_path, deepest, packed_by="osl")
+    assert name == "osl"
+    assert reason
+    path_guiding(scene)
+    name, reason = chosen(scene, tmp_path, deepest)
+    assert "OSL camera: " in reason
+    assert "Ray Portal: path guiding" in reason
+    assert "\n" not in reason
+
+
+def test_what_blocks_both_is_said_once(tmp_path):
+    scene = studio(tmp_path, lit=False)
+    scene.render.use_motion_blur, scene.cycles.rolling_shutter_type = True, "TOP"
+    _, reason = chosen(scene, tmp_path)
+    assert reason == "rolling shutter needs the frame's own rows"
+
+
+def test_a_pair_is_traced_by_it_where_the_osl_camera_clips(tmp_path):
+    """It shows only after the source is rendered; the costs that are known are those of the portal then."""
+    scene = studio(tmp_path, lit=True)
+    scene.render.resolution_x, scene.render.resolution_y, scene.cycles.samples = 64, 36, 1
+    # What is seen is 10 deep, and in the corners half as far away again.
+    scene.camera.data.lens, scene.camera.data.clip_end = 18.0, 13.5
+    asked = []
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, tmp_path)
+
+        def known():
+            asked.append(renderer.packed.name)
+            return TraceCosts()
+
+        assert renderer.packed.name == "osl"
+        frame = render_stereo_frame(renderer, StereoSettings(fill="packed", accuracy="draft"), known_costs=known)
+    assert frame.fill.method == "packed"
+    assert frame.traced.any()
+    assert asked == ["portal"]
+
+
+def test_of_an_eevee_source_the_scene_that_traces_is_asked(tmp_path):
+    """It has denoising passes that the source has not, and its card is Cycles' business as well."""
+    scene = studio(tmp_path, lit=True)
+    layer = scene.view_layers[0].cycles
+    layer.denoising_pass_follow_reflections = False
+    assert blocker(scene, tmp_path, "portal") is None
+    scene.render.engine = EEVEE
+    with (
+        working_scene(scene, SceneOverrides()) as working,
+        renderer_of(working, tmp_path, packed_by="portal") as renderer,
+    ):
+        reason = renderer.fill_blockers()["packed"]
+    assert reason is not None
+    assert "follow reflections" in reason

@@ -286,7 +286,7 @@ def _make(
         case.settings(settings),
         watch=watch,
         accuracy=case.accuracy,
-        costs=known_costs(renderer.scene, renderer.packed.name),
+        known_costs=lambda: known_costs(renderer.scene, renderer.packed.name),
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)

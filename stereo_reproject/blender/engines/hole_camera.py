@@ -208,6 +208,7 @@ def _with_numbers(source: str, stands_there: str, numbers: NDArray[np.float32]) 
 
 OSL_CAMERA = PackedCamera(
     name="osl",
+    label="OSL camera",
     clips_by_distance=True,
     blocker=_blocker,
     settings=SETTINGS,

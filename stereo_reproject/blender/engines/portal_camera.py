@@ -211,6 +211,7 @@ def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32
 
 PORTAL_CAMERA = PackedCamera(
     name="portal",
+    label="Ray Portal",
     clips_by_distance=False,
     blocker=_blocker,
     settings=SETTINGS,
