@@ -18,7 +18,7 @@ from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, remaining_noise
 from ..images.effects import Effect, EffectsPlan
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_internal_passes
+from ..images.passes import COLOUR_PASS, Passes, deepest, without_internal_passes
 from ..images.reasons import Reason
 from ..images.seen_light import display_scale, scaled_light
 from ..matching.matching import Correction
@@ -344,7 +344,7 @@ def _planner_of(
 
     Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
     """
-    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
+    blockers = renderer.fill_blockers(deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
     # Only now is it certain by which packed camera pixels are traced, each of which has costs of its own.
     costs = known_costs()
@@ -470,13 +470,6 @@ def traced_fractions(frame: StereoFrame) -> dict[str, float]:
     result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
     result["rerendered"] = float(np.mean(frame.traced))
     return result
-
-
-def _deepest(source: Passes) -> float:
-    """Return the greatest finite depth of the source, in scene units; 0 where there is none."""
-    depth = source[DEPTH_PASS]
-    finite = depth[np.isfinite(depth)]
-    return float(finite.max()) if finite.size else 0.0
 
 
 def colour(passes: Passes) -> NDArray[np.float32]:

@@ -43,8 +43,8 @@ def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[Trace
 
     source is the measured cost of the frame's source, whose scene was synced anew. The share of a second sync is the
     median over the renders: the first one may also sync what tracing adds to the scene. Of the other costs each render
-    tells on top of those before it. A frame moves the costs by `TraceTuning.measured_weight` of the way to what it measures, and
-    never beyond their limits. Where no render tells anything, `known` is returned as it is.
+    tells on top of those before it. A frame moves the costs by `TraceTuning.measured_weight` of the way to what it
+    measures, and never beyond their limits. Where no render tells anything, `known` is returned as it is.
     """
     renders = list(renders)
     measured = known
