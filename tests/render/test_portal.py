@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.engines.eevee import renderer_of
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, packed_blocker
 from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.devices import devices_in_use, use_devices
@@ -16,10 +17,10 @@ from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.requests import TraceRequest
-from tests.blender.toolbox import EYES, Material, add_cube, render_plain, rms
+from tests.blender.toolbox import EYES, Material, add, add_cube, add_plane, keyframes, render_plain, rms
 from tests.render.every_pass import every_pass
 from tests.render.test_eevee import EEVEE
-from tests.render.test_fill import NOISE, blocker, defocus, studio
+from tests.render.test_fill import NOISE, blocker, defocus, moving_camera, moving_object, studio
 
 KINDS = ("objects", "meshes", "materials", "images", "cameras", "scenes")
 
@@ -118,6 +119,91 @@ def something_far_away_behind(scene):
     add_cube(scene, Material("far"), size=10.0, location=(0, 0, 2000))
 
 
+def something_far_away_to_the_side(scene):
+    add_cube(scene, Material("far"), size=10.0, location=(4000, 0, -2000)).name = "Far"
+
+
+def something_far_away_that_moves(scene):
+    """Now it is out of view, and before the shutter closes it is in the middle."""
+    something_far_away_to_the_side(scene)
+    moving_object(scene)
+    keyframes(scene.objects["Far"], "location", {0: (8000, 0, -2000), 2: (0, 0, -2000)})
+    scene.render.motion_blur_shutter = 2.0
+
+
+def a_camera_that_turns_to_something_far_away(scene):
+    something_far_away_to_the_side(scene)
+    scene.render.use_motion_blur = True
+    keyframes(scene.camera, "rotation_euler", {1: (0, 0, 0), 2: (0, -2.0, 0)})
+
+
+def something_that_comes_near(scene):
+    """It is in view all the time, and beyond the clip end before and after the frame's own time."""
+    moving_object(scene)
+    scene.camera.data.clip_end = 20.0
+    far = add_cube(scene, Material("far"), size=1.0, location=(0, 0, -15))
+    keyframes(far, "location", {0: (0, 0, -40), 1: (0, 0, -15), 2: (0, 0, -40)})
+    scene.frame_set(1)
+
+
+def something_that_the_viewport_does_not_show(scene):
+    add_cube(scene, Material("far"), size=1.0, location=(0, 0, -2000)).hide_viewport = True
+
+
+def something_that_nobody_shows(scene):
+    something_that_the_viewport_does_not_show(scene)
+    scene.objects[-1].hide_render = True
+
+
+def just_before_the_clip_end(scene):
+    """It is flat, so that nothing of its own size tells how long its hair is."""
+    scene.camera.data.clip_end = 20.0
+    return add_plane(scene, Material("near"), size=(0.5, 0.5), location=(0, 0, -18))
+
+
+def hair(scene):
+    just_before_the_clip_end(scene).modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings = scene.objects[-1].particle_systems[0].settings
+    settings.type, settings.hair_length, settings.count = "HAIR", 3.0, 10
+
+
+def hair_that_renders_alone_show(scene):
+    hair(scene)
+    scene.objects[-1].modifiers[0].show_viewport = False
+
+
+def an_array_of_renders_alone(scene):
+    just_before_the_clip_end(scene).modifiers.new("Array", "ARRAY").show_viewport = False
+
+
+def a_finer_surface_of_renders_alone(scene):
+    just_before_the_clip_end(scene).modifiers.new("Subdivision", "SUBSURF").show_viewport = False
+
+
+def displaced(scene):
+    just_before_the_clip_end(scene)
+    material = scene.objects[-1].data.materials[0]
+    nodes = material.node_tree.nodes
+    output = next(node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial")
+    displacement = nodes.new("ShaderNodeDisplacement")
+    displacement.inputs["Scale"].default_value = 2.0
+    material.node_tree.links.new(displacement.outputs[0], output.inputs["Displacement"])
+    material.displacement_method = "DISPLACEMENT"
+    scene.objects[-1].scale = (3.0, 3.0, 3.0)
+
+
+def lamp(kind, size):
+    def change(scene):
+        scene.camera.data.clip_end = 20.0
+        light = bpy.data.lights.new("Lamp", kind)
+        setattr(light, "size" if kind == "AREA" else "shadow_soft_size", size)
+        item = add(scene, bpy.data.objects.new("Lamp", light))
+        item.location, item.visible_camera = (0, 0, -18), True
+
+    change.__name__ = f"{kind.lower()}_lamp_of_{size}"
+    return change
+
+
 def no_surfaces(scene):
     scene.view_layers[0].use_solid = False
 
@@ -153,6 +239,24 @@ def as_it_is(scene):
         (world_volume, "volume"),
         (something_far_away, "clip end"),
         (something_far_away_behind, None),
+        (something_far_away_to_the_side, None),
+        (something_far_away_that_moves, "clip end"),
+        (a_camera_that_turns_to_something_far_away, "clip end"),
+        (something_that_comes_near, "clip end"),
+        (moving_object, None),
+        (moving_camera, None),
+        (something_that_the_viewport_does_not_show, "clip end"),
+        (something_that_nobody_shows, None),
+        (just_before_the_clip_end, None),
+        (hair, "clip end"),
+        (hair_that_renders_alone_show, "clip end"),
+        (an_array_of_renders_alone, "clip end"),
+        (a_finer_surface_of_renders_alone, None),
+        (displaced, "clip end"),
+        (lamp("AREA", 6.0), "clip end"),
+        (lamp("AREA", 0.5), None),
+        (lamp("SPOT", 6.0), "clip end"),
+        (lamp("POINT", 0.5), None),
         (no_surfaces, "surfaces"),
         (texture_limit, "texture limit"),
         (shaders_in_osl, "OSL"),
@@ -249,17 +353,32 @@ def test_a_pair_is_traced_by_it_where_the_osl_camera_clips(tmp_path):
     assert asked == ["portal"]
 
 
-def test_of_an_eevee_source_the_scene_that_traces_is_asked(tmp_path):
-    """It has denoising passes that the source has not, and its card is Cycles' business as well."""
+def displaced_by_cycles_alone(scene):
+    """What EEVEE shows of it has no displacement: only Cycles may show it beyond the clip end."""
+    displaced(scene)
+    nodes = scene.objects[-1].data.materials[0].node_tree.nodes
+    next(node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial").target = "CYCLES"
+    nodes.new("ShaderNodeOutputMaterial").target = "EEVEE"
+
+
+def denoising_passes_without_reflections(scene):
+    """Cycles renders these passes for the matching of the light, and the source has none."""
+    scene.view_layers[0].cycles.denoising_pass_follow_reflections = False
+
+
+OF_THE_TRACER = [(displaced_by_cycles_alone, "clip end")]
+if hasattr(bpy.context.scene.view_layers[0].cycles, "denoising_pass_follow_reflections"):
+    OF_THE_TRACER.append((denoising_passes_without_reflections, "follow reflections"))
+
+
+@pytest.mark.parametrize(("change", "words"), OF_THE_TRACER)
+def test_of_an_eevee_source_the_scene_that_traces_is_asked(tmp_path, change, words):
     scene = studio(tmp_path, lit=True)
-    layer = scene.view_layers[0].cycles
-    layer.denoising_pass_follow_reflections = False
-    assert blocker(scene, tmp_path, "portal") is None
+    change(scene)
     scene.render.engine = EEVEE
     with (
         working_scene(scene, SceneOverrides()) as working,
         renderer_of(working, tmp_path, packed_by="portal") as renderer,
     ):
-        reason = renderer.fill_blockers()["packed"]
-    assert reason is not None
-    assert "follow reflections" in reason
+        assert packed_blocker(working, renderer.cameras.values(), 10.0, CAMERAS["portal"]) is None
+        assert words in renderer.fill_blockers()["packed"]

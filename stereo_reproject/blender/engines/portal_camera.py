@@ -9,7 +9,7 @@ near clip, where no ray of the view comes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -22,9 +22,10 @@ from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
 from ...views.camera import Camera, OrthographicCamera, pixel_size, target_from_source
 from ..scene.animated import animated_values
-from ..scene.effects import shader_nodes, uses_output
+from ..scene.effects import shader_nodes, uses_output, what_moves
 from ..scene.materials import world_shading
-from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
+from ..scene.motion import while_open
+from ..scene.visible import aperture_radius, reaches_beyond, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
 from .packed_views import focus_distance_of, may_begin_in
@@ -99,9 +100,25 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
         # Cycles guides a ray's first part in a volume, and up to the sheet there is next to nothing of it: more noise.
         "a view may begin in a volume": bpy.app.version >= VOLUMES_GUIDED_FROM_VERSION
         and may_begin_in(scene, volume_boxes(scene), eyes),
-        "something may be seen beyond the camera's clip end": seen_beyond(scene, eyes, lens.clip_end),
     }
-    return next((reason for reason, blocks in checks.items() if blocks), None)
+    reason = next((reason for reason, blocks in checks.items() if blocks), None)
+    return reason or _beyond_clip_end(scene, eyes, lens.clip_end)
+
+
+def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: float) -> str | None:
+    """Return what may be seen beyond the camera's clip end, in words; None if there is nothing.
+
+    With the shutter open, what is out of view may come into it, by its own motion or by the camera's. Then all counts
+    that is farther away than the clip end when the shutter opens, closes, or is half way.
+    """
+    if scene.render.use_motion_blur and what_moves(scene):
+        place = np.array(evaluated(scene.camera, scene).matrix_world.translation)
+        apart = max(float(np.linalg.norm(eye.world_from_camera[:3, 3] - place)) for eye in eyes)
+        found = while_open(scene, (0.0, 0.5, 1.0), lambda: reaches_beyond(scene, clip_end - apart))
+        name = next(filter(None, found), None)
+    else:
+        name = seen_beyond(scene, eyes, clip_end)
+    return None if name is None else f"{name!r} may be seen beyond the camera's clip end"
 
 
 def _is_overwritten(scene: bpy.types.Scene) -> bool:
