@@ -78,16 +78,17 @@ def test_nothing_of_it_stays(tmp_path):
 def test_traces_of_all_kinds_one_after_the_other(tmp_path):
     """Of one view and of both, with a lens and without: each finds the nodes that it needs, and its own tables."""
     scene = studio(tmp_path, lit=False)
-    a, b = (render_plain(scene, tmp_path, seed=seed) for seed in (1, 2))
+    sharp = [render_plain(scene, tmp_path, seed=seed) for seed in (1, 2)]
+    defocus(scene)
+    blurred = [render_plain(scene, tmp_path, seed=seed) for seed in (1, 2)]
     with working_scene(scene, SceneOverrides()) as working:
         renderer = portal_renderer(working, tmp_path)
         for views in (("right",), ("left",), EYES, ("right",), EYES):
-            for view, passes in zip(views, trace(renderer, *views), strict=True):
-                one, other = (passes_of[view][COLOUR_PASS].reshape(-1, 4) for passes_of in (a, b))
-                assert rms(passes[COLOUR_PASS] - one) < NOISE * rms(other - one), (views, view)
-            defocus(working)
-            trace(renderer, "right")
-            working.camera.data.dof.use_dof = False
+            for lens in (False, True):
+                working.camera.data.dof.use_dof = lens
+                for view, passes in zip(views, trace(renderer, *views), strict=True):
+                    one, other = (plain[view][COLOUR_PASS].reshape(-1, 4) for plain in (blurred if lens else sharp))
+                    assert rms(passes[COLOUR_PASS] - one) < NOISE * rms(other - one), (views, view, lens)
 
 
 def test_it_is_taken_away_where_a_plain_render_might_show_it(tmp_path):
