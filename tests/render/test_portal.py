@@ -1,16 +1,19 @@
 """The portal of a packed render: it is in no plain render, nothing of it stays, and it says what it cannot trace."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.blender.commands.frame import render_pair
 from stereo_reproject.blender.engines.eevee import renderer_of
 from stereo_reproject.blender.engines.packed_trace import CAMERAS, packed_blocker
 from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 from stereo_reproject.blender.scene.missing import missing_files
-from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.blender.scene.working import WorkingScenes, working_scene
 from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.pipeline.frame import render_stereo_frame
@@ -20,7 +23,7 @@ from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.toolbox import EYES, Material, add, add_cube, add_plane, keyframes, render_plain, rms
 from tests.render.every_pass import every_pass
 from tests.render.test_eevee import EEVEE
-from tests.render.test_fill import NOISE, blocker, defocus, moving_camera, moving_object, studio
+from tests.render.test_fill import ANIMATED_NOISE, NOISE, blocker, defocus, moving_camera, moving_object, studio
 
 KINDS = ("objects", "meshes", "materials", "images", "cameras", "scenes")
 
@@ -89,6 +92,46 @@ def test_traces_of_all_kinds_one_after_the_other(tmp_path):
                 for view, passes in zip(views, trace(renderer, *views), strict=True):
                     one, other = (plain[view][COLOUR_PASS].reshape(-1, 4) for plain in (blurred if lens else sharp))
                     assert rms(passes[COLOUR_PASS] - one) < NOISE * rms(other - one), (views, view, lens)
+
+
+def moving_box(scene):
+    """Blurred, and in another place in each frame; the camera moves too."""
+    moving_object(scene)
+    keyframes(scene.objects["Box"], "location", {0: (-1.5, -0.3, -5), 1: (-1.0, -0.3, -5), 2: (0.8, 0.2, -4)})
+    keyframes(scene.camera, "location", {0: (0.0, 0.0, 0.0), 2: (0.3, 0.1, -0.2)})
+
+
+def test_frames_of_an_animation_are_as_the_osl_camera_traces_them(tmp_path):
+    """One frame after the other in one working scene, in which the sheet stays. Draft has no probes: the same pixels
+    are traced by both.
+    """
+    scene = studio(tmp_path, lit=False)
+    moving_box(scene)
+    frames = (1, 2)
+    pairs = {}
+    for packed_by in CAMERAS:
+        settings = StereoSettings(accuracy="draft", fill="packed", packed_by=packed_by)
+        with WorkingScenes(scene) as scenes:
+            for number in frames:
+                one = replace(settings, scene=SceneOverrides(frame=number, seed=3, interocular_distance=0.3))
+                pair, report = render_pair(scene, one, tmp_path, scenes=scenes, learns=False)
+                assert report.fill.camera == packed_by
+                pairs[packed_by, number] = pair.main_frame
+    scene.camera.data.stereo.interocular_distance = 0.3
+    shown = []
+    for number in frames:
+        scene.frame_set(number)
+        a, b = (render_plain(scene, tmp_path, seed=seed, views=("right",))["right"][COLOUR_PASS] for seed in (1, 2))
+        osl, portal = (pairs[packed_by, number] for packed_by in ("osl", "portal"))
+        traced = osl.traced
+        np.testing.assert_array_equal(portal.traced, traced)
+        assert traced.mean() > 0.05
+        noise = rms((b - a)[traced])
+        ours, theirs = (pair.eyes["right"][COLOUR_PASS][traced] for pair in (portal, osl))
+        assert rms(ours - a[traced]) < ANIMATED_NOISE * noise, number
+        assert rms(ours - theirs) < ANIMATED_NOISE * noise, number
+        shown.append(a)
+    assert rms(shown[1] - shown[0]) > 2.0 * rms(b - a), "another frame would be seen"
 
 
 def test_it_is_taken_away_where_a_plain_render_might_show_it(tmp_path):
