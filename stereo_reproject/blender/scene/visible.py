@@ -164,7 +164,7 @@ def _first_of_which(scene: bpy.types.Scene, holds: Callable[[NDArray], NDArray[n
     rendered = set(_rendered_objects(layer.layer_collection))
     met: set[str] = set()
     boxes = (
-        (seen.name, *_certain_box(instance, seen))
+        (seen.name, *_box_and_reach(instance, seen))
         for instance, seen in _rendered_instances(layer, rendered, shadings, met)
         if instance.object.type != "LIGHT" or instance.object.data.type != "SUN"
     )
@@ -182,17 +182,17 @@ def _first_of_which(scene: bpy.types.Scene, holds: Callable[[NDArray], NDArray[n
     return next((item.name for item in unknown if any(_in_doubt(item, layer, shadings))), None)
 
 
-def _certain_box(instance: bpy.types.DepsgraphObjectInstance, seen: Seen) -> tuple[Box, float]:
+def _box_and_reach(instance: bpy.types.DepsgraphObjectInstance, seen: Seen) -> tuple[Box, float]:
     """Return a box of an instance, and how far beyond its sides the instance may reach along the world's axes, in scene
     units: 0 where Blender's bounds hold all of it, and infinite where nothing is known.
     """
     item = instance.object
+    if seen.bounded:
+        return _box(instance), 0.0
     scale = max(*instance.matrix_world.to_scale(), 1.0)
     if item.type == "LIGHT":
         return (np.array(instance.matrix_world), (0.0,) * 3, (0.0,) * 3), scale * _light_size(item.data)
     box = _box(instance)
-    if seen.bounded:
-        return box, 0.0
     if not all(map(_stays, _modifiers_of_renders(item))):
         return box, float("inf")
     diagonal = float(np.linalg.norm(np.ptp(_corners([box])[0], axis=0)))
@@ -331,7 +331,7 @@ def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, 
 
 def _differs_in_render(item: bpy.types.Object) -> bool:
     """Return whether the object has a modifier that renders use and the viewport does not."""
-    return any(_modifiers_of_renders(item))
+    return next(_modifiers_of_renders(item), None) is not None
 
 
 def _modifiers_of_renders(item: bpy.types.Object) -> Iterator[bpy.types.Modifier]:
@@ -343,7 +343,7 @@ def _stays(modifier: bpy.types.Modifier) -> bool:
     """Return whether all that a modifier makes is about where the object is."""
     if isinstance(modifier, bpy.types.ParticleSystemModifier):
         settings = modifier.particle_system.settings
-        return settings.type == "HAIR" and settings.render_type == "PATH"
+        return settings is not None and settings.type == "HAIR" and settings.render_type == "PATH"
     return modifier.type in STAYING_MODIFIERS
 
 
