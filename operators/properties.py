@@ -13,7 +13,7 @@ FILLS = {
 }
 
 CAMERAS = {
-    "auto": ("Automatic", "An OSL camera where Cycles has one, a Ray Portal elsewhere"),
+    "auto": ("Automatic", "An OSL camera where Cycles has one that can trace the scene, else a Ray Portal"),
     "osl": ("OSL", "A camera in OSL (CPU and OptiX)"),
     "portal": ("Ray Portal", "A plain camera that looks through a Ray Portal (every device)"),
 }

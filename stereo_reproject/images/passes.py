@@ -147,6 +147,12 @@ _MIN_DEPTH = float(np.finfo(np.float32).tiny)
 float32."""
 
 
+def deepest(passes: Passes) -> float:
+    """Return the greatest finite depth of a view's passes, in scene units; 0 where there is none."""
+    depth = passes[DEPTH_PASS]
+    return float(np.max(depth, where=np.isfinite(depth), initial=0.0))
+
+
 def known_depth(depth: NDArray) -> NDArray[np.float32]:
     """Return the depth, in scene units, with NaN in place of values that are no depth, as a broken pass may have them.
 

@@ -41,11 +41,9 @@ def calibrated_costs(
 ) -> TraceCosts:
     """Return the costs of tracing after a measurement by some of a view's holes (H, W), drawn by chance with this seed.
 
-    As many holes are traced as take `PipelineTuning.calibration_seconds` by what was known before. Where that is not
-    `worth_measuring`, those costs are returned.
+    As many holes are traced as take `PipelineTuning.calibration_seconds` by what was known before. It must be
+    `worth_measuring`.
     """
-    if not worth_measuring(planner, holes):
-        return planner.costs
     rows, columns = np.nonzero(holes)
     seconds_per_pixel = planner.costs.packed_pixel_cost * planner.cost.per_frame / holes.size
     most = TUNING.calibration_seconds / seconds_per_pixel if seconds_per_pixel > 0.0 else np.inf

@@ -18,7 +18,7 @@ from ..holes.reprojection import Reprojection, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, remaining_noise
 from ..images.effects import Effect, EffectsPlan
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, Passes, without_internal_passes
+from ..images.passes import COLOUR_PASS, Passes, deepest, without_internal_passes
 from ..images.reasons import Reason
 from ..images.seen_light import display_scale, scaled_light
 from ..matching.matching import Correction
@@ -209,7 +209,7 @@ def render_stereo_frame(
     accuracy: Accuracy | None = None,
     findings: SharedFindings | None = None,
     watch: Stopwatch | None = None,
-    costs: TraceCosts | None = None,
+    known_costs: Callable[[], TraceCosts] = TraceCosts,
 ) -> StereoFrame:
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
@@ -218,8 +218,9 @@ def render_stereo_frame(
     takes the place of on_stage where work for this frame alone, such as the renderer's plan, came before: the stages
     that it has seen are in the seconds and the total too. accuracy takes the place of the one that the settings name,
     for a picture of `SettingsTuning.unscaled_picture_px`; findings are those of other frames of the same animation.
-    costs are those of tracing as far as they are known, by default the assumed ones. Raises BadInputError when the
-    settings cannot be met for this scene, and StereoReprojectError when a render fails.
+    known_costs returns the costs of tracing as far as they are known, by default the assumed ones; it is asked once the
+    source is rendered and warped. Raises BadInputError when the settings cannot be met for this scene, and
+    StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch(on_stage)
     findings = findings or SharedFindings()
@@ -230,7 +231,7 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     reprojection, gpu = _warp_source(renderer, settings, source, findings)
 
-    planner = _planner_of(renderer, settings, source, reprojection, findings, costs or TraceCosts(), watch)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, known_costs, watch)
     tracing = renderer.tracing_of(
         WarpedTarget(
             settings.target,
@@ -336,21 +337,24 @@ def _planner_of(
     source: _Source,
     reprojection: Reprojection,
     findings: SharedFindings,
-    costs: TraceCosts,
+    known_costs: Callable[[], TraceCosts],
     watch: Stopwatch,
 ) -> FillPlanner:
     """Return the planner of the frame's traces, which knows the costs of tracing, or measures them first.
 
     Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
     """
-    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
+    blockers = renderer.fill_blockers(deepest(source.rendered.passes))
     check_fill(settings.fill, blockers)
+    # Only now is it certain by which packed camera pixels are traced, each of which has costs of its own.
+    costs = known_costs()
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
 
     def measure() -> TraceCosts:
         holes = reprojection.reasons > 0
-        if worth_measuring(planner, holes):
-            watch.lap(Stage.PILOT)
+        if not worth_measuring(planner, holes):
+            return costs
+        watch.lap(Stage.PILOT)
         return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
 
     return replace(planner, costs=findings.trace_costs(costs, measure))
@@ -466,13 +470,6 @@ def traced_fractions(frame: StereoFrame) -> dict[str, float]:
     result = {label: value for label, value in fractions.items() if label in named or value > 0.0}
     result["rerendered"] = float(np.mean(frame.traced))
     return result
-
-
-def _deepest(source: Passes) -> float:
-    """Return the greatest finite depth of the source, in scene units; 0 where there is none."""
-    depth = source[DEPTH_PASS]
-    finite = depth[np.isfinite(depth)]
-    return float(finite.max()) if finite.size else 0.0
 
 
 def colour(passes: Passes) -> NDArray[np.float32]:

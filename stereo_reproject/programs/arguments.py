@@ -269,7 +269,7 @@ def _add_pair(parser: argparse.ArgumentParser) -> None:
         choices=PACKED_CAMERAS,
         default=StereoSettings.packed_by,
         help="what shoots the rays of packed pixels: osl is an OSL camera, on CPU and OptiX; portal is a Ray Portal, "
-        "on every device; auto takes osl where it is to be had (%(default)s)",
+        "on every device; auto takes osl where it can trace the scene, else portal (%(default)s)",
     )
     _add_grid_threshold(parser)
     parser.add_argument(

@@ -105,9 +105,9 @@ class StereoSettings:
 
     source is the eye that is rendered whole. tolerance is the greatest honest ratio that is promised, in place of that
     of `accuracy`, which then becomes "custom". fill is the method by which holes are traced, and packed_by the camera
-    that shoots the rays of packed pixels: "auto" takes an OSL camera where Cycles has one, and a Ray Portal elsewhere.
-    grid_threshold is the binocular parallax within a grid cell, in arc minutes, from which it is subdivided. compare
-    has multiview rendered too, for comparison.
+    that shoots the rays of packed pixels: "auto" takes an OSL camera where Cycles has one and it can trace the scene,
+    else a Ray Portal. grid_threshold is the binocular parallax within a grid cell, in arc minutes, from which it is
+    subdivided. compare has multiview rendered too, for comparison.
 
     interpolation "auto" is cubic for the colour of a denoised picture; for light in a noisy one it is cubic where the
     picture stands above its noise and linear where noise rules; it is linear for all else.

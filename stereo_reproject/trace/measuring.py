@@ -41,11 +41,16 @@ def open_share(holes: NDArray[np.bool_], probes: NDArray[np.bool_]) -> float:
 def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[TraceRender]) -> TraceCosts:
     """Return the costs that are known after a frame: those before it, moved towards what its trace renders tell.
 
-    source is the measured cost of the frame's source, whose scene was synced anew. Of several renders each tells on top
-    of those before it. A frame moves the costs by `TraceTuning.measured_weight` of the way to what it measures, and
-    never beyond their limits. Where no render tells anything, `known` is returned as it is.
+    source is the measured cost of the frame's source, whose scene was synced anew. The share of a second sync is the
+    median over the renders: the first one may also sync what tracing adds to the scene. Of the other costs each render
+    tells on top of those before it. A frame moves the costs by `TraceTuning.measured_weight` of the way to what it
+    measures, and never beyond their limits. Where no render tells anything, `known` is returned as it is.
     """
+    renders = list(renders)
     measured = known
+    if renders and _tells_resync(source):
+        share = float(np.median([render.sync_seconds for render in renders])) / source.sync_seconds
+        measured = replace(known, resync_share=share).within_limits()
     for render in renders:
         measured = _told_by(render, measured, source).within_limits()
     if measured == known:
@@ -58,23 +63,25 @@ def learned_costs(known: TraceCosts, source: SourceCost, renders: Iterable[Trace
 def _told_by(render: TraceRender, known: TraceCosts, source: SourceCost) -> TraceCosts:
     """Return the costs that explain the seconds of one render, as near to the known ones as may be.
 
-    The sync is measured by itself, and gives its share where the first sync was long enough. All other seconds are a
+    The sync is measured by itself where the first sync was long enough, and its share is known. All other seconds are a
     sum of parts (the call, masked pixels, traced pixels), of which only the sum is measured. Its difference from the
     prediction is divided among the parts by the squares of their predicted seconds, as if each cost were unsure in
     proportion to itself. So a render that traces next to nothing leaves the cost of a pixel as it is.
     """
-    synced_long = source.sync_seconds >= TUNING.min_told_sync_seconds
-    if synced_long:
-        known = replace(known, resync_share=render.sync_seconds / source.sync_seconds)
     amounts = _amounts(render, known, source)
     if not amounts:
         return known
-    sync = render.sync_seconds if synced_long else known.resync_share * source.sync_seconds
+    sync = render.sync_seconds if _tells_resync(source) else known.resync_share * source.sync_seconds
     parts = {name: getattr(known, name) * amount for name, amount in amounts.items()}
     off = render.seconds - sync - sum(parts.values())
     squares = sum(part**2 for part in parts.values())
     moved = {name: (part + off * part**2 / squares) / amounts[name] for name, part in parts.items()}
     return replace(known, **moved)
+
+
+def _tells_resync(source: SourceCost) -> bool:
+    """Return whether the first sync of a source's scene was so long that a second one tells its share."""
+    return source.sync_seconds >= TUNING.min_told_sync_seconds
 
 
 def _amounts(render: TraceRender, known: TraceCosts, source: SourceCost) -> dict[str, float]:

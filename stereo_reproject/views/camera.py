@@ -174,6 +174,12 @@ class OrthographicCamera(_PlanarCamera):
         return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
+def pixel_size(camera: Camera) -> tuple[float, float]:
+    """Return the width and the height of a camera's pixel on its view plane, in the plane's units."""
+    plane = camera.plane
+    return (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
+
+
 def ray_length_per_depth(camera: Camera, x: Array, y: Array) -> Array:
     """Return the length, in scene units, that the rays through pixel positions (x, y) have for one unit of depth."""
     _, direction = camera.ray_from_px(x, y)

@@ -28,7 +28,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from stereo_reproject.blender.engines.packed_trace import trace_packed  # noqa: E402
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, trace_packed  # noqa: E402
 from stereo_reproject.blender.engines.packed_views import PackedPixels  # noqa: E402
 from stereo_reproject.blender.engines.render import render_views  # noqa: E402
 from stereo_reproject.blender.engines.renderer import BlenderRenderer  # noqa: E402
@@ -74,7 +74,9 @@ def _measure(kind: str, count: int) -> dict[str, float]:
         timed("later", lambda: render_views(working, ("right",), work))
         places = np.argwhere(np.arange(WIDTH * HEIGHT).reshape(HEIGHT, WIDTH) % 10 == 0)
         pixels = PackedPixels(renderer.cameras["right"], places)
-        timed("packed", lambda: trace_packed(working, "right", pixels.camera, [pixels], work, seed=1))
+        timed(
+            "packed", lambda: trace_packed(working, "right", pixels.camera, [pixels], work, seed=1, by=CAMERAS["osl"])
+        )
         open_scene.__exit__(None, None, None)
         picture = np.full((HEIGHT, WIDTH, 4), 0.5, np.float32)
         eyes = {"left": picture, "right": picture}

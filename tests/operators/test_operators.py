@@ -198,6 +198,17 @@ def test_a_compositor_that_shows_what_is_not_rendered_is_left_out_with_a_word(ex
     assert views_of_result(scene, tmp_path)["_L"][..., :3].max() > 0.1
 
 
+@pytest.mark.parametrize("camera", ["osl", "portal"])
+def test_the_packed_camera_of_the_panel_traces_the_pair(extension, scene, camera):
+    from stereo_reproject_extension.operators.render import settings_of
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.stereo_reproject.fill, scene.stereo_reproject.packed_by = "packed", camera
+    assert [settings_of(scene, preview=preview).packed_by for preview in (False, True)] == [camera, camera]
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert result_of(scene).report["fill"]["camera"] == camera
+
+
 @pytest.mark.parametrize(
     ("device", "kind", "camera", "words"),
     [

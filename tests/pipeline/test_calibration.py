@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from stereo_reproject.pipeline.calibration import calibrated_costs
+from stereo_reproject.pipeline.calibration import calibrated_costs, worth_measuring
 from stereo_reproject.pipeline.tuning import TUNING
 from stereo_reproject.trace.costs import AGREED, MEASURED, TraceCosts
 from stereo_reproject.trace.fill import SourceCost
@@ -72,11 +72,12 @@ def test_a_source_of_any_cost_is_measured(seconds):
         {"costs": replace(FOUND, source=AGREED)},
     ],
 )
-def test_where_it_is_of_no_use_nothing_is_traced(change):
-    planner = replace(FillPlanner("auto", SourceCost(20.0, 1.0), FREE), **change)
-    assert calibrated(planner) == (planner.costs, [])
-
-
-def test_without_a_hole_nothing_is_traced():
+def test_it_is_known_where_measuring_is_of_no_use(change):
     planner = FillPlanner("auto", SourceCost(20.0, 1.0), FREE)
-    assert calibrated(planner, np.zeros(SHAPE, bool)) == (ASSUMED_COSTS, [])
+    assert worth_measuring(planner, holes())
+    assert not worth_measuring(replace(planner, **change), holes())
+
+
+def test_nothing_is_measured_without_a_hole():
+    planner = FillPlanner("auto", SourceCost(20.0, 1.0), FREE)
+    assert not worth_measuring(planner, np.zeros(SHAPE, bool))

@@ -189,6 +189,16 @@ def transparent_film(scene):
     bpy.data.objects.remove(scene.objects["Wall"])
 
 
+def shadow_catcher(scene):
+    scene.render.film_transparent = True
+    scene.objects["Floor"].is_shadow_catcher = True
+
+
+def holdout(scene):
+    transparent_film(scene)
+    scene.objects["Box"].is_holdout = True
+
+
 def near_clip_cuts(scene):
     scene.camera.data.clip_start = 4.7
 
@@ -334,6 +344,8 @@ VARIANTS = [
     Variant(rolling_shutter, blocked=PACKED),
     Variant(film_exposure),
     Variant(transparent_film, lit=True),
+    Variant(shadow_catcher, lit=True),
+    Variant(holdout, lit=True),
     Variant(near_clip_cuts, lit=True),
     Variant(far_clip_cuts, blocked=PACKED),
     Variant(lens_shift),

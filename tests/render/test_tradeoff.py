@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
 
@@ -16,6 +17,7 @@ from stereo_reproject.blender.commands.price_list import (
     SharedSourceRenderer,
     render_prices,
 )
+from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import rendered_layer, working_scene
 from stereo_reproject.images.passes import COLOUR_PASS, MASKED_PASS, SOURCE_ONLY_PASSES
@@ -212,6 +214,20 @@ def test_each_run_of_a_denoising_scene_is_denoised(scene, tmp_path):
     for frame in frames:
         assert frame.seconds["denoise_source"] > 0.0
         assert not np.array_equal(frame.eyes["left"][COLOUR_PASS], passes[COLOUR_PASS])
+
+
+def test_no_run_pays_for_what_only_the_first_packed_trace_does(scene, tmp_path):
+    """The portal's sheet stands, and is synced, before the first run begins."""
+    pytest.importorskip("matplotlib")
+    sheets = {}
+
+    def listen(name, _):
+        sheets.setdefault(name, [item.name for item in bpy.data.objects if item.name.startswith(SHEET_NAME)])
+
+    settings = StereoSettings(scene=SceneOverrides(size=(48, 27), samples=1), packed_by="portal")
+    render_prices(scene, settings, tmp_path, only=["draft", "balanced"], on_stage=listen)
+    assert (len(sheets["source"]), len(sheets["draft"])) == (0, 1)
+    assert sheets["balanced"] == sheets["draft"]
 
 
 def test_a_run_that_the_scene_cannot_have_is_left_out(scene, tmp_path):

@@ -86,6 +86,20 @@ def test_a_short_first_sync_tells_nothing_of_the_next():
     )
 
 
+@pytest.mark.parametrize("odd", [0, 1, 2])
+def test_no_render_alone_tells_how_long_a_sync_is(odd):
+    """Whichever it is of a frame's, the first one with what tracing adds to the scene or the last one."""
+    syncs = [0.4, 0.4, 0.4]
+    syncs[odd] = 1.9
+    renders = [TraceRender("packed", 3.0 + sync, sync, 0.1) for sync in syncs]
+    source = SourceCost(20.0, 2.0)
+    learned = learned_costs(ASSUMED_COSTS, source, renders)
+    assert learned.resync_share == pytest.approx(0.5 * (ASSUMED_COSTS.resync_share + 0.2))
+    # Nor does it tell of anything else: its seconds are known apart from the others.
+    alike = [TraceRender("packed", 3.4, 0.4, 0.1)] * 3
+    assert learned.numbers == pytest.approx(learned_costs(ASSUMED_COSTS, source, alike).numbers)
+
+
 @pytest.mark.parametrize("method", ["packed", "card", "full"])
 @pytest.mark.parametrize("seconds", [0.0, 1e-6, 1e9])
 @pytest.mark.parametrize("source", [SOURCE, SourceCost(0.0, 0.0), SourceCost(1e-9, 0.0), SourceCost(1e9, 1e8)])

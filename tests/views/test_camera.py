@@ -8,6 +8,7 @@ from stereo_reproject.views.camera import (
     PerspectiveCamera,
     ViewPlane,
     disparity_per_nearness,
+    pixel_size,
     target_from_source,
     target_px_from_source_px,
 )
@@ -51,6 +52,13 @@ def test_project_after_unproject_is_the_identity(eye, depth):
     np.testing.assert_allclose(back_x, x, rtol=0, atol=PX_TOLERANCE)
     np.testing.assert_allclose(back_y, y, rtol=0, atol=PX_TOLERANCE)
     np.testing.assert_allclose(back_depth, depth, rtol=1e-12)
+
+
+@pytest.mark.parametrize("eye", CAMERAS.values(), ids=CAMERAS.keys())
+def test_neighbouring_pixels_are_one_pixel_apart_on_the_view_plane(eye):
+    origin, direction = eye.ray_from_px(np.array([10.0, 11.0]), np.array([21.0, 20.0]))
+    apart = [float(np.diff(o + d)[0]) for o, d in zip(origin[:2], direction[:2], strict=True)]
+    np.testing.assert_allclose(apart, pixel_size(eye), rtol=1e-9)
 
 
 @pytest.mark.parametrize("eye", CAMERAS.values(), ids=CAMERAS.keys())

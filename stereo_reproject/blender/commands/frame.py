@@ -133,8 +133,13 @@ def _render_layer(
     """
     header = report_header(scene, working, settings)
     with renderer_of(working, work, user_scene=scene, packed_by=settings.packed_camera) as renderer:
-        costs = known_costs(working, renderer.packed.name)
-        frame = render_stereo_frame(renderer, settings, watch=watch, findings=findings, costs=costs)
+        frame = render_stereo_frame(
+            renderer,
+            settings,
+            watch=watch,
+            findings=findings,
+            known_costs=lambda: known_costs(working, renderer.packed.name),
+        )
         if learns:
             learn_costs(working, renderer.packed.name, frame.source_cost, renderer.trace_renders)
         limited = has_time_limit(renderer.scene)

@@ -17,7 +17,7 @@ from ...holes.reprojection import reproject
 from ...images.denoising import Denoise, Denoising
 from ...images.effects import SEEN_DIFFERENTLY, Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
-from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes
+from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes, deepest
 from ...images.seen_light import display_scale, scaled_light
 from ...pipeline.frame import interpolations_of
 from ...pipeline.prediction import (
@@ -217,8 +217,7 @@ def _blockers(renderer: BlenderRenderer, settings: StereoSettings, source: Passe
     sketch's passes, whose greatest depth is taken into account. Raises BadInputError if the method asked for is
     blocked.
     """
-    depth = source[DEPTH_PASS]
-    blockers = renderer.fill_blockers(float(np.max(depth, where=np.isfinite(depth), initial=0.0)))
+    blockers = renderer.fill_blockers(deepest(source))
     check_fill(settings.fill, blockers)
     return blockers
 

@@ -4,7 +4,8 @@ What the cases share, they share so that each is as it would be alone. The sourc
 it is rendered once, from a scene that nothing has synced, and every case counts its seconds. Multiview and the
 heuristic mask, whose source has more passes, begin from a scene copy of their own, as unsynced as that. What only the
 first render of a process pays (reading textures, compiling the hole camera) is paid by a small render before all of
-them, and counts in none.
+them, and what only the first packed trace of a scene pays (a portal's sheet, which Cycles syncs) by a trace of a few
+pixels after the shared source. Neither counts in any case; the heuristic mask alone pays for its own sheet.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import numpy as np
 from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
 from ...images.glossy_mask import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, glossy_mask, light_pass_names
-from ...images.passes import MASKED_PASS, Passes
+from ...images.passes import MASKED_PASS, Passes, deepest
 from ...images.reasons import Reason
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
@@ -58,8 +59,8 @@ NOTHING_SHARED: Mapping[str, float] = MappingProxyType({})
 
 WARM_UP_WIDTH_PIXELS = 64
 WARM_UP_SAMPLES = 1
-WARM_UP_SPACING_PIXELS = 8
-"""Distance between the pixels that are traced to warm up."""
+WARM_UP_PIXELS_PER_SIDE = 8
+"""Pixels that are traced to warm up, across and down the picture."""
 
 
 def render_prices(
@@ -84,7 +85,7 @@ def render_prices(
     on_stage("multiview", "")
     multiview = render_reference(scene, settings, work)
     facts, outcome = _render_cases(scene, settings, work, multiview, chosen_cases(only), on_stage)
-    facts["warm_up_seconds"] = warm_up
+    facts["warm_up_seconds"] += warm_up
     measured = {"seconds": multiview.seconds, "noise_rmse": multiview.noise_rmse}
     prices = price_list(facts, measured, outcome.rows, outcome.left_out)
     left_out = [f"{name} is left out: {why}" for name, why in outcome.left_out]
@@ -105,12 +106,22 @@ def _warm_up(scene: bpy.types.Scene, settings: StereoSettings, work: Path) -> fl
         make_small(working, WARM_UP_WIDTH_PIXELS)
         renderer = BlenderRenderer(working, work, packed_by=settings.packed_by)
         source, _ = renderer.render_source(settings.source)
-        pixels = np.zeros(colour(source).shape[:2], bool)
-        pixels[::WARM_UP_SPACING_PIXELS, ::WARM_UP_SPACING_PIXELS] = True
-        for method, blocker in renderer.fill_blockers().items():
-            if not blocker:
-                renderer.trace(method, [TraceRequest(settings.target, pixels)])
+        _trace_few(renderer, settings.target, source, ("packed", "card"))
     return time.perf_counter() - start
+
+
+def _trace_few(renderer: BlenderRenderer, target: str, source: Passes, methods: Sequence[str]) -> None:
+    """Trace a few pixels of the target view by each of the fill methods that can be used for what the source's passes
+    show, and throw them away.
+    """
+    camera = renderer.cameras[target]
+    pixels = np.zeros((camera.height, camera.width), bool)
+    down, across = (max(side // WARM_UP_PIXELS_PER_SIDE, 1) for side in pixels.shape)
+    pixels[::down, ::across] = True
+    blockers = renderer.fill_blockers(deepest(source))
+    for method in methods:
+        if not blockers[method]:
+            renderer.trace(method, [TraceRequest(target, pixels)])
 
 
 @dataclass(frozen=True)
@@ -169,6 +180,10 @@ def _render_cases(
         on_stage(Stage.SOURCE, "")
         source = render_shared_source(working, settings, work)
         facts["source"] = {"seconds": source.seconds, "sync_seconds": source.cost.sync_seconds}
+        start = time.perf_counter()
+        renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
+        _trace_few(renderer, settings.target, source.passes, ("packed",))
+        facts["warm_up_seconds"] = time.perf_counter() - start
         shared = {"plan": copied, "source": source.seconds}
         for case in chosen:
             if case.kind != HEURISTIC:
@@ -286,7 +301,7 @@ def _make(
         case.settings(settings),
         watch=watch,
         accuracy=case.accuracy,
-        costs=known_costs(renderer.scene, renderer.packed.name),
+        known_costs=lambda: known_costs(renderer.scene, renderer.packed.name),
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)

@@ -85,12 +85,6 @@ class EeveeRenderer(BlenderRenderer):
         depth = passes[DEPTH_PASS]
         return {**passes, DEPTH_PASS: np.where(depth >= SKY_CLIP_END_SHARE * self.lens.far, np.float32(np.inf), depth)}
 
-    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
-        """Return for each fill method but "full" why Cycles cannot trace the scene by it, in words, or None if it can.
-        deepest is the greatest finite depth that was seen, in scene units; 0 before anything was rendered.
-        """
-        return self.cycles_blockers(deepest)
-
     def close(self) -> None:
         """Remove the scene copy by which Cycles traces, and what Cycles keeps of it in memory."""
         scene = None if self._tracing is None else bpy.data.scenes.get(self._tracing)
@@ -119,9 +113,9 @@ class EeveeRenderer(BlenderRenderer):
         assert all(request.twice is None for request in requests), "EEVEE's pixels are not probed"
         if method == "full":
             return [self._rendered(request) for request in requests]
-        scene = self._tracing_scene()
+        scene = self.traced_scene
         if method == "packed":
-            renders, traced = self._traced_together(scene, requests)
+            renders, traced = self._traced_together(requests)
         else:
             apart = [self._behind_card(scene, request) for request in requests]
             renders, traced = [rendered for rendered, _ in apart], [passes for _, passes in apart]
@@ -181,7 +175,7 @@ class EeveeRenderer(BlenderRenderer):
             return colour
         nothing = np.zeros_like(colour)
         picture = {NOISY_PASS: colour, ALBEDO_PASS: nothing, NORMAL_PASS: nothing}
-        return denoise_pictures(self._tracing_scene(), [picture], self.folder)[0]
+        return denoise_pictures(self.traced_scene, [picture], self.folder)[0]
 
     def unmatchable(self) -> str | None:
         """Return why Cycles' pixels cannot be matched to EEVEE's light in this scene, in words; None if they can."""
@@ -189,9 +183,10 @@ class EeveeRenderer(BlenderRenderer):
             return "the film is transparent, and light cannot be matched where there is none"
         return unmatched_materials(self.scene, self.cameras.values())
 
-    def _tracing_scene(self) -> bpy.types.Scene:
-        """Return the scene copy that Cycles renders, which is made at the first call. It is found by its name, since a
-        reference may not survive a render.
+    @property
+    def traced_scene(self) -> bpy.types.Scene:
+        """The scene copy in which Cycles traces pixels; it is made where there is none yet. It is found by its name,
+        since a reference may not survive a render.
         """
         if self._tracing is None:
             copy = self.scene.copy()

@@ -21,7 +21,7 @@ from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...trace.packing import Packing
 from ...trace.pixel_filter import sample_offsets
-from ...views.camera import Camera, PerspectiveCamera
+from ...views.camera import Camera, PerspectiveCamera, pixel_size
 from ...warp.motion import motion_from_directions
 from ..scene.visible import aperture_radius
 from ..scene.working import changed, evaluated
@@ -168,11 +168,7 @@ def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecod
     parameters["table"] = str(table)
     parameters["size"] = (float(packing.width), float(packing.height), 0.0)
     parameters["plane_corner"] = (float(plane.left), float(plane.top), 0.0)
-    parameters["plane_step"] = (
-        float((plane.right - plane.left) / target.width),
-        float((plane.top - plane.bottom) / target.height),
-        0.0,
-    )
+    parameters["plane_step"] = (*map(float, pixel_size(target)), 0.0)
     parameters["upwards"] = 1.0 if bpy.app.version >= TEXTURES_UPWARDS_FROM_VERSION else 0.0
     parameters["near_clip"] = float(packed.clip_start)
     parameters["aperture_size"] = aperture_radius(packed)
@@ -212,6 +208,7 @@ def _with_numbers(source: str, stands_there: str, numbers: NDArray[np.float32]) 
 
 OSL_CAMERA = PackedCamera(
     name="osl",
+    label="OSL camera",
     clips_by_distance=True,
     blocker=_blocker,
     settings=SETTINGS,

@@ -69,6 +69,7 @@ class PackedTask:
 class PackedCamera:
     """A way to have Cycles shoot the rays of a packed picture.
 
+    name is its name in settings, reports and files, and label the one in messages.
     blocker(scene, eyes, deepest) returns why it cannot do so in a working scene, in words, or None; its arguments are
     as for `packed_blocker`, and deepest counts only where it clips_by_distance. settings are the paths, from the scene,
     of what it sets, as drivers name them. in_place(scene, task, folder) is a context in which the scene renders the
@@ -77,6 +78,7 @@ class PackedCamera:
     """
 
     name: str
+    label: str
     clips_by_distance: bool
     blocker: Callable[[bpy.types.Scene, Iterable[Camera], float], str | None]
     settings: frozenset[str]

@@ -24,7 +24,7 @@ from .portal_camera import PORTAL_CAMERA
 from .render import Rendered, render_views
 
 CAMERAS = {camera.name: camera for camera in (OSL_CAMERA, PORTAL_CAMERA)}
-"""Packed cameras by name."""
+"""Packed cameras by name, the preferred ones first: what the OSL camera cannot trace are fewer and simpler cases."""
 
 PACKED_SETTINGS = frozenset(
     (*(f"render.{name}" for name in PACKED_RENDER_SETTINGS), *(f"cycles.{name}" for name in UNSHARED_NOISE))
@@ -32,26 +32,19 @@ PACKED_SETTINGS = frozenset(
 """Paths from the scene of the settings that every packed render changes, as drivers name them."""
 
 
-def packed_camera(scene: bpy.types.Scene, asked: str = "auto") -> PackedCamera:
-    """Return the camera of packed renders of a scene: the one asked for, "osl" or "portal"; with "auto" the OSL camera,
-    and the portal where Cycles has none or the scene's camera is orthographic. Raises BadInputError for an OSL camera
-    where there is none.
+def check_packed_by(scene: bpy.types.Scene, asked: str) -> None:
+    """Raise BadInputError where the OSL camera is asked for by its name, "osl", and Cycles has none here. Of the scene
+    its device alone counts.
     """
-    missing = missing_osl_cameras(scene)
-    if asked == "auto":
-        return CAMERAS["portal" if missing is not None or scene.camera.data.type == "ORTHO" else "osl"]
-    if asked == "osl" and missing is not None:
+    missing = missing_osl_cameras(scene) if asked == OSL_CAMERA.name else None
+    if missing is not None:
         raise BadInputError(f"--packed-by osl is not possible: {missing}; use --packed-by auto")
-    return CAMERAS[asked]
 
 
-def packed_blocker(
-    scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float, *, by: PackedCamera | None = None
-) -> str | None:
-    """Return why pixels of these views cannot be traced packed, in words; None if they can. deepest is the greatest
-    finite depth that a view has shown, in scene units. by is the packed camera, that of `packed_camera` by default.
+def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float, by: PackedCamera) -> str | None:
+    """Return why pixels of these views cannot be traced packed by this camera, in words; None if they can. deepest is
+    the greatest finite depth that a view has shown, in scene units.
     """
-    by = by or packed_camera(scene)
     checks = {
         "rolling shutter needs the frame's own rows": scene.render.use_motion_blur
         and scene.cycles.rolling_shutter_type != "NONE",
@@ -68,20 +61,45 @@ def packed_blocker(
     return reason or by.blocker(scene, eyes, deepest) or what_reads(scene, PACKED_SETTINGS | by.settings)
 
 
-class PackedBlockers:
-    """Reasons why pixels of a scene's views cannot be traced packed. Each is found out once, since all instances of the
-    scene are looked at; the scene must not change meanwhile.
+class PackedCameras:
+    """The packed cameras that may trace a scene's views, in the order in which they are preferred, and the reasons why
+    they cannot.
+
+    asked is the name of a packed camera, or "auto" for the first of `CAMERAS` that can. Each reason is found out once,
+    since all instances of the scene are looked at; the scene must not change meanwhile.
     """
 
-    def __init__(self, scene: bpy.types.Scene, eyes: Iterable[Camera], by: PackedCamera) -> None:
-        self._scene, self._eyes, self._by = scene, tuple(eyes), by
-        self._found: dict[float, str | None] = {}
+    def __init__(self, asked: str, eyes: Iterable[Camera]) -> None:
+        self._candidates = tuple(CAMERAS.values()) if asked == "auto" else (CAMERAS[asked],)
+        self._eyes = tuple(eyes)
+        self._found: dict[tuple[str, float], str | None] = {}
 
-    def at(self, deepest: float) -> str | None:
-        """Return what `packed_blocker` returns for this greatest depth."""
-        key = deepest if self._by.clips_by_distance else 0.0
+    def chosen(self, scene: bpy.types.Scene, deepest: float) -> PackedCamera:
+        """Return the first camera that can trace the scene's views, the last one where none can. scene is the one that
+        Cycles renders; deepest is as for `packed_blocker`.
+        """
+        *preferred, last = self._candidates
+        return next((camera for camera in preferred if self._reason(camera, scene, deepest) is None), last)
+
+    def blocker(self, scene: bpy.types.Scene, deepest: float) -> str | None:
+        """Return why no camera can trace the scene's views, in one line; None if one can. The arguments are those of
+        `chosen`.
+        """
+        reasons: dict[str, str] = {}
+        for camera in self._candidates:
+            reason = self._reason(camera, scene, deepest)
+            if reason is None:
+                return None
+            reasons[camera.label] = reason
+        if len(set(reasons.values())) == 1:
+            return next(iter(reasons.values()))
+        return "; ".join(f"{label}: {reason}" for label, reason in reasons.items())
+
+    def _reason(self, camera: PackedCamera, scene: bpy.types.Scene, deepest: float) -> str | None:
+        """Return what `packed_blocker` returns for one camera."""
+        key = camera.name, deepest if camera.clips_by_distance else 0.0
         if key not in self._found:
-            self._found[key] = packed_blocker(self._scene, self._eyes, deepest, by=self._by)
+            self._found[key] = packed_blocker(scene, self._eyes, deepest, camera)
         return self._found[key]
 
 
@@ -104,7 +122,7 @@ def trace_packed(
     folder: Path,
     *,
     seed: int,
-    by: PackedCamera | None = None,
+    by: PackedCamera,
 ) -> tuple[Rendered, list[Passes]]:
     """Trace pixels of any number of views in one render. Return the render, and the passes (N, C) of each view's
     pixels.
@@ -112,12 +130,11 @@ def trace_packed(
     view is the view of the scene that Blender renders, and `rendered` its camera; each of `views` has either that very
     camera or any other. If there are several, their cameras must keep their places to each other while the shutter is
     open, and nothing in the scene may depend on where Cycles' camera is: see `why_apart`. folder is private. by is the
-    packed camera, that of `packed_camera` by default.
+    packed camera.
     """
     packing = pack([pixels.places for pixels in views])
     clip_start = evaluated(scene.camera, scene).data.clip_start
     task = PackedTask(view, rendered, clip_start, views, packing, frame_region(scene.render))
-    by = by or packed_camera(scene)
     if task.others:
         switch_on_positions(scene)
     with tempfile.TemporaryDirectory(dir=folder) as tables, by.in_place(scene, task, Path(tables)):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
-from ...views.camera import Camera, target_from_source
+from ...views.camera import Camera, pixel_size, target_from_source
 from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
@@ -48,9 +48,8 @@ def numbers_of_others(scene: bpy.types.Scene, rendered: Camera, others: Sequence
     numbers: list[float] = []
     for camera in others:
         plane = camera.plane
-        step = (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
         pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
-        numbers += [plane.left, plane.top, *step, focus_distance_of(scene, camera), *pose[:3].ravel()]
+        numbers += [plane.left, plane.top, *pixel_size(camera), focus_distance_of(scene, camera), *pose[:3].ravel()]
     return tuple(float(number) for number in numbers)
 
 

@@ -1,15 +1,15 @@
-"""The packed camera without OSL: a plain camera looks at a card, and a Ray Portal sends its rays on (see
+"""The packed camera without OSL: a plain camera looks at a sheet, and a Ray Portal sends its rays on (see
 portal_material.py). It works on every device.
 
 The packed camera is the rendered view's own, with another piece of the view plane: pixels as large as the view's, as
 many as the packed picture has. What Cycles derives from the camera (depth, mist, motion in pixels, camera coordinates
-in shaders, the footprint of a pixel) so stays that of the view. The card stands between the camera's place and its
+in shaders, the footprint of a pixel) so stays that of the view. The sheet stands between the camera's place and its
 near clip, where no ray of the view comes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -20,54 +20,37 @@ from numpy.typing import NDArray
 from ...images.effects import Effect
 from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
-from ...views.camera import Camera, OrthographicCamera, target_from_source
+from ...views.camera import Camera, OrthographicCamera, pixel_size, target_from_source
 from ..scene.animated import animated_values
-from ..scene.effects import shader_nodes, uses_output
+from ..scene.effects import shader_nodes, uses_output, what_moves
 from ..scene.materials import world_shading
-from ..scene.visible import aperture_radius, seen_beyond, volume_boxes
+from ..scene.motion import while_open
+from ..scene.visible import aperture_radius, reaches_beyond, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
 from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
 from .packed_views import focus_distance_of, may_begin_in
-from .portal_card import put_card
 from .portal_geometry import (
-    CardPlace,
-    card_place,
+    SheetPlace,
     on_plane,
     packed_step,
     place_of,
+    sheet_place,
     spread_ratio,
-    steps,
 )
-from .portal_material import VIEW_ROWS, CardRays, ViewRays, build_material
+from .portal_material import VIEW_ROWS, SheetRays, ViewRays, build_material
 from .portal_passes import as_plain
-
-MAX_JITTER_PIXELS = 0.9
-"""Part of a packed pixel, along its side, in which rays are shot: rounding cannot bring them into the next pixel. A box
-filter has no width that can be set, and fills the pixel."""
-
-SENSOR_MM = 8.0
-"""Width of the packed camera's sensor, unless so many pixels are traced that its lens would be too short for it."""
-
-FOCUS_RADII = 1e7
-"""Depth in focus of the packed perspective camera over the radius of its aperture: it is as good as endless."""
-
-MAX_SPREAD_RATIO = 1.6
-"""Spread of the rays in the middle of a view over that in its corners, up to which bumps look alike: with 35 mm (1.2)
-the error was 1.01 times that between two seeds, with 18 mm (1.8) 1.07 times, on a floor that was all bumps."""
+from .portal_sheet import put_sheet
+from .tuning import TUNING
 
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
 
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
 
-LEAST_ALPHA = 1e-6
-"""Smallest alpha threshold of passes: at 0 they would show the card. Where the user has 0, what is wholly transparent
-is in a plain render's passes, and not in those of traced pixels."""
-
 VOLUMES_GUIDED_FROM_VERSION = (5, 0, 0)
 """Version of Blender from which Cycles guides how likely camera rays scatter in a volume."""
 
 COUNTERS = ("Transparent Depth", "Portal Depth")
-"""Outputs of the Light Path node that count the card; 4.5 has not the second."""
+"""Outputs of the Light Path node that count the sheet; 4.5 has not the second."""
 
 CYCLES_SETTINGS = ("filter_width", "transparent_max_bounces", "min_transparent_bounces")
 
@@ -104,22 +87,38 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
         and not getattr(layer.cycles, "denoising_pass_follow_reflections", True),
         "the pixel filter or the limit of transparent bounces is animated": _is_overwritten(scene),
         "the near clip is too close to the camera for the portal to be before it": any(
-            card_place(eye, lens.clip_start) is None for eye in eyes
+            sheet_place(eye, lens.clip_start) is None for eye in eyes
         ),
         # Rays that a portal sends on have no end, and pixels all the same width.
         "a wireframe is drawn as wide in pixels, and a portal's are all as wide": any(
             node.bl_idname == "ShaderNodeWireframe" and node.use_pixel_size for node in shader_nodes()
         ),
         "a material has bumps, and pixels of so wide a lens differ": uses_output("ShaderNodeBump", "Normal")
-        and any(spread_ratio(eye) > MAX_SPREAD_RATIO for eye in eyes),
+        and any(spread_ratio(eye) > TUNING.max_bump_spread_ratio for eye in eyes),
         "a volume of the world ends at the camera's clip end": world is not None
         and bool(world_shading(world) & Effect.VOLUME),
-        # Cycles guides a ray's first part in a volume, and up to the card there is next to nothing of it: more noise.
+        # Cycles guides a ray's first part in a volume, and up to the sheet there is next to nothing of it: more noise.
         "a view may begin in a volume": bpy.app.version >= VOLUMES_GUIDED_FROM_VERSION
         and may_begin_in(scene, volume_boxes(scene), eyes),
-        "something may be seen beyond the camera's clip end": seen_beyond(scene, eyes, lens.clip_end),
     }
-    return next((reason for reason, blocks in checks.items() if blocks), None)
+    reason = next((reason for reason, blocks in checks.items() if blocks), None)
+    return reason or _beyond_clip_end(scene, eyes, lens.clip_end)
+
+
+def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: float) -> str | None:
+    """Return what may be seen beyond the camera's clip end, in words; None if there is nothing.
+
+    With the shutter open, what is out of view may come into it, by its own motion or by the camera's. Then all counts
+    that is farther away than the clip end when the shutter opens, closes, or is half way.
+    """
+    if scene.render.use_motion_blur and what_moves(scene):
+        place = np.array(evaluated(scene.camera, scene).matrix_world.translation)
+        apart = max(float(np.linalg.norm(eye.world_from_camera[:3, 3] - place)) for eye in eyes)
+        found = while_open(scene, (0.0, 0.5, 1.0), lambda: reaches_beyond(scene, clip_end - apart))
+        name = next(filter(None, found), None)
+    else:
+        name = seen_beyond(scene, eyes, clip_end)
+    return None if name is None else f"{name!r} may be seen beyond the camera's clip end"
 
 
 def _is_overwritten(scene: bpy.types.Scene) -> bool:
@@ -130,17 +129,17 @@ def _is_overwritten(scene: bpy.types.Scene) -> bool:
 
 @contextmanager
 def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterator[None]:
-    """Have a card before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
-    what it sets of the scene and of its camera is restored afterwards, also after an error. The card itself stays in
-    the working scene, with its mesh, its material and the images of its tables (see portal_card.py). The folder takes
+    """Have a sheet before the scene's camera that sends the packed picture's rays on, for the time of a `with` block;
+    what it sets of the scene and of its camera is restored afterwards, also after an error. The sheet itself stays in
+    the working scene, with its mesh, its material and the images of its tables (see portal_sheet.py). The folder takes
     the tables.
     """
     place = place_of(task)
     pixel_filter, cycles = scene.cycles.pixel_filter_type, scene.cycles
     support = filter_support(pixel_filter, cycles.filter_width)
-    jitter = 1.0 if pixel_filter == "BOX" else MAX_JITTER_PIXELS
+    jitter = 1.0 if pixel_filter == "BOX" else TUNING.jitter_pixels
     step = packed_step(task)
-    card = CardRays(
+    sheet = SheetRays(
         orthographic=isinstance(task.rendered, OrthographicCamera),
         size=(task.packing.width, task.packing.height),
         step=step,
@@ -148,46 +147,46 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         widening=support / jitter,
     )
     views = ViewRays(
-        step=steps(task.rendered),
+        step=pixel_size(task.rendered),
         focus=focus_distance_of(scene, task.rendered),
         lens=aperture_radius(evaluated(scene.camera, scene).data) / place.lens_radius,
         near_clip=task.clip_start,
         count=1 + len(task.others),
     )
     tables = [folder / "pixels.exr"]
-    write_table(tables[0], _pixels_table(task, card.widening))
+    write_table(tables[0], _pixels_table(task, sheet.widening))
     if task.others:
         tables.append(folder / "views.exr")
         write_table(tables[1], _views_table(scene, task))
     # As wide as the scene's own, and of its kind: so much of a pixel is so much of the scene's filter.
     narrow = {"filter_width": cycles.filter_width * jitter / support}
-    # The card is a transparent surface more.
+    # The sheet is a transparent surface more.
     bounces = {name: getattr(cycles, name) + 1 for name in CYCLES_SETTINGS[1:]}
     layer = rendered_layer(scene)
-    seen = max(layer.pass_alpha_threshold, LEAST_ALPHA)
+    seen = max(layer.pass_alpha_threshold, TUNING.min_pass_alpha_threshold)
     with ExitStack() as restored:
         restored.enter_context(changed(layer, pass_alpha_threshold=seen))
         packed = restored.enter_context(lens_to_set(scene))
         restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
-        restored.enter_context(_set_camera(packed, card, place))
-        build_material(put_card(scene, task, card, place), card, views, tables)
+        restored.enter_context(_set_camera(packed, sheet, place))
+        build_material(put_sheet(scene, task, sheet, place), sheet, views, tables)
         yield
 
 
 @contextmanager
-def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> Iterator[None]:
-    """Have the lens `packed` look at the card, for the time of a `with` block."""
-    width = card.size[0] * card.step[0]
-    if card.orthographic:
+def _set_camera(packed: bpy.types.Camera, sheet: SheetRays, place: SheetPlace) -> Iterator[None]:
+    """Have the lens `packed` look at the sheet, for the time of a `with` block."""
+    width = sheet.size[0] * sheet.step[0]
+    if sheet.orthographic:
         view = {"ortho_scale": width}
         diameter, focus = 1.0, place.depth
     else:
         # Blender takes no lens of less than 1 mm.
-        sensor = max(SENSOR_MM, width)
+        sensor = max(TUNING.sensor_mm, width)
         view = {"sensor_width": sensor, "lens": sensor / width}
-        diameter, focus = sensor / width * 1e-3, FOCUS_RADII * place.lens_radius
+        diameter, focus = sensor / width * 1e-3, TUNING.focus_lens_radii * place.lens_radius
     stop = {"aperture_fstop": diameter / (2.0 * place.lens_radius), "focus_distance": focus, "focus_object": None}
     with (
         changed(packed, sensor_fit="HORIZONTAL", clip_start=place.near_clip, **view),
@@ -197,7 +196,7 @@ def _set_camera(packed: bpy.types.Camera, card: CardRays, place: CardPlace) -> I
 
 
 def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
-    """Return the pixels' table (height, width, 4) that `build_material` takes; widening is as in `CardRays`."""
+    """Return the pixels' table (height, width, 4) that `build_material` takes; widening is as in `SheetRays`."""
     packing = task.packing
     table = np.full((packing.height * packing.width, 4), -1.0, np.float32)
     number = 0
@@ -205,7 +204,7 @@ def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
         own = pixels.camera is task.rendered
         number += not own
         x, y = on_plane(pixels)
-        across, up = steps(pixels.camera)
+        across, up = pixel_size(pixels.camera)
         table[at, 0], table[at, 1] = x / across - 0.5 * widening, y / up - 0.5 * widening
         table[at, 2] = 0 if own else number
     table[:, 3] = 1.0
@@ -218,7 +217,7 @@ def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32
     table = np.ones((VIEW_ROWS, len(cameras), 4), np.float32)
     for number, camera in enumerate(cameras):
         pose = target_from_source(camera, task.rendered)
-        across, up = steps(camera)
+        across, up = pixel_size(camera)
         table[0, number, :3] = pose[:3, 0] * across
         table[1, number, :3] = pose[:3, 1] * up
         table[2, number, :3] = -pose[:3, 2]
@@ -229,6 +228,7 @@ def _views_table(scene: bpy.types.Scene, task: PackedTask) -> NDArray[np.float32
 
 PORTAL_CAMERA = PackedCamera(
     name="portal",
+    label="Ray Portal",
     clips_by_distance=False,
     blocker=_blocker,
     settings=SETTINGS,

@@ -1,4 +1,4 @@
-"""The place of the portal's card, and the pixels of the packed camera that looks at it."""
+"""The place of the portal's sheet, and the pixels of the packed camera that looks at it."""
 
 from __future__ import annotations
 
@@ -7,26 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...views.camera import Camera, OrthographicCamera
+from ...views.camera import Camera, OrthographicCamera, pixel_size
 from .packed_camera import PackedTask
 from .packed_views import PackedPixels
+from .tuning import TUNING
 
-DEPTH_SHARE = 1.0 / 64.0
-"""Depth of the card over that of the near clip: the closer to the camera, the less can stand in front of it."""
-
-LEAST_DEPTH_ROUNDINGS = 12
-"""Least depth of the card, over what coordinates of the camera's place are rounded by."""
-
-LENS_ROUNDINGS = 4096
-"""Least radius of the packed camera's aperture, over the same: places on it are told apart by so much."""
-
-MIN_CLIP = 1e-6
+MIN_NEAR_CLIP_UNITS = 1e-6
 """Smallest near clip that Blender takes, in scene units."""
 
 
 @dataclass(frozen=True)
-class CardPlace:
-    """Place of the card before the packed camera, in scene units: its depth, the camera's near clip, and the radius of
+class SheetPlace:
+    """Place of the sheet before the packed camera, in scene units: its depth, the camera's near clip, and the radius of
     its aperture where it has one."""
 
     depth: float
@@ -34,33 +26,27 @@ class CardPlace:
     lens_radius: float
 
 
-def place_of(task: PackedTask) -> CardPlace:
-    """Return where the card of a packed render stands; there is room for it."""
-    place = card_place(task.rendered, task.clip_start)
+def place_of(task: PackedTask) -> SheetPlace:
+    """Return where the sheet of a packed render stands; there is room for it."""
+    place = sheet_place(task.rendered, task.clip_start)
     assert place is not None
     return place
 
 
-def card_place(camera: Camera, clip_start: float) -> CardPlace | None:
-    """Return where the card stands before a camera with this near clip; None where there is no room for it."""
+def sheet_place(camera: Camera, clip_start: float) -> SheetPlace | None:
+    """Return where the sheet stands before a camera with this near clip; None where there is no room for it."""
     rounding = float(np.spacing(np.float32(np.abs(camera.world_from_camera[:3, 3]).max())))
-    least = max(LEAST_DEPTH_ROUNDINGS * rounding, 2.0 * MIN_CLIP)
-    depth = max(DEPTH_SHARE * clip_start, least)
+    least = max(TUNING.min_sheet_depth_roundings * rounding, 2.0 * MIN_NEAR_CLIP_UNITS)
+    depth = max(TUNING.sheet_depth_near_clips * clip_start, least)
     if depth > 0.5 * clip_start:
         return None
-    return CardPlace(depth, 0.5 * depth, max(depth, LENS_ROUNDINGS * rounding))
-
-
-def steps(camera: Camera) -> tuple[float, float]:
-    """Return the width and the height of a camera's pixel on its view plane."""
-    plane = camera.plane
-    return (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
+    return SheetPlace(depth, 0.5 * depth, max(depth, TUNING.min_lens_radius_roundings * rounding))
 
 
 def on_plane(pixels: PackedPixels) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return x and y (N,) of the pixels' centres on their camera's view plane."""
     camera, plane = pixels.camera, pixels.camera.plane
-    across, up = steps(camera)
+    across, up = pixel_size(camera)
     return plane.left + (pixels.places[:, 1] + 0.5) * across, plane.top - (pixels.places[:, 0] + 0.5) * up
 
 
@@ -68,11 +54,11 @@ def packed_step(task: PackedTask) -> tuple[float, float]:
     """Return the width and the height of a packed pixel on the packed camera's plane: those of the rendered view's
     pixels, times how much wider the views' pixels are seen than those in the middle of its picture.
     """
-    across, up = steps(task.rendered)
+    across, up = pixel_size(task.rendered)
     if isinstance(task.rendered, OrthographicCamera):
         return across, up
     packing = task.packing
-    wanted = np.concatenate([spread(*on_plane(pixels), *steps(pixels.camera)) for pixels in task.views])
+    wanted = np.concatenate([spread(*on_plane(pixels), *pixel_size(pixels.camera)) for pixels in task.views])
     x, y = np.meshgrid(
         (np.arange(packing.width) + 0.5 - 0.5 * packing.width) * across,
         (np.arange(packing.height) + 0.5 - 0.5 * packing.height) * up,
@@ -87,7 +73,7 @@ def spread_ratio(camera: Camera) -> float:
         return 1.0
     plane = camera.plane
     x, y = np.meshgrid((plane.left, 0.0, plane.right), (plane.bottom, 0.0, plane.top))
-    spreads = spread(x, y, *steps(camera))
+    spreads = spread(x, y, *pixel_size(camera))
     return float(spreads.max() / spreads.min())
 
 

@@ -1,8 +1,8 @@
-"""The material of the portal camera's card: nodes that turn a ray of the packed picture into a ray of a view.
+"""The material of the portal camera's sheet: nodes that turn a ray of the packed picture into a ray of a view.
 
-A ray meets the card; a table says which pixel of which view its place in the packed picture stands for; and a Ray
-Portal BSDF sends it on as that pixel's ray. All of it is worked out in the card's own space, which is the rendered
-view's camera space, also while camera and card move with the shutter open.
+A ray meets the sheet; a table says which pixel of which view its place in the packed picture stands for; and a Ray
+Portal BSDF sends it on as that pixel's ray. All of it is worked out in the sheet's own space, which is the rendered
+view's camera space, also while camera and sheet move with the shutter open.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import bpy
 from ..scene.working import KEPT_OBJECT
 
 VIEW_ROWS = 5
-"""Rows of the views' table, for several views. They hold, for each view, in the card's space: one of its pixels to the
+"""Rows of the views' table, for several views. They hold, for each view, in the sheet's space: one of its pixels to the
 right, one upwards and one unit of depth ahead (three numbers each); its place (three); and the depth in focus and how
 many pixels are one unit to the right and upwards."""
 
 KIND = "stereo_reproject_kind"
-"""Property of the card's material that tells for which kind of rays it was made."""
+"""Property of the sheet's material that tells for which kind of rays it was made."""
 
 Socket = bpy.types.NodeSocket
 Value = Socket | float | tuple[float, float, float]
@@ -29,12 +29,12 @@ Value = Socket | float | tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class CardRays:
-    """Rays of a packed picture up to the card, in the card's space and scene units.
+class SheetRays:
+    """Rays of a packed picture up to the sheet, in the sheet's space and scene units.
 
     size is the picture's width and height in pixels, and step a pixel's width and height on its plane: at unit depth,
-    or for an orthographic camera in scene units. depth is the card's. widening is the width of the scene's pixel filter
-    over that of the packed picture.
+    or for an orthographic camera in scene units. depth is the sheet's. widening is the width of the scene's pixel
+    filter over that of the packed picture.
     """
 
     orthographic: bool
@@ -46,7 +46,7 @@ class CardRays:
 
 @dataclass(frozen=True)
 class ViewRays:
-    """Rays of views from the card on, in the card's space and scene units.
+    """Rays of views from the sheet on, in the sheet's space and scene units.
 
     step is a pixel's width and height on the rendered view's plane, and focus the depth at which it is in focus. lens
     is the radius of the views' aperture over that of the packed camera, 0 without depth of field. near_clip is the
@@ -60,8 +60,8 @@ class ViewRays:
     count: int
 
 
-def build_material(material: bpy.types.Material, card: CardRays, views: ViewRays, tables: Sequence[Path]) -> None:
-    """Make the material of the card, or set it anew. tables are the files of the pixels' table and, for several views,
+def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRays, tables: Sequence[Path]) -> None:
+    """Make the material of the sheet, or set it anew. tables are the files of the pixels' table and, for several views,
     of the views' table.
 
     Where the material has nodes for rays of this kind already, only their values are set: where nodes come or go,
@@ -71,20 +71,20 @@ def build_material(material: bpy.types.Material, card: CardRays, views: ViewRays
     view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
     its view, -1 where there is no pixel.
     """
-    kind = f"{card.orthographic} {views.lens > 0.0} {views.count > 1}"
+    kind = f"{sheet.orthographic} {views.lens > 0.0} {views.count > 1}"
     known = material.get(KIND) == kind
     if not known:
         remove_nodes(material)
     material[KIND] = kind
     graph = _Graph(material.node_tree, known=known)
-    raster, on_lens = _place_in_picture(graph, card)
-    entry, place = _look_up(graph, card, raster, tables[0])
+    raster, on_lens = _place_in_picture(graph, sheet)
+    entry, place = _look_up(graph, sheet, raster, tables[0])
     number = graph.part(entry, 2)
     if views.count == 1:
         view = _View((*views.step, 0.0), None, (0.0, 0.0, -1.0), None, views.focus, None)
     else:
         view = _view_of_table(graph, views, number, tables[1])
-    shoot = _orthographic_ray if card.orthographic else _perspective_ray
+    shoot = _orthographic_ray if sheet.orthographic else _perspective_ray
     begins, direction = shoot(graph, views, view, place, on_lens)
     portal = graph.node("ShaderNodeBsdfRayPortal")
     # Where the table has no pixel, the ray ends.
@@ -97,39 +97,40 @@ def build_material(material: bpy.types.Material, card: CardRays, views: ViewRays
     graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
 
 
-def _place_in_picture(graph: _Graph, card: CardRays) -> tuple[Socket, Socket]:
+def _place_in_picture(graph: _Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     """Return the place of a ray in the packed picture, in pixels from its lower left corner, and its place on the
     packed camera's aperture, in scene units.
 
     A perspective camera that is focused on what is endlessly far has the one in the ray's direction and the other in
-    the place where the ray meets the card; an orthographic one that is focused on the card has it the other way round.
+    the place where the ray meets the sheet; an orthographic one that is focused on the sheet has it the other way
+    round.
     """
     geometry = graph.node("ShaderNodeNewGeometry")
     back = graph.transformed(geometry.outputs["Incoming"], "VECTOR", "WORLD", "OBJECT")
     back = graph.scaled(back, graph.math("DIVIDE", 1.0, graph.part(back, 2)))
     met = graph.transformed(geometry.outputs["Position"], "POINT", "WORLD", "OBJECT")
-    depth = (card.depth, card.depth, 0.0)
-    x, y = (1.0 / side for side in card.step)
-    middle = (0.5 * card.size[0], 0.5 * card.size[1], 0.0)
-    if card.orthographic:
+    depth = (sheet.depth, sheet.depth, 0.0)
+    x, y = (1.0 / side for side in sheet.step)
+    middle = (0.5 * sheet.size[0], 0.5 * sheet.size[1], 0.0)
+    if sheet.orthographic:
         return graph.vector("MULTIPLY_ADD", met, (x, y, 0.0), middle), graph.vector("MULTIPLY", back, depth)
     return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
 
-def _look_up(graph: _Graph, card: CardRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
+def _look_up(graph: _Graph, sheet: SheetRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
     """Return the entry of the pixels' table at a place in the packed picture, and the ray's place on its view's plane,
     in pixels as the entry has it.
     """
-    width, height = card.size
+    width, height = sheet.size
     corner, within = graph.vector("FLOOR", raster), graph.vector("FRACTION", raster)
     texel = graph.vector("MULTIPLY_ADD", corner, (1.0 / width, 1.0 / height, 0.0), (0.5 / width, 0.5 / height, 0.0))
     entry = graph.texture(pixels, texel)
-    return entry, graph.vector("MULTIPLY_ADD", within, (card.widening, card.widening, 0.0), entry)
+    return entry, graph.vector("MULTIPLY_ADD", within, (sheet.widening, sheet.widening, 0.0), entry)
 
 
 @dataclass(frozen=True)
 class _View:
-    """A view in the card's space: one of its pixels to the right and one upwards, one unit of depth ahead, its place,
+    """A view in the sheet's space: one of its pixels to the right and one upwards, one unit of depth ahead, its place,
     the depth at which it is in focus, and how many of its pixels are one unit to the right and upwards.
 
     Without `up` the space is the view's own: `right` has the width and the height of a pixel in x and y, and no place
@@ -144,13 +145,13 @@ class _View:
     pixels_per_unit: tuple[Value, Value] | None
 
     def sideways(self, graph: _Graph, place: Socket) -> Socket:
-        """Return a place on the view's plane, in its pixels, as a way in the card's space."""
+        """Return a place on the view's plane, in its pixels, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, self.right)
         return graph.combined(self.right, graph.part(place, 0), self.up, graph.part(place, 1))
 
     def on_lens(self, graph: _Graph, place: Socket) -> Socket:
-        """Return a place on the view's aperture, in scene units, as a way in the card's space."""
+        """Return a place on the view's aperture, in scene units, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, (1.0, 1.0, 0.0))
         x, y = (graph.math("MULTIPLY", graph.part(place, axis), self.pixels_per_unit[axis]) for axis in (0, 1))
@@ -177,8 +178,8 @@ def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) 
 def _perspective_ray(
     graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
-    """Return where the ray through a place on a view's plane begins, and its direction, in the card's space. on_lens is
-    its place on the packed camera's aperture.
+    """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
+    is its place on the packed camera's aperture.
     """
     through = graph.vector("ADD", view.sideways(graph, place), view.ahead)
     if views.lens == 0.0:
@@ -196,8 +197,8 @@ def _perspective_ray(
 def _orthographic_ray(
     graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
-    """Return where the ray through a place on a view's plane begins, and its direction, in the card's space. on_lens is
-    its place on the packed camera's aperture.
+    """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
+    is its place on the packed camera's aperture.
     """
     begins = view.sideways(graph, place)
     if views.lens == 0.0:
@@ -213,7 +214,7 @@ def _orthographic_ray(
 
 def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
     """Return a surface that is the portal to rays that have met nothing before, and nothing to all others: a view may
-    look at the place where the card is.
+    look at the place where the sheet is.
     """
     met = graph.math("GREATER_THAN", graph.node("ShaderNodeLightPath").outputs["Transparent Depth"], 0.5)
     mix = graph.node("ShaderNodeMixShader")
@@ -224,7 +225,7 @@ def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
 
 
 def remove_nodes(material: bpy.types.Material) -> None:
-    """Remove the nodes of the card's material, and their images."""
+    """Remove the nodes of the sheet's material, and their images."""
     images = {node.image for node in material.node_tree.nodes if isinstance(node, bpy.types.ShaderNodeTexImage)}
     material.node_tree.nodes.clear()
     for image in images:

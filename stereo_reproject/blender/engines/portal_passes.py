@@ -8,33 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
-from ...views.camera import OrthographicCamera
+from ...views.camera import OrthographicCamera, pixel_size
 from .packed_camera import PackedTask
 from .packed_views import POSITION, PackedPixels, seen_from_view
-from .portal_geometry import on_plane, packed_step, place_of, steps
-
-CARD_REACH = 8.0
-"""Distance from the camera within which all of the card lies that is seen, over its depth and the aperture's radius."""
-
-NEWTON_STEPS = 8
-"""Steps by which directions are found again from their motion in pixels; three are enough for any but fast turns."""
+from .portal_geometry import on_plane, packed_step, place_of
+from .tuning import TUNING
 
 MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
-"""Passes in which the card counts: the length of the rays, and what is reflected sharply."""
+"""Passes in which the sheet counts: the length of the rays, and what is reflected sharply."""
 
 
 def as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
     """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles leaves depth and place of
-    the card where a ray meets nothing behind it, and counts the way to the card and what the card lets through.
+    the sheet where a ray meets nothing behind it, and counts the way to the sheet and what the sheet lets through.
     """
     passes, pixels = dict(flat), task.views[index]
     # Some versions leave depth endless there themselves.
-    sky = _shows_card(flat, task, own=pixels.camera is task.rendered) | np.isposinf(flat[DEPTH_PASS])
+    sky = _shows_sheet(flat, task, own=pixels.camera is task.rendered) | np.isposinf(flat[DEPTH_PASS])
     passes[DEPTH_PASS] = np.where(sky, np.float32(np.inf), flat[DEPTH_PASS])
     if POSITION in flat:
         passes[POSITION] = np.where(sky, np.float32(0.0), flat[POSITION])
     if MEAN_LENGTH in flat:
-        passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_card(task, index)[:, None]).astype(np.float32)
+        passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_sheet(task, index)[:, None]).astype(np.float32)
     if SPECULAR_ALBEDO in flat:
         passes[SPECULAR_ALBEDO] = flat[SPECULAR_ALBEDO] - np.float32(1.0)
     if pixels.camera is not task.rendered:
@@ -44,8 +39,8 @@ def as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
     return passes
 
 
-def _shows_card(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool_]:
-    """Return where (N, 1) depth and place are the card's: nothing of the rendered view is so near, and of another view
+def _shows_sheet(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool_]:
+    """Return where (N, 1) depth and place are the sheet's: nothing of the rendered view is so near, and of another view
     (not `own`) nothing is in that place.
     """
     place = place_of(task)
@@ -53,11 +48,11 @@ def _shows_card(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool
     if own:
         return near
     away = np.linalg.norm(flat[POSITION] - task.rendered.world_from_camera[:3, 3], axis=-1, keepdims=True)
-    return near & (away < CARD_REACH * (place.depth + place.lens_radius))
+    return near & (away < TUNING.sheet_reach_depths * (place.depth + place.lens_radius))
 
 
-def _lengths_to_card(task: PackedTask, index: int) -> NDArray[np.float64]:
-    """Return the lengths (N,) of the rays of one view's pixels from the packed camera's near clip to the card."""
+def _lengths_to_sheet(task: PackedTask, index: int) -> NDArray[np.float64]:
+    """Return the lengths (N,) of the rays of one view's pixels from the packed camera's near clip to the sheet."""
     place, packing = place_of(task), task.packing
     length = place.depth - place.near_clip
     if isinstance(task.rendered, OrthographicCamera):
@@ -74,7 +69,7 @@ def _motion(
     """Return motion vectors (N, 4) in pixels of the rendered view, from those in packed pixels. sky (N,) are pixels of
     what is endlessly far.
     """
-    (across, up), (packed_across, packed_up) = steps(task.rendered), packed_step(task)
+    (across, up), (packed_across, packed_up) = pixel_size(task.rendered), packed_step(task)
     converted = vectors * np.float32(packed_across / across)
     # 4.5 gives no vectors of the sky: what moves in its pixels is what else is in them.
     if isinstance(task.rendered, OrthographicCamera) or not sky.any() or not vectors[sky].any(axis=-1).all():
@@ -115,7 +110,7 @@ class _Raster:
         change = np.zeros_like(ahead)
         slope = np.array([-self.middle_x / self.per_x, -self.middle_y / self.per_y, 1.0])
         start = np.concatenate([moved / np.array([self.per_x, self.per_y]), np.zeros((len(moved), 1))], axis=-1)
-        for _ in range(NEWTON_STEPS):
+        for _ in range(TUNING.motion_newton_steps):
             change = start + change[:, 2:] * slope
             off = ((ahead + change) ** 2).sum(axis=-1) - 1.0
             per_depth = 2.0 * ((ahead + change) * slope).sum(axis=-1)

@@ -36,9 +36,10 @@ from ..scene.visible import lens_of, mirror_boxes, volume_boxes
 from ..scene.working import CYCLES, changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
-from .packed_trace import PackedBlockers, packed_camera
+from .packed_camera import PackedCamera
+from .packed_trace import PackedCameras, check_packed_by
 from .packed_views import switch_on_positions, without_added_positions
-from .portal_card import hide_card, without_card
+from .portal_sheet import hide_sheet, without_sheet
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
@@ -61,7 +62,7 @@ class BlenderRenderer:
     scene is a working scene and user_scene the one that it is a copy of; folder is private and takes the files between
     the stages. `plan` says which effects the scene calls for. views are further cameras by name, besides Blender's two
     eyes: their pixels can be traced, by the packed method alone. packed_by is the packed camera that was asked for:
-    "auto", "osl" or "portal".
+    "auto", "osl" or "portal". Raises BadInputError for "osl" where Cycles has no OSL camera.
     """
 
     gpu = staticmethod(gpu_warper)
@@ -81,7 +82,7 @@ class BlenderRenderer:
         packed_by: str = "auto",
     ) -> None:
         self.scene = scene
-        self.packed = packed_camera(scene, packed_by)
+        check_packed_by(scene, packed_by)
         self.folder = folder
         eyes = stereo_cameras(evaluated(scene.camera, scene), scene.render)
         self.cameras: dict[str, Camera] = {**(views or {}), **eyes}
@@ -100,7 +101,9 @@ class BlenderRenderer:
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
-        self._packed_blockers = PackedBlockers(scene, self.cameras.values(), self.packed)
+        self._packed_cameras = PackedCameras(packed_by, self.cameras.values())
+        self._deepest = 0.0
+        """Greatest finite depth that `fill_blockers` was told last, in scene units."""
         self.samples_rendered: int | None = None
         """Samples of the source, where the scene has a time limit."""
         self.uncounted: str | None = None
@@ -137,7 +140,7 @@ class BlenderRenderer:
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
-        hide_card(self.scene, self.cameras.values())
+        hide_sheet(self.scene, self.cameras.values())
         limited = has_time_limit(self.scene)
         if limited:
             count_samples(self.scene)
@@ -146,40 +149,37 @@ class BlenderRenderer:
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
-        self.metadata.update(without_card(rendered.attributes))
+        self.metadata.update(without_sheet(rendered.attributes))
         passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
         if not ours_too:
-            return self._as_asked_for(passes), cost_of(rendered)
+            return _as_asked_for(self.scene, passes), cost_of(rendered)
         layer = rendered_layer(self.scene).name
         ours = {
             EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
             MATERIAL_PASS: material_pass(passes),
         }
         known = {name: image for name, image in ours.items() if image is not None}
-        return {**self._as_asked_for(passes), **known}, cost_of(rendered)
+        return {**_as_asked_for(self.scene, passes), **known}, cost_of(rendered)
 
-    def _as_asked_for(self, passes: Passes) -> Passes:
-        """Return the passes without the materials' cryptomatte, unless the user has asked for it."""
-        if self.scene.render.engine != CYCLES or cryptomatte_asked_for(self.scene):
-            return passes
-        return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
+    @property
+    def traced_scene(self) -> bpy.types.Scene:
+        """The scene in which Cycles traces pixels: the working scene itself."""
+        return self.scene
+
+    @property
+    def packed(self) -> PackedCamera:
+        """The packed camera that traces the scene, by the depths that `fill_blockers` was told last."""
+        return self._packed_cameras.chosen(self.traced_scene, self._deepest)
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         """Return for each fill method but "full" why the scene cannot be traced by it, in words, or None if it can.
         deepest is the greatest finite depth that was seen, in scene units; 0 before anything was rendered.
         """
-        if self.scene.render.engine != CYCLES:
+        scene, self._deepest = self.traced_scene, deepest
+        if scene.render.engine != CYCLES:
             return dict.fromkeys(("packed", "card"), "the scene renders with EEVEE")
-        return self.cycles_blockers(deepest)
-
-    def cycles_blockers(self, deepest: float) -> dict[str, str | None]:
-        """Return for each fill method but "full" why Cycles cannot trace the scene by it, in words, or None if it can;
-        deepest is as for `fill_blockers`.
-        """
-        return {
-            "packed": self.uncounted or self._packed_blockers.at(deepest),
-            "card": self.uncounted or card_blocker(self.scene),
-        }
+        packed, card = self._packed_cameras.blocker(scene, deepest), card_blocker(scene)
+        return {"packed": self.uncounted or packed, "card": self.uncounted or card}
 
     def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
         """Return the costs of tracing once the pixels of a request were traced packed, as `calibration.CostMeasurer`
@@ -207,7 +207,7 @@ class BlenderRenderer:
         enough = has_time_limit(self.scene) and method != "full"
         with self._noisy(), without_time_limit(self.scene, self.samples_rendered) if enough else nullcontext():
             if method == "packed":
-                renders, traced = self._traced_together(self.scene, requests)
+                renders, traced = self._traced_together(requests)
                 if len(renders) == 1:
                     # Of several, nobody knows which has traced what.
                     pixels = sum(float(np.mean(mask)) for request in requests for mask in request.masks)
@@ -216,12 +216,9 @@ class BlenderRenderer:
                 traced = [self._trace_whole(method, request) for request in requests]
         return [self._guided(passes) for passes in traced]
 
-    def _traced_together(
-        self, scene: bpy.types.Scene, requests: Sequence[TraceRequest]
-    ) -> tuple[list[Rendered], list[Passes]]:
-        """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C).
-        scene is the one that Cycles renders.
-        """
+    def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
+        """Trace all requests packed, with seeds of their own; return the renders, and each request's passes (N, C)."""
+        scene = self.traced_scene
         return trace_together(scene, self.cameras, self.volumes, requests, self.folder, self._next_seed, self.packed)
 
     def _trace_whole(self, method: str, request: TraceRequest) -> Passes:
@@ -229,7 +226,7 @@ class BlenderRenderer:
         large as the view.
         """
         check_blenders(request.view)
-        hide_card(self.scene, self.cameras.values())
+        hide_sheet(self.scene, self.cameras.values())
         trace = {"card": trace_card, "full": trace_full}[method]
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []
@@ -263,6 +260,13 @@ def _shows_mirrors(scene: bpy.types.Scene, eyes: Mapping[str, Camera], optics: O
         return True
     covered = covered_by(mirror_boxes(scene), eyes["left"], optics.lens)
     return float(covered.mean()) >= WARP_TUNING.min_mirror_boxes_share
+
+
+def _as_asked_for(scene: bpy.types.Scene, passes: Passes) -> Passes:
+    """Return the source's passes without the materials' cryptomatte, unless the user has asked for it."""
+    if scene.render.engine != CYCLES or cryptomatte_asked_for(scene):
+        return passes
+    return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
 
 
 def cost_of(rendered: Rendered) -> SourceCost:

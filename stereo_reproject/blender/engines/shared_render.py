@@ -15,7 +15,7 @@ from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera
 from ..scene.effects import is_animated, shader_nodes, uses_output
-from ..scene.motion import vector_pass_asked_for
+from ..scene.motion import vector_pass_asked_for, while_open
 from ..scene.working import evaluated, rendered_layer
 from .packed_camera import PackedCamera
 from .packed_trace import trace_packed
@@ -135,19 +135,10 @@ def turns_in_shutter(scene: bpy.types.Scene) -> bool:
     Cycles moves each view's camera along a straight line and turns it besides, so only views that do not turn keep
     their places to each other. The scene is set to the times in question, and then to its own frame again.
     """
-    render = scene.render
-    if not render.use_motion_blur or not _may_turn(scene.camera):
+    if not scene.render.use_motion_blur or not _may_turn(scene.camera):
         return False
-    opens = {"START": 0.0, "CENTER": -0.5, "END": -1.0}[render.motion_blur_position] * render.motion_blur_shutter
-    frame, subframe = scene.frame_current, scene.frame_subframe
-    turns = []
-    try:
-        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-            time = frame + subframe + opens + share * render.motion_blur_shutter
-            scene.frame_set(int(np.floor(time)), subframe=float(time - np.floor(time)))
-            turns.append(evaluated(scene.camera, scene).matrix_world.to_quaternion())
-    finally:
-        scene.frame_set(frame, subframe=subframe)
+    shares = (0.0, 0.25, 0.5, 0.75, 1.0)
+    turns = while_open(scene, shares, lambda: evaluated(scene.camera, scene).matrix_world.to_quaternion())
     return any(turns[0].rotation_difference(turn).angle > MAX_TURN_RADIANS for turn in turns)
 
 

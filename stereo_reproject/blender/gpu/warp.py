@@ -24,6 +24,7 @@ from ...views.camera import (
     PerspectiveCamera,
     ViewPlane,
     disparity_per_nearness,
+    pixel_size,
     target_from_source,
 )
 from ...views.view import View
@@ -258,8 +259,7 @@ def _moves(source: Camera, target: Camera) -> dict[str, Constant]:
     """
     parallel = isinstance(source, OrthographicCamera)
     plane, other = source.plane, target.plane
-    size = np.array([(plane.right - plane.left) / source.width, (plane.top - plane.bottom) / source.height])
-    other_size = np.array([(other.right - other.left) / target.width, (other.top - other.bottom) / target.height])
+    size, other_size = np.array(pixel_size(source)), np.array(pixel_size(target))
     local = np.zeros((4, 4))
     local[0, (0, 2)] = size[0], 0.5 * (plane.left + plane.right)
     local[1, (1, 2)] = -size[1], 0.5 * (plane.bottom + plane.top)

@@ -38,8 +38,30 @@ LOWER, UPPER = 0, 6
 AT_UPPER = np.array([[corner & bit > 0 for bit in (4, 2, 1)] for corner in (0, 1, 3, 2, 4, 5, 7, 6)])
 """(8, 3): in which of its coordinates each corner, in Blender's order, is that of the uppermost."""
 
-UNCERTAIN_SCALE = 2.0
-"""Size at which a box counts that may not hold all of an object, over its own: hair and displacement reach beyond."""
+UNCERTAIN_SIZES = 2.0
+"""Distance that an object may reach beyond a box that may not hold all of it, over the box's diagonal and the length of
+its hair: no displacement is higher than twice the object is long."""
+
+STAYING_MODIFIERS = {
+    "BEVEL",
+    "CORRECTIVE_SMOOTH",
+    "DECIMATE",
+    "EDGE_SPLIT",
+    "LAPLACIANSMOOTH",
+    "MASK",
+    "MULTIRES",
+    "NORMAL_EDIT",
+    "REMESH",
+    "SMOOTH",
+    "SUBSURF",
+    "TRIANGULATE",
+    "UV_PROJECT",
+    "UV_WARP",
+    "WEIGHTED_NORMAL",
+    "WELD",
+    "WIREFRAME",
+}
+"""Modifiers that leave a surface about where it is."""
 
 Box = tuple[NDArray, tuple[float, ...], tuple[float, ...]]
 """An instance's matrix (4, 4) into the world, and in its own space the lowest and uppermost corner of its bounds."""
@@ -109,29 +131,80 @@ def _boxes(scene: bpy.types.Scene, wanted: Callable[[Seen, Shading], bool]) -> t
     return tuple(boxes)
 
 
-def seen_beyond(scene: bpy.types.Scene, cameras: Iterable[Camera], depth: float) -> bool:
-    """Return whether anything of a working scene may be in view of the cameras beyond this depth, in scene units.
+def seen_beyond(scene: bpy.types.Scene, cameras: Iterable[Camera], depth: float) -> str | None:
+    """Return the name of an object of a working scene that may be in view of the cameras beyond this depth, in scene
+    units; None if there is none.
 
-    It is looked at as it is in the present frame, through the scene's lens. Where Blender's bounds may not hold all of
-    an object, they count as twice as wide. The world and suns do not count.
+    The scene is looked at as it is in the present frame, through its lens. What is counted is said at
+    `_first_of_which`.
+    """
+    lens = replace(lens_of(scene), near=depth, far=float("inf"))
+    frustums = [Frustum(camera, lens) for camera in cameras]
+    return _first_of_which(scene, lambda corners: np.any([frustum.may_meet(corners) for frustum in frustums], axis=0))
+
+
+def reaches_beyond(scene: bpy.types.Scene, distance: float) -> str | None:
+    """Return the name of an object of a working scene that may reach farther than this distance from the scene's
+    camera, in scene units, in whichever direction; None if there is none.
+
+    The scene is looked at as it stands. What is counted is said at `_first_of_which`.
+    """
+    place = np.array(evaluated(scene.camera, scene).matrix_world.translation)
+    return _first_of_which(scene, lambda corners: np.linalg.norm(corners - place, axis=-1).max(axis=-1) > distance)
+
+
+def _first_of_which(scene: bpy.types.Scene, holds: Callable[[NDArray], NDArray[np.bool_]]) -> str | None:
+    """Return the name of the first object of a working scene for which something holds, and None if there is none.
+
+    holds gets the corners (N, 8, 3), in the world, of boxes that hold all that a render may show of N instances, and
+    returns (N,) whether it holds for each. For what may be anywhere it counts as true: objects that renders show and
+    the viewport does not, and those whose modifiers may reach anywhere in a render. The world and suns do not count.
     """
     layer, shadings = rendered_layer(scene), Shadings(scene.render.engine)
     rendered = set(_rendered_objects(layer.layer_collection))
-    lens = replace(lens_of(scene), near=depth, far=float("inf"))
-    frustums = [Frustum(camera, lens) for camera in cameras]
+    met: set[str] = set()
     boxes = (
-        (_box(instance), 1.0 if seen.bounded else UNCERTAIN_SCALE)
-        for instance, seen in _rendered_instances(layer, rendered, shadings, set())
+        (seen.name, *_box_and_reach(instance, seen))
+        for instance, seen in _rendered_instances(layer, rendered, shadings, met)
         if instance.object.type != "LIGHT" or instance.object.data.type != "SUN"
     )
     while some := list(islice(boxes, BOXES_AT_ONCE)):
-        corners = _corners([box for box, _ in some])
-        middle = corners.mean(axis=1, keepdims=True)
-        scales = np.array([scale for _, scale in some])[:, None, None]
-        corners = middle + scales * (corners - middle)
-        if any(frustum.may_meet(corners).any() for frustum in frustums):
-            return True
-    return False
+        corners = _corners([box for _, box, _ in some])
+        reach = np.array([reach for _, _, reach in some])
+        found = np.isinf(reach)
+        beyond = np.where(found, 0.0, reach)[:, None, None]
+        # A box that does not hold all stands along the world's axes when it has grown.
+        low, high = corners.min(axis=1, keepdims=True) - beyond, corners.max(axis=1, keepdims=True) + beyond
+        found |= holds(np.where(beyond > 0.0, np.where(AT_UPPER, high, low), corners))
+        if found.any():
+            return some[int(found.argmax())][0]
+    unknown = (item for item in layer.objects if item.name in rendered and item.name not in met)
+    return next((item.name for item in unknown if any(_in_doubt(item, layer, shadings))), None)
+
+
+def _box_and_reach(instance: bpy.types.DepsgraphObjectInstance, seen: Seen) -> tuple[Box, float]:
+    """Return a box of an instance, and how far beyond its sides the instance may reach along the world's axes, in scene
+    units: 0 where Blender's bounds hold all of it, and infinite where nothing is known.
+    """
+    item = instance.object
+    if seen.bounded:
+        return _box(instance), 0.0
+    scale = max(*instance.matrix_world.to_scale(), 1.0)
+    if item.type == "LIGHT":
+        return (np.array(instance.matrix_world), (0.0,) * 3, (0.0,) * 3), scale * _light_size(item.data)
+    box = _box(instance)
+    if not all(map(_stays, _modifiers_of_renders(item))):
+        return box, float("inf")
+    diagonal = float(np.linalg.norm(np.ptp(_corners([box])[0], axis=0)))
+    strands = [system.settings.hair_length for system in item.particle_systems if system.settings is not None]
+    return box, UNCERTAIN_SIZES * max(diagonal, scale * max(strands, default=0.0))
+
+
+def _light_size(light: bpy.types.Light) -> float:
+    """Return how far from its middle a lamp shines, in scene units, before it is scaled."""
+    if isinstance(light, bpy.types.AreaLight):
+        return max(light.size, light.size_y)
+    return light.shadow_soft_size if isinstance(light, bpy.types.PointLight | bpy.types.SpotLight) else 0.0
 
 
 def _rendered_instances(
@@ -258,7 +331,20 @@ def _in_view(boxes: Sequence[tuple[Seen, Box | None]], frustums: tuple[Frustum, 
 
 def _differs_in_render(item: bpy.types.Object) -> bool:
     """Return whether the object has a modifier that renders use and the viewport does not."""
-    return any(modifier.show_render and not modifier.show_viewport for modifier in item.modifiers)
+    return next(_modifiers_of_renders(item), None) is not None
+
+
+def _modifiers_of_renders(item: bpy.types.Object) -> Iterator[bpy.types.Modifier]:
+    """Yield the object's modifiers that renders use and the viewport does not."""
+    return (modifier for modifier in item.modifiers if modifier.show_render and not modifier.show_viewport)
+
+
+def _stays(modifier: bpy.types.Modifier) -> bool:
+    """Return whether all that a modifier makes is about where the object is."""
+    if isinstance(modifier, bpy.types.ParticleSystemModifier):
+        settings = modifier.particle_system.settings
+        return settings is not None and settings.type == "HAIR" and settings.render_type == "PATH"
+    return modifier.type in STAYING_MODIFIERS
 
 
 def _in_doubt(item: bpy.types.Object, layer: bpy.types.ViewLayer, shadings: Shadings) -> Iterator[Seen]:

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.packed_trace import trace_packed
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, trace_packed
 from stereo_reproject.blender.engines.packed_views import PackedPixels
 from stereo_reproject.blender.engines.render import render_views
 from stereo_reproject.blender.output.delivery import deliver_side_by_side
@@ -60,7 +60,7 @@ def updated_by_a_packed_fill(count, folder):
         render_views(working, ("left",), folder)
         with listening(bpy.app.handlers.depsgraph_update_post, count_updates):
             pixels = PackedPixels(cameras["right"], places)
-            trace_packed(working, "right", pixels.camera, [pixels], folder, seed=1)
+            trace_packed(working, "right", pixels.camera, [pixels], folder, seed=1, by=CAMERAS["osl"])
     return sum(updates)
 
 

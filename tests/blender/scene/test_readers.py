@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from stereo_reproject.blender.engines.packed_trace import packed_blocker
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, packed_blocker
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import evaluated, rendered_layer, working_scene
 from stereo_reproject.settings.frame import SceneOverrides
@@ -39,7 +39,7 @@ def drive(owner, path, *, index=-1, read=None, of=None, expression="v"):
 def found(scene):
     with working_scene(scene, SceneOverrides()) as working:
         eyes = stereo_cameras(evaluated(working.camera, working), working.render)
-        return packed_blocker(working, eyes.values(), 10.0)
+        return packed_blocker(working, eyes.values(), 10.0, CAMERAS["osl"])
 
 
 def of_the_box(scene, **how):
