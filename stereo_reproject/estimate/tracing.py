@@ -117,12 +117,12 @@ class ProbedTracing:
 
     def __init__(self, tracer: Tracer, warped: WarpedTarget) -> None:
         reprojection, accuracy = warped.reprojection, warped.accuracy
-        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.pilot_share: float | None = None
         self._tracer, self._planner = tracer, warped.planner
         self._accuracy, self._seed, self._light_scale = accuracy, warped.seed, warped.light_scale
         self._estimator = estimator_of(reprojection, accuracy, warped.denoising, probed=warped.needs_probes)
         self._variance_share = warped.variance_share
+        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
         self._evidence: TileEvidence | None = None
         self._pilot: TileEvidence | None = None
@@ -193,10 +193,10 @@ class ProbedTracing:
             self._trace("full", pixels)
             self._flag_refined(pixels | self.target.traced)
             return Refinement(pixels, fill, as_rendered(evidence), evidence, whole=True)
-        noise, warped = local_noise(evidence), self.target.colour
+        noise, warped = local_noise(evidence), self.target.colour[pixels]
         self._trace(fill.method, pixels)
         self._flag_refined(evidence.probes.pixels_of(chosen))
-        done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers, self._variance_share)
+        done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], outliers, self._variance_share)
         evidence = with_refined(evidence, done, noise)
         return Refinement(pixels, fill, estimate(evidence), evidence)
 
@@ -225,7 +225,7 @@ class ProbedTracing:
         """Trace pixels (H, W) once by this fill method, and put them into the target; to flag them is left to the
         caller."""
         if pixels.any():
-            self.target = self.target.with_pixels(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
+            self.target.put(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
 
     def _traced(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, traced by this fill method, with light as bright as the target's."""
@@ -249,8 +249,9 @@ class ProbedTracing:
         share = self._variance_share[probes.mask]
         traces = ProbeTraces(self.target.colour[probes.mask], once[COLOUR_PASS], again[COLOUR_PASS], share)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
-        target = self.target.with_pixels(pixels, first).with_pixels(probes.mask, means)
-        target = target.flagged(probes.mask, Provenance.PROBE)
+        self.target.put(pixels, first)
+        self.target.put(probes.mask, means)
+        target = self.target.flagged(probes.mask, Provenance.PROBE)
         self.target, evidence = self._estimator.measure(target, probes, traces)
         return evidence
 

@@ -150,6 +150,8 @@ class Reprojection:
     def variance_share(self) -> NDArray[np.float32]:
         """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept; 1 where nothing
         was looked up."""
+        if len(self.views) == 1:
+            return self.views[0].variance_share
         return of_chosen(self.warp.source, [view.variance_share for view in self.views])
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:

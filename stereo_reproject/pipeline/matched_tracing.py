@@ -117,8 +117,8 @@ class MatchedTracing:
         if choice.method == "full":
             everything = np.ones_like(holes)
             whole = scaled_light(self._traced("full", everything), self._light_scale)
-            target = self.target.with_pixels(everything, whole)
-            self.target = target.flagged(everything, Provenance.HOLE)
+            self.target.put(everything, whole)
+            self.target = self.target.flagged(everything, Provenance.HOLE)
         return choice
 
     def refine(self) -> Refinement:
@@ -192,7 +192,7 @@ class MatchedTracing:
         traced has the passes (N, C) of the wanted pixels (H, W), not scaled: holes and ring (H, W). The ring's pixels
         keep their warped colour and are flagged as reference.
         """
-        holes, warped = self._holes, self.target.colour
+        holes, warped = self._holes, self.target.colour.copy()
         features = self._matcher.traced_features(traced).scaled(self._light_scale)
         traced = scaled_light(traced, self._light_scale)
         doubted = (self._reprojection.reasons == Reason.SILHOUETTE.bit) & self._reprojection.warp.covered
@@ -202,10 +202,11 @@ class MatchedTracing:
         kept = {name: image[within] for name, image in traced.items()}
         alpha = kept[COLOUR_PASS][:, 3:]
         kept[COLOUR_PASS] = np.concatenate([matched[within], alpha], axis=1)
-        target = self.target.with_pixels(holes, kept).flagged(ring, Provenance.REFERENCE)
-        clean = self._matcher.clean(target.colour[..., :3])[holes]
+        self.target = self.target.flagged(ring, Provenance.REFERENCE)
+        self.target.put(holes, kept)
+        clean = self._matcher.clean(self.target.colour[..., :3])[holes]
         self.correction = correction_of(clean, features.colour[within], warped)
-        self.target = target.with_pixels(holes, {COLOUR_PASS: np.concatenate([clean, alpha], axis=1)})
+        self.target.put(holes, {COLOUR_PASS: np.concatenate([clean, alpha], axis=1)})
 
 
 def _unmatched_pass(passes: Passes) -> str | None:

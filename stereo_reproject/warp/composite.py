@@ -159,18 +159,14 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     return seen
 
 
-def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:
-    """Return copies of the warped passes (H, W, C), with the pixels of `holes` (H, W) replaced by those of `traced` (N,
-    C).
+def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> None:
+    """Replace the pixels of `holes` (H, W) in the warped passes (H, W, C), in place, by those of `traced` (N, C).
 
     traced has a value for each set pixel of the mask, row by row. A pass that traced lacks stays as it was warped.
     """
-    result: Passes = {}
     for name, image in warped.items():
-        result[name] = image.copy()
         if name in traced:
-            result[name][holes] = traced[name]
-    return result
+            image[holes] = traced[name]
 
 
 def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:
