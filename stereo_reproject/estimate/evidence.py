@@ -35,13 +35,15 @@ class ProbeTraces:
     again.
 
     A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the share of a
-    pixel's variance that the lookup has kept: 1 in a denoised picture.
+    pixel's variance that the lookup has kept: 1 in a denoised picture. uncorrected (N, >= 3) are the warped colours as
+    they were before a pilot's slow errors were taken away; None where there was no pilot.
     """
 
     warped: NDArray
     once: NDArray
     again: NDArray
     variance_share: NDArray | float = 1.0
+    uncorrected: NDArray | None = None
 
     @property
     def finite(self) -> NDArray[np.bool_]:

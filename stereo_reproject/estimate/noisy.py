@@ -21,13 +21,11 @@ from .target import Target
 class NoisyEstimator:
     """The `Estimator` for a picture that is not denoised.
 
-    contrast is that of the warped picture. warped (H, W, 4) is its scene-linear colour before anything was corrected.
-    single_samples takes rows and columns (N,) of target pixels, and gives for each the colour (N, C) of the single
+    contrast is that of the warped picture. single_samples takes rows and columns (N,) of target pixels, and gives for each the colour (N, C) of the single
     source pixel nearest to what it shows.
     """
 
     contrast: Contrast
-    warped: NDArray[np.float32]
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -61,7 +59,7 @@ class NoisyEstimator:
         noise = SourceNoise.of_noisy(probes.neighbourhood_mean(probes.tile_mean(self.contrast.noise, warped)))
         place = probes.rows, probes.columns
         # The warped colours hold a pilot's correction already.
-        was = self.warped[place]
+        was = traces.warped if traces.uncorrected is None else traces.uncorrected
         once_more = np.divide(traces.warped, was, out=np.ones_like(traces.warped), where=was > 0.0)
         sampled = self.single_samples(place) * once_more
         # The one is half a pixel aside, the other brighter because it is less noisy.

@@ -41,10 +41,9 @@ class Target:
 
     @classmethod
     def of_warp(cls, view: str, passes: Passes, reasons: NDArray[np.uint16]) -> Target:
-        """Return a target of copies of warped passes (H, W, C), in which each pixel that has any `Reason` flag (H, W)
+        """Return a target of warped passes (H, W, C), which it takes over; each pixel that has any `Reason` flag (H, W)
         is a hole."""
-        own = {name: image.copy() for name, image in passes.items()}
-        return cls(view, own, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
+        return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
 
     @property
     def colour(self) -> NDArray[np.float32]:

@@ -47,6 +47,11 @@ class Frame:
         )
         self.asked = []
 
+    def handed_on(self):
+        """The reprojection with passes of its own, into which pixels are traced."""
+        passes = {name: image.copy() for name, image in self.reprojection.passes.items()}
+        return SimpleNamespace(**{**vars(self.reprojection), "passes": passes})
+
     def traced(self):
         return opaque((self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32))
 
@@ -59,7 +64,7 @@ class Frame:
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
         planner = FillPlanner(asked, COST, blockers or {})
         return ProbedTracing(
-            self, WarpedTarget("right", self.reprojection, planner, accuracy, None, watched, self.seed)
+            self, WarpedTarget("right", self.handed_on(), planner, accuracy, None, watched, self.seed)
         )
 
     def ratio(self, eye):
