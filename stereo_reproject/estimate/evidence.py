@@ -250,8 +250,9 @@ class RefinedTiles:
     """Tiles that were traced as a whole, because probes asked for it.
 
     tiles (N,) are set for them; P pixels were traced, those of `pixels` (H, W); warped and traced (P, >= 3) are their
-    scene-linear colours before and after, row by row. variance_share, (H, W) or one for all, is the share of a pixel's variance that the
-    lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone; None without any.
+    scene-linear colours before and after, row by row. variance_share, (H, W) or one for all, is the share of a pixel's
+    variance that the lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone;
+    None without any.
     """
 
     tiles: NDArray[np.bool_]

@@ -21,8 +21,8 @@ from .target import Target
 class NoisyEstimator:
     """The `Estimator` for a picture that is not denoised.
 
-    contrast is that of the warped picture. single_samples takes rows and columns (N,) of target pixels, and gives for each the colour (N, C) of the single
-    source pixel nearest to what it shows.
+    contrast is that of the warped picture. single_samples takes rows and columns (N,) of target pixels, and gives for
+    each the colour (N, C) of the single source pixel nearest to what it shows.
     """
 
     contrast: Contrast

@@ -168,9 +168,7 @@ def _first_of_tiles(
     in_order = np.lexsort((columns, rows))
     rows, columns = rows[in_order], columns[in_order]
     pixels = _tile_sums(warped, spacing)[rows // spacing, columns // spacing]
-    return Probes(
-        rows, columns, pixels if chance is None else 1.0 / chance(rows, columns), spacing, (height, width)
-    )
+    return Probes(rows, columns, pixels if chance is None else 1.0 / chance(rows, columns), spacing, (height, width))
 
 
 def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArray:

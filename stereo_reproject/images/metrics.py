@@ -50,7 +50,7 @@ def judged_channel(colour: NDArray, channel: int) -> NDArray[np.float32]:
     if channel == COLOUR_CHANNELS:
         return np.clip(np.asarray(colour[..., channel], np.float32), 0.0, 1.0)
     positive = np.maximum(np.asarray(colour[..., channel], np.float32), 0.0)
-    return positive / (1.0 + positive)
+    return positive / (1.0 + positive)  # pyright: ignore[reportReturnType] - as in `tone`
 
 
 def judged_channels(colour: NDArray, known: NDArray[np.bool_]) -> int:

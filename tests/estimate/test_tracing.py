@@ -63,9 +63,7 @@ class Frame:
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
         planner = FillPlanner(asked, COST, blockers or {})
-        return ProbedTracing(
-            self, WarpedTarget("right", self.handed_on(), planner, accuracy, None, watched, self.seed)
-        )
+        return ProbedTracing(self, WarpedTarget("right", self.handed_on(), planner, accuracy, None, watched, self.seed))
 
     def ratio(self, eye):
         return noise_ratio(eye.target.passes["Combined"], self.traced(), self.traced())

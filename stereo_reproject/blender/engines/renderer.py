@@ -135,13 +135,6 @@ class BlenderRenderer:
         passes of the effects and materials of each pixel are added. Counts the samples where the scene has a time
         limit.
         """
-        source = self._rendered_source(view)
-        # A sixth of the process's memory by now, of a large picture: what the file took, and passes left out.
-        give_back_freed()
-        return source
-
-    def _rendered_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Return what `render_source` returns."""
         ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
@@ -151,6 +144,8 @@ class BlenderRenderer:
             count_samples(self.scene)
         with self._noisy():
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        # Reading the file has taken a fifth of the memory by now.
+        give_back_freed()
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
