@@ -163,8 +163,8 @@ class Stopwatch:
 
     @contextmanager
     def aside(self, stage: str) -> Iterator[None]:
-        """Add the time of a `with` block to this stage, and not to the one that runs and goes on afterwards; on_stage is
-        not called."""
+        """Add the time of a `with` block to this stage, and not to the one that runs and goes on afterwards; on_stage
+        is not called."""
         start = time.perf_counter()
         yield
         spent = time.perf_counter() - start
