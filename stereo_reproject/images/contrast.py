@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import by_bands, over_bands
 from .metrics import COLOUR_CHANNELS, judged, judged_channels
 from .tuning import TUNING
 
@@ -35,14 +36,13 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     these means in a wider window, less the noise that they still have; it is 0 where a pixel is not known.
     """
     channels = judged_channels(colour, known)
-    toned = judged(colour[..., :channels])
     near, far = _noise_window(known), _Window(known, TUNING.contrast_reach_px)
     pixels = (2 * TUNING.noise_reach_px + 1) ** 2
     # Squares are summed over the channels before the wide window takes their mean, which is what takes the time.
     around_mean, of_mean, mean_squared = (np.zeros(known.shape, np.float32) for _ in range(3))
-    for channel in range(channels):
-        mean = near.mean(toned[..., channel])
-        around_mean += (toned[..., channel] - mean) ** 2
+    for plane in _judged_planes(colour, channels):
+        mean = near.mean(plane)
+        around_mean += (plane - mean) ** 2
         of_mean += mean**2
         mean_squared += far.mean(mean) ** 2
     noise = far.mean(around_mean) * np.float32(pixels / (pixels - 1.0) / COLOUR_CHANNELS)
@@ -58,14 +58,25 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
     set in known (H, W).
     """
     channels = judged_channels(colour, known)
-    toned, near = judged(colour[..., :channels]), _noise_window(known)
+    near = _noise_window(known)
     squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
-    for channel in range(channels):
-        mean = near.mean(toned[..., channel])
+    for plane in _judged_planes(colour, channels):
+        mean = near.mean(plane)
         squared += (mean[:, 2:] - mean[:, :-2]) ** 2 / COLOUR_CHANNELS
     result = np.zeros(known.shape, np.float32)
     result[:, 1:-1] = np.where(known[:, 2:] & known[:, :-2] & known[:, 1:-1], np.sqrt(squared) / 2.0, 0.0)
     return result
+
+
+def _judged_planes(colour: NDArray, channels: int) -> NDArray[np.float32]:
+    """Return (channels, H, W) the first channels of a scene-linear colour (H, W, >= 3) as `metrics.judged` has them."""
+    planes = np.empty((channels, *colour.shape[:2]), np.float32)
+
+    def judge(rows: slice) -> None:
+        planes[:, rows] = np.moveaxis(judged(colour[rows])[..., :channels], -1, 0)
+
+    over_bands(colour.shape, judge)
+    return planes
 
 
 def window_reach() -> int:
@@ -86,7 +97,8 @@ class _Window:
     def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the mean (H, W) of an image (H, W) over the window around each pixel; 0 where no pixel in it is
         known."""
-        return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
+        total = box_sum(image * self._weight, self._reach)
+        return by_bands(lambda total, count: (total / count).astype(np.float32), total, self._count)
 
 
 def _noise_window(known: NDArray[np.bool_]) -> _Window:
@@ -97,16 +109,26 @@ def _noise_window(known: NDArray[np.bool_]) -> _Window:
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
     """Return for each pixel the sum (H, W) of an image (H, W) over a rectangle around it, which reaches `reach` pixels
     each way, down and across. Pixels beyond the border count as 0."""
-    result = np.asarray(image, np.float64)
-    for axis, running_sums in enumerate((_running_sums_down, _running_sums_across)):
-        total, size = running_sums(result), result.shape[axis]
-        place = np.arange(size)
-        high, low = np.minimum(place + reach[axis] + 1, size), np.maximum(place - reach[axis], 0)
-        result = total.take(high, axis) - total.take(low, axis)
+    height, width = image.shape
+    down, across = min(reach[0], height), min(reach[1], width)
+    total, result = _running_sums_down(image), np.empty((height, width))
+
+    def sum_rows(rows: slice) -> None:
+        place = np.arange(rows.start, rows.stop)
+        high, low = np.minimum(place + down + 1, height), np.maximum(place - down, 0)
+        sums = np.zeros((place.size, width + 1))
+        np.cumsum(total.take(high, 0) - total.take(low, 0), axis=1, out=sums[:, 1:])
+        # Column j has the running sum up to column j + across, held at the last, less that of before j - across.
+        here = result[rows]
+        here[:, : width - across] = sums[:, across + 1 :]
+        here[:, width - across :] = sums[:, -1:]
+        here[:, across + 1 :] -= sums[:, 1 : width - across]
+
+    over_bands(result.shape, sum_rows)
     return result
 
 
-def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
+def _running_sums_down(image: NDArray) -> NDArray[np.float64]:
     """Return the running sums (H + 1, W) down the columns of an image (H, W): row i is the sum of the rows above row i.
 
     They are added row by row: NumPy's cumsum, which goes down the columns, takes eight times as long.
@@ -114,12 +136,4 @@ def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
     total = np.zeros((image.shape[0] + 1, image.shape[1]))
     for row in range(image.shape[0]):
         np.add(total[row], image[row], out=total[row + 1])
-    return total
-
-
-def _running_sums_across(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the running sums (H, W + 1) along the rows of an image (H, W): column j is the sum of the columns before
-    j."""
-    total = np.zeros((image.shape[0], image.shape[1] + 1))
-    np.cumsum(image, axis=1, out=total[:, 1:])
     return total

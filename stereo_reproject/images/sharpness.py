@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import by_bands, over_bands
 from .contrast import box_sum
 from .lookup import lookup, variance_share, weight_product
-from .metrics import squared_error, tone
+from .metrics import COLOUR_CHANNELS, channel_sum, judged, squared_error
 from .tuning import TUNING
 
 
@@ -53,7 +54,9 @@ def sharpness_of(
     variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
     linear_alone, between = (weight_product(x, y, "linear", other) for other in ("linear", "cubic"))
     of_difference = variance_share(x, y, interpolation="cubic") - 2.0 * between + linear_alone
-    beyond_noise = np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
+    beyond_noise = by_bands(squared_error, cubic, linear)
+    beyond_noise -= variance * of_difference
+    np.copyto(beyond_noise, 0.0, where=~known)
 
     def lost_within(reach: tuple[int, int]) -> NDArray[np.float64]:
         """Return the mean (h, w) of what is beyond noise over the known pixels of a window, `reach` pixels each way."""
@@ -75,14 +78,20 @@ def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
     Estimation), which is 0 for everything that is straight along either axis: of a picture's detail much less is taken
     for noise than by the variance around a mean. A picture of fewer than three rows or columns has none.
     """
-    toned = tone(colour)
-    squared = np.zeros(toned.shape[:2], np.float32)
+    squared = np.zeros(colour.shape[:2], np.float32)
     if min(squared.shape) < 3:
         return squared
-    across = toned[:, 2:] - 2.0 * toned[:, 1:-1] + toned[:, :-2]
-    both = across[2:] - 2.0 * across[1:-1] + across[:-2]
-    # The squares of the nine weights add up to 36.
-    squared[1:-1, 1:-1] = np.mean(both**2, axis=-1) / 36.0
+
+    def square(rows: slice) -> None:
+        # A row before and one after them have a say.
+        toned = judged(colour[rows.start : rows.stop + 2])
+        across = toned[:, 2:] - 2.0 * toned[:, 1:-1] + toned[:, :-2]
+        both = across[2:] - 2.0 * across[1:-1] + across[:-2]
+        # The squares of the nine weights add up to 36.
+        mean = channel_sum((both**2)[..., :COLOUR_CHANNELS]) / COLOUR_CHANNELS
+        squared[1:-1, 1:-1][rows] = mean / 36.0
+
+    over_bands(squared[1:-1].shape, square)
     inner = np.zeros_like(squared)
     inner[1:-1, 1:-1] = 1.0
     reach = TUNING.sharpness_reach_px
