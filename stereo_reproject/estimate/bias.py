@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.bands import BAND_PIXELS
+from ..images.bands import by_bands
 from .evidence import ProbeTraces
 from .probes import Probes
 from .tuning import TUNING
@@ -95,12 +95,15 @@ class Bias:
         tiles' middles the correction is interpolated, among the tiles that show the same material as the pixel.
         """
         rows, columns = np.nonzero(pixels)
-        result = np.ones((rows.size, 3), np.float32)
-        if self.added.any():
-            for start in range(0, rows.size, BAND_PIXELS):
-                here = rows[start : start + BAND_PIXELS], columns[start : start + BAND_PIXELS]
-                result[start : start + BAND_PIXELS] = _factor(colour[here][:, :3], self._at(*here, shown[here]))
-        return result
+        if not self.added.any():
+            return np.ones((rows.size, 3), np.float32)
+
+        def factor_at(rows: NDArray, columns: NDArray) -> NDArray[np.float32]:
+            here = rows[:, 0], columns[:, 0]
+            return _factor(colour[here][:, :3], self._at(*here, shown[here]))
+
+        # Pixels one below the other are an image too.
+        return by_bands(factor_at, rows[:, None], columns[:, None])
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
         """Return the correction (P, 3), after `tone`, at P pixels; 0 where no tile around shows the same material.

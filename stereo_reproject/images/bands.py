@@ -61,14 +61,22 @@ def by_bands(function: Callable[..., NDArray], *images: NDArray) -> NDArray:
 
 def _work_on(parts: Sequence[slice], work: Callable[[slice], None]) -> None:
     """Call `work` with each of these slices, as `over_bands` says."""
-    threads = min(len(parts), usable_cores(), MAX_THREADS)
-    if threads < 2:
-        for rows in parts:
+    open_parts = iter(parts)
+
+    def work_through() -> None:
+        # All threads take from the one iterator, which gives each part once.
+        for rows in open_parts:
             work(rows)
+
+    others = min(len(parts), usable_cores(), MAX_THREADS) - 1
+    if others < 1:
+        work_through()
         return
-    with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(work, rows) for rows in parts]:
-            done.result()
+    with ThreadPoolExecutor(others) as pool:
+        started = [pool.submit(work_through) for _ in range(others)]
+        work_through()
+        for other in started:
+            other.result()
 
 
 def usable_cores() -> int:

@@ -42,9 +42,9 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     around_mean, of_mean, mean_squared = (np.zeros(known.shape, np.float32) for _ in range(3))
     for plane in _judged_planes(colour, channels):
         mean = near.mean(plane)
-        around_mean += (plane - mean) ** 2
-        of_mean += mean**2
-        mean_squared += far.mean(mean) ** 2
+        _add_square(around_mean, plane, mean)
+        _add_square(of_mean, mean)
+        _add_square(mean_squared, far.mean(mean))
     noise = far.mean(around_mean) * np.float32(pixels / (pixels - 1.0) / COLOUR_CHANNELS)
     variance = (far.mean(of_mean) - mean_squared) / np.float32(COLOUR_CHANNELS)
     return Contrast(np.maximum(variance - noise / np.float32(pixels), 0.0) * known, noise)
@@ -66,6 +66,16 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
     result = np.zeros(known.shape, np.float32)
     result[:, 1:-1] = np.where(known[:, 2:] & known[:, :-2] & known[:, 1:-1], np.sqrt(squared) / 2.0, 0.0)
     return result
+
+
+def _add_square(total: NDArray[np.float32], image: NDArray[np.float32], less: NDArray | float = 0.0) -> None:
+    """Add the square of an image (H, W), less another one, to a total (H, W)."""
+
+    def add(rows: slice) -> None:
+        difference = image[rows] - less[rows] if isinstance(less, np.ndarray) else image[rows]
+        total[rows] += difference**2
+
+    over_bands(total.shape, add)
 
 
 def _judged_planes(colour: NDArray, channels: int) -> NDArray[np.float32]:

@@ -54,20 +54,49 @@ def sharpness_of(
     variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
     linear_alone, between = (weight_product(x, y, "linear", other) for other in ("linear", "cubic"))
     of_difference = variance_share(x, y, interpolation="cubic") - 2.0 * between + linear_alone
-    beyond_noise = by_bands(squared_error, cubic, linear)
-    beyond_noise -= variance * of_difference
-    np.copyto(beyond_noise, 0.0, where=~known)
+    beyond_noise = by_bands(_beyond_noise, cubic, linear, variance, of_difference, known)
 
-    def lost_within(reach: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the mean (h, w) of what is beyond noise over the known pixels of a window, `reach` pixels each way."""
-        return np.maximum(box_sum(beyond_noise, reach) / np.maximum(box_sum(known, reach), 1.0), 0.0)
+    def sums_within(reach: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return box_sum(beyond_noise, reach), box_sum(known, reach)
 
-    lost = lost_within(TUNING.sharpness_reach_px)
+    wide = sums_within(TUNING.sharpness_reach_px)
+    share = by_bands(_best_share, *wide, variance, of_difference, between - linear_alone, known)
+    return Sharpness(share, by_bands(_lost, *sums_within(TUNING.detail_reach_px), known), variance)
+
+
+def _beyond_noise(
+    cubic: NDArray, linear: NDArray, variance: NDArray, of_difference: NDArray, known: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return (h, w) the squared difference between two lookups (h, w, C) that noise does not explain; 0 where a pixel
+    is not known.
+
+    variance (h, w) is that of a pixel's noise, of_difference (h, w) the share of it that the difference has.
+    """
+    return np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
+
+
+def _lost(total: NDArray, count: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return (h, w) the mean of a sum over so many pixels, which is no less than 0; 0 where a pixel is not known."""
+    return np.where(known, np.maximum(total / np.maximum(count, 1.0), 0.0), 0.0).astype(np.float32)
+
+
+def _best_share(
+    total: NDArray,
+    count: NDArray,
+    variance: NDArray,
+    of_difference: NDArray,
+    gained: NDArray,
+    known: NDArray[np.bool_],
+) -> NDArray[np.float32]:
+    """Return (h, w) the share of the cubic lookup in the best mixture, by this module's formula.
+
+    total is the sum of what is beyond noise over count pixels. variance is that of a pixel's noise; of_difference and
+    gained are <d, d> and <l, d>. All are (h, w).
+    """
+    lost = np.maximum(total / np.maximum(count, 1.0), 0.0)
     whole = lost + variance * of_difference
-    best = (lost - variance * (between - linear_alone)) / np.where(whole > 0.0, whole, 1.0)
-    share = np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0)
-    near = np.where(known, lost_within(TUNING.detail_reach_px), 0.0)
-    return Sharpness(share.astype(np.float32), near.astype(np.float32), variance)
+    best = (lost - variance * gained) / np.where(whole > 0.0, whole, 1.0)
+    return np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0).astype(np.float32)
 
 
 def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
