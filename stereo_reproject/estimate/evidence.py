@@ -272,7 +272,8 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     `done` and var the noise of a plain render.
     """
     refined = done.tiles
-    known = done.pixels & np.isfinite(done.warped).all(axis=-1) & np.isfinite(done.traced).all(axis=-1)
+    known = done.pixels.copy()
+    known[known] = np.isfinite(done.warped[known]).all(axis=-1) & np.isfinite(done.traced[known]).all(axis=-1)
     error = np.zeros(known.shape)
     error[known] = squared_error(done.warped[known], done.traced[known])
     counted = evidence.probes.tile_sum(known * (done.variance_share + evidence.traced_noise))

@@ -1,12 +1,13 @@
 """What a run pays besides tracing, part by part, and the gain that this predicts for a fast GPU.
 
     python -m tests.bench.fixed_costs --scenes DIR [--sizes 1920x1080 960x540] [--samples 1] [--turns 3]
-        [--other DIR] [--json FILE] [SCENE ...]
+        [--clock wall|processor] [--other DIR] [--json FILE] [SCENE ...]
 
 DIR holds NAME/NAME.blend or NAME.blend; cornell-box and living-room are measured where none is named. Each run is one
 of the render command, in processes of its own, with holes traced packed and nothing denoised; Python's profiler tells
 the parts of a stage apart, and its own time is in them. --other names the checkout of another version, which is
-measured in turn with this one, as *before*. The tables show medians, in Markdown.
+measured in turn with this one, as *before*. The tables show medians, in Markdown. --clock processor has the processor
+time of the main thread, for a machine on which other programs run too (`measured_run.CLOCKS`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import Any
 from stereo_reproject.programs.converters import size, value_of, whole_number
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.costs import TraceCosts
+from tests.bench.fixed_costs.measured_run import CLOCKS
 from tests.bench.performance.cells import size_text, table, times
 from tests.bench.performance.plan import Scene, scenes_in
 
@@ -78,13 +80,16 @@ class Prediction:
 
 def parts_of(run: Mapping[str, Any]) -> dict[str, float]:
     """Return the seconds of each part of a measured run that is no tracing, by its name in the table."""
-    stages, functions, renders = run["stages"], run["functions"], run["renders"]
+    stages, functions = run["stages"], run["functions"]
 
     def within(stage: str, *names: str) -> float:
         return sum(functions.get(stage, {}).get(name, 0.0) for name in names)
 
     def beside_renders(*names: str) -> float:
-        return sum(stages[name] for name in names) - sum(r["seconds"] for r in renders if r["stage"] in names)
+        return sum(stages[name] - within(name, "call", "read") for name in names if name in stages)
+
+    def between(*names: str) -> float:
+        return sum(within(name, "call", "read") - within(name, "cycles") for name in names)
 
     warp = ("sharpness", "edges", "reasons", "estimator")
     copy, start, load, account, eyes, stereo, picture, pictures, end = OUTSIDE
@@ -93,9 +98,9 @@ def parts_of(run: Mapping[str, Any]) -> dict[str, float]:
         start: run["start"],
         load: stages["load"],
         "look at the scene": stages["plan"],
-        SYNCS[0]: renders[0]["sync"],
-        SYNCS[1]: sum(render["sync"] for render in renders[1:]),
-        "EXR between Blender and us": sum(render["seconds"] - render["cycles"] for render in renders),
+        SYNCS[0]: run["syncs"][0],
+        SYNCS[1]: sum(run["syncs"][1:]),
+        "render calls beside Cycles: EXR written and read": between("source", "fill", "refine"),
         "source, beside its render call": beside_renders("source"),
         "warp: map and lookups": stages["warp"] - within("warp", *warp),
         "warp: sharpness": within("warp", "sharpness"),
@@ -141,8 +146,8 @@ def break_even(parts: Mapping[str, float], traced: float, calls: int, *, whole_r
     return fixed / (1.0 - traced * TraceCosts().packed_pixel_cost)
 
 
-def measured(scene: Scene, picture: tuple[int, int], samples: int, root: Path) -> dict[str, Any]:
-    """Return what one run of the version in the folder `root` has measured. Raises CalledProcessError."""
+def measured(scene: Scene, picture: tuple[int, int], samples: int, clock: str, root: Path) -> dict[str, Any]:
+    """Return what one run of the version in the folder `root` has measured by a clock. Raises CalledProcessError."""
     overrides = {
         "size": picture,
         "samples": samples,
@@ -150,7 +155,7 @@ def measured(scene: Scene, picture: tuple[int, int], samples: int, root: Path) -
         "interocular_distance": scene.interocular,
         "convergence_distance": scene.convergence,
     }
-    options = json.dumps({"blend": str(scene.blend.resolve()), "overrides": overrides})
+    options = json.dumps({"blend": str(scene.blend.resolve()), "overrides": overrides, "clock": clock})
     environment = {**os.environ, "PYTHONPATH": str(root), "STEREO_REPROJECT_USER_FOLDER": ""}
     command = [sys.executable, "-P", str(MEASURED_RUN), "drive", options]
     done = subprocess.run(command, env=environment, cwd=root, capture_output=True, text=True, check=True)
@@ -169,7 +174,7 @@ def as_markdown(runs: Mapping[tuple[str, str, str], Sequence[Mapping[str, Any]]]
     gains = []
     for key, of_key in parts.items():
         traced = statistics.median(run["traced"] for run in runs[key])
-        calls = round(statistics.median(len(run["renders"]) - 1 for run in runs[key]))
+        calls = round(statistics.median(len(run["syncs"]) - 1 for run in runs[key]))
         told = [predicted(of_key, traced, calls, source) for source in SOURCE_SECONDS]
         even = [f"{break_even(of_key, traced, calls, whole_run=whole):.1f} s" for whole in (False, True)]
         shown = [f"{times(one.gain)} ({times(one.run_gain)})" for one in told]
@@ -188,6 +193,7 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--sizes", type=value_of(SceneOverrides, "size", size), nargs="+", default=SIZES, metavar="WxH")
     parser.add_argument("--samples", type=value_of(SceneOverrides, "samples", whole_number), default=1)
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--clock", choices=tuple(CLOCKS), default="wall", help="processor where other programs run too")
     parser.add_argument("--other", type=Path, metavar="DIR", help="checkout of another version, measured in turn")
     parser.add_argument("--json", type=Path, metavar="FILE", help="everything that was measured")
     return parser.parse_args(arguments)
@@ -203,7 +209,7 @@ def main() -> None:
             for picture in options.sizes:
                 for version, root in versions.items():
                     key = (scene.name, size_text(picture), version)
-                    runs.setdefault(key, []).append(measured(scene, picture, options.samples, root))
+                    runs.setdefault(key, []).append(measured(scene, picture, options.samples, options.clock, root))
                     print(*key, file=sys.stderr)
     if options.json:
         options.json.write_text(json.dumps([[*key, turns] for key, turns in runs.items()]))
