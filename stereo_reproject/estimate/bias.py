@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import by_bands
+from ..images.masks import dilate
 from .evidence import ProbeTraces
 from .probes import Probes
 from .tuning import TUNING
@@ -84,6 +85,12 @@ class Bias:
         shown (H, W) is the number of the material that each pixel shows.
         """
         return multiplied(colour, pixels, self.factor(colour, pixels, shown))
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) of the tiles that have a correction and of those around them: `factor` is 1 for all others."""
+        corrected = self.probes.on_grid(self.added.any(axis=-1), False)
+        return self.probes.over_pixels(dilate(corrected, 1)[self.probes.tiles], False)
 
     def factor(
         self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]

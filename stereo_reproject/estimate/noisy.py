@@ -71,7 +71,9 @@ class NoisyEstimator:
         )
         bias = by_sample.agreed(by_mean)
         if bias.added.any():
-            factor = bias.factor(target.colour, warped, materials)
-            light = {name: multiplied(image, warped, factor) for name, image in target.passes.items() if is_light(name)}
+            # Mostly a tenth of the picture, which takes a tenth of the time.
+            pixels = warped & bias.reached
+            factor = bias.factor(target.colour, pixels, materials)
+            light = {name: multiplied(image, pixels, factor) for name, image in target.passes.items() if is_light(name)}
             target = replace(target, passes={**target.passes, **light})
         return target, bias.at_probes(traces.warped, without_own=True)
