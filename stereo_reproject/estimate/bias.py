@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
+from ..images.masks import dilate
 from .evidence import ProbeTraces
 from .probes import Probes
 from .tuning import TUNING
@@ -88,6 +89,12 @@ class Bias:
         self.correct([result], result, pixels, shown)
         return result
 
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) of the tiles that have a correction and of those around them: nothing else is corrected."""
+        corrected = self.probes.on_grid(self.added.any(axis=-1), False)
+        return self.probes.over_pixels(dilate(corrected, 1)[self.probes.tiles], False)
+
     def correct(
         self,
         light: Sequence[NDArray[np.float32]],
@@ -103,6 +110,8 @@ class Bias:
         """
         if not self.added.any():
             return
+        # Mostly a tenth of the picture, which takes a tenth of the time.
+        pixels = pixels & self.reached
         for rows in bands(pixels.shape):
             here, columns = np.nonzero(pixels[rows])
             place = here + rows.start, columns

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.bands import bands
+from ..images.bands import over_bands
 from ..images.masks import dilate
 from ..images.metrics import COLOUR_CHANNELS, judged, judged_channels
 from ..warp.discontinuities import DepthDiscontinuities
@@ -102,13 +102,14 @@ def _judged_windows(
     band, width = picture.band, picture.band.shape[1]
     channels = judged_channels(picture.colour, ~picture.unknown)
     masks = [band.copy() for _ in range(count)]
-    for rows in bands(band.shape):
+
+    def judge_rows(rows: slice) -> None:
         top = max(rows.start - TUNING.side_window_pixels, 0)
         part = slice(top, rows.stop + TUNING.side_window_pixels)
         pixels = np.flatnonzero(band[rows]) + (rows.start - top) * width
         if not pixels.size:
-            continue
-        colour = np.moveaxis(judged(picture.colour[part][..., :channels]), -1, 0).reshape(channels, -1)
+            return
+        colour = np.moveaxis(judged(picture.colour[part])[..., :channels], -1, 0).reshape(channels, -1)
         depths, gaps, borders = (image[part].ravel() for image in picture[1:])
         for start in range(0, pixels.size, CHUNK_WINDOWS):
             chosen = pixels[start : start + CHUNK_WINDOWS]
@@ -118,6 +119,8 @@ def _judged_windows(
             found = judge(colour.take(window, axis=1), depths.take(window), ~borders.take(window))
             for mask, flagged in zip(masks, found, strict=True):
                 mask.ravel()[chosen[known] + top * width] = flagged
+
+    over_bands(band.shape, judge_rows)
     return masks
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .bands import bands
+from .bands import by_bands
 from .masks import dilate
 
 
@@ -21,14 +21,16 @@ def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation:
     sample: Callable[[_Texels, NDArray, NDArray], NDArray[np.float32]]
     sample = {"linear": _linear, "cubic": _cubic, "nearest": _nearest}[interpolation]
     texels = _Texels(image)
-    result = np.empty((*x.shape, image.shape[2]), np.float32)
-    for rows in bands(x.shape):
-        at_x, at_y = x[rows], y[rows]
-        result[rows] = sample(texels, at_x.ravel(), at_y.ravel()).reshape(*at_x.shape, -1)
-        unanswered = np.isnan(at_x) | np.isnan(at_y)
+
+    def values_at(x: NDArray, y: NDArray) -> NDArray[np.float32]:
+        result = sample(texels, x.ravel(), y.ravel()).astype(np.float32, copy=False)
+        result = result.reshape(*x.shape, texels.channels)
+        unanswered = np.isnan(x) | np.isnan(y)
         if unanswered.any():
-            result[rows][unanswered] = 0.0
-    return result
+            result[unanswered] = 0.0
+        return result
+
+    return by_bands(values_at, x, y)
 
 
 def variance_share(x: NDArray, y: NDArray, *, interpolation: str = "linear") -> NDArray[np.float32]:
@@ -50,18 +52,19 @@ def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.f
     x, y (h, w) are the positions in pixels; one and other are the lookups' interpolations, linear or cubic. It is 1 at
     NaN. Times the variance of a pixel, it is the covariance of the two values, where noise is independent by pixel.
     """
-    result = np.ones(x.shape, np.float32)
     kernels: dict[str, Callable[[NDArray], tuple[NDArray, ...]]] = {"linear": _linear_of_four, "cubic": _catmull_rom}
-    for rows in bands(x.shape):
-        share = np.ones_like(x[rows], np.float32)
+
+    def product_at(x: NDArray, y: NDArray) -> NDArray[np.float32]:
+        share = np.ones_like(x, np.float32)
         for at in (y, x):
-            _, t = _split(at[rows])
+            _, t = _split(at)
             # On pixel centres all kernels take one pixel alone, as they do down the rows of a rectified pair.
             if not np.any(t > 0.0):
                 continue
             share *= sum(a * b for a, b in zip(kernels[one](t), kernels[other](t), strict=True))
-        result[rows] = np.where(np.isnan(share), np.float32(1.0), share)
-    return result
+        return np.where(np.isnan(share), np.float32(1.0), share)
+
+    return by_bands(product_at, x, y)
 
 
 def lookup_without(
@@ -95,19 +98,20 @@ def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) ->
     x, y (h, w) are the positions, in pixels of `mask` (H, W), whose set pixels are meant. A NaN position touches
     nothing.
     """
-    result = np.zeros(x.shape, bool)
     if not mask.any():
-        return result
+        return np.zeros(x.shape, bool)
     # A lookup reaches no further than the pixels around the one that it lies in.
     around, texels = _Texels(dilate(mask, 1)[..., None]), _Texels(mask[..., None])
-    for rows in bands(x.shape):
-        at_x, at_y = x[rows].ravel(), y[rows].ravel()
+
+    def touching_at(x: NDArray, y: NDArray) -> NDArray[np.bool_]:
+        at_x, at_y = x.ravel(), y.ravel()
         near = _nearest(around, at_x, at_y)[:, 0] & ~np.isnan(at_x) & ~np.isnan(at_y)
         chosen = np.flatnonzero(near)
         if chosen.size:
             near[chosen] = _linear(texels, at_x[chosen], at_y[chosen])[:, 0] > share
-            result[rows] = near.reshape(-1, x.shape[1])
-    return result
+        return near.reshape(x.shape)
+
+    return by_bands(touching_at, x, y)
 
 
 class _Texels:

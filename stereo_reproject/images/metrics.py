@@ -37,11 +37,15 @@ def judged(colour: NDArray) -> NDArray[np.float32]:
 
     Alpha is held within 0 and 1. The colour is premultiplied by it, as Blender has it, so that both are of one scale.
     """
-    toned = tone(colour)
     if colour.shape[-1] < COLOUR_CHANNELS + 1:
-        return toned
-    alpha = np.clip(np.asarray(colour, np.float32)[..., COLOUR_CHANNELS : COLOUR_CHANNELS + 1], 0.0, 1.0)
-    return np.concatenate([toned, alpha], axis=-1)
+        return tone(colour)
+    # All channels at once: NumPy takes ten times as long for three of four.
+    result = np.maximum(np.asarray(colour[..., : COLOUR_CHANNELS + 1], np.float32), np.float32(0.0))
+    alpha = np.minimum(result[..., COLOUR_CHANNELS], np.float32(1.0))
+    result[..., COLOUR_CHANNELS] = 0.0
+    result /= np.float32(1.0) + result
+    result[..., COLOUR_CHANNELS] = alpha
+    return result
 
 
 def judged_channel(colour: NDArray, channel: int) -> NDArray[np.float32]:
@@ -66,7 +70,18 @@ def judged_channels(colour: NDArray, known: NDArray[np.bool_]) -> int:
 def channel_mean(values: NDArray) -> NDArray:
     """Return the sum of the judged channels (..., 3 or 4) of a square or a product, divided by the three of light: a
     mean over channels that alpha, where it is the same, leaves as it is."""
-    return np.sum(values, axis=-1) / COLOUR_CHANNELS
+    return channel_sum(values) / COLOUR_CHANNELS
+
+
+def channel_sum(values: NDArray) -> NDArray:
+    """Return the sum (...) of the few channels of values (..., C), added from the first to the last; 0 without any.
+
+    NumPy's own sum along so short an axis gives the same, and takes ten times as long.
+    """
+    total = np.zeros(values.shape[:-1], values.dtype)
+    for channel in range(values.shape[-1]):
+        total += values[..., channel]
+    return total
 
 
 def untone(toned: NDArray) -> NDArray:

@@ -37,4 +37,5 @@ def range_warnings(passes: Passes, *, view: str, half: bool) -> list[str]:
 
 def _count(where: NDArray[np.bool_]) -> int:
     """Return the number of pixels for which `where` (H, W, C) is set in any channel."""
-    return int(where.any(axis=-1).sum())
+    # Mostly there is none, which NumPy tells a hundred times as fast.
+    return int(where.any(axis=-1).sum()) if where.any() else 0

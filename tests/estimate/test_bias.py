@@ -71,6 +71,17 @@ def test_what_is_right_is_hardly_touched_though_its_neighbour_is_wrong():
     assert warped.error(warped.corrected(warped.bias()), 0) < 0.01 * noise
 
 
+def test_pixels_that_no_correction_reaches_stay_as_they_are():
+    warped = Warped(0.1)
+    bias = warped.bias()
+    factor = bias.factor(warped.colour, np.ones(SIZE, bool), warped.shown).reshape(*SIZE, 3)
+    assert 0.2 < bias.reached.mean() < 0.9
+    np.testing.assert_array_equal(factor[~bias.reached], 1.0)
+    # Beyond the tiles that have a correction themselves some pixels are changed too.
+    own = bias.probes.over_pixels(bias.added.any(axis=1), False)
+    assert (factor[bias.reached & ~own] != 1.0).any()
+
+
 def test_without_an_error_chance_adds_little():
     warped = Warped(0.0)
     bias = warped.bias()

@@ -138,7 +138,7 @@ def turns_in_shutter(scene: bpy.types.Scene) -> bool:
     if not scene.render.use_motion_blur or not _may_turn(scene.camera):
         return False
     shares = (0.0, 0.25, 0.5, 0.75, 1.0)
-    turns = while_open(scene, shares, lambda: evaluated(scene.camera, scene).matrix_world.to_quaternion())
+    turns = while_open(scene, shares, lambda: evaluated(scene.camera, scene).matrix_world.to_quaternion())  # noqa: PLW0108 - anew each time
     return any(turns[0].rotation_difference(turn).angle > MAX_TURN_RADIANS for turn in turns)
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
-from ...images.bands import bands
+from ...images.bands import by_bands
 from ...images.metrics import COLOUR_CHANNELS, judged, tone
+from ...images.png import write_png
 from ...images.reasons import Reason
 from ...jobs.plain_paths import plain_path
 from ...warp.grid import CELL_QUADS, Grid
@@ -57,10 +58,11 @@ def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return a scene-linear picture (H, W, 4) as bytes (H, W, 3) to look at. The tone mapping is a plain one, not the
     scene's view transform.
     """
-    result = np.empty((*colour.shape[:2], COLOUR_CHANNELS), np.uint8)
-    for rows in bands(result.shape):
-        result[rows] = (255.0 * np.sqrt(tone(colour[rows]))).astype(np.uint8)
-    return result
+
+    def shown(colour: NDArray) -> NDArray[np.uint8]:
+        return (255.0 * np.sqrt(tone(colour))).astype(np.uint8)
+
+    return by_bands(shown, colour)
 
 
 def _backdrop(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -80,7 +82,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
     """Write the picture of `write_holes` without its legend: as a frame of an animation it has the target's size."""
-    _write_png(path, _holes(target, reasons)[0])
+    write_png(path, _holes(target, reasons)[0])
 
 
 def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
@@ -153,7 +155,7 @@ def write_grid(path: Path, source: NDArray[np.float32], grid: Grid) -> None:
     for k, value in enumerate(GRID_COLOUR):
         dimmed = picture[..., k].astype(np.uint16) * 3 // 5
         picture[..., k] = (dimmed * (255 - strength) + np.uint16(value) * strength) // 255
-    _write_png(path, picture)
+    write_png(path, picture)
 
 
 def _cells_in_pixels(grid: Grid, scale: int) -> NDArray[np.bool_]:
@@ -181,9 +183,17 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
     """Write a PNG of the picture (H, W, 3), in bytes, with a legend below: texts, each after a square in its colour.
     Raises BadInputError.
     """
+    write_png(path, np.concatenate([picture, _drawn(path, legend, picture.shape[1])]))
+
+
+def _drawn(path: Path, legend: list[tuple[str, tuple[int, int, int]]], width: int) -> NDArray[np.uint8]:
+    """Return a legend as a picture (h, width, 3) in bytes: texts, each after a square in its colour.
+
+    path is that of the PNG that it is for, and takes the legend meanwhile: Blender draws into files alone. Raises
+    BadInputError.
+    """
     size = 16.0
     blf.size(FONT, size)
-    height, width = picture.shape[:2]
     line, margin, square = 26, 10, 14
     places = []
     x, y = margin, 0
@@ -194,22 +204,22 @@ def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tupl
                 x, y = margin, y + line
             places.append((words, None if part else colour, x, y))
             x += needed
-    canvas = np.full((height + y + line + 6, width, 3), 24, np.uint8)
-    canvas[:height] = picture
+    canvas = np.full((y + line + 6, width, 3), 24, np.uint8)
     for _, colour, x, y in places:
         if colour is not None:
-            canvas[height + y + 9 : height + y + 9 + square, x : x + square] = colour
-    _write_png(path, canvas)
+            canvas[y + 9 : y + 9 + square, x : x + square] = colour
+    write_png(path, canvas)
     image = imbuf.load(str(path))
     blf.color(FONT, 0.92, 0.92, 0.92, 1.0)
     # The stubs do not know that this is a context manager.
     with blf.bind_imbuf(FONT, image):  # pyright: ignore[reportGeneralTypeIssues]
         for text, _, x, y in places:
-            blf.position(FONT, x + square + 8, canvas.shape[0] - (height + y + 9 + square) + 2, 0)
+            blf.position(FONT, x + square + 8, canvas.shape[0] - (y + 9 + square) + 2, 0)
             blf.draw_buffer(FONT, text)
     imbuf.write(image, filepath=str(path))
     image.free()
     check_png(path)
+    return np.round(255.0 * read_png(path)).astype(np.uint8)
 
 
 def _wrapped(text: str, room: int) -> list[str]:
@@ -227,24 +237,6 @@ def _wrapped(text: str, room: int) -> list[str]:
 def _length(text: str) -> float:
     """Return the width of a text in pixels, in the font and size that are set."""
     return blf.dimensions(FONT, text)[0]
-
-
-def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write a PNG of these bytes (H, W, 3). Raises BadInputError when Blender cannot write it."""
-    height, width = picture.shape[:2]
-    image = bpy.data.images.new(path.stem, width, height, alpha=False)
-    try:
-        rgba = np.ones((height, width, 4), np.float32)
-        rgba[..., :3] = (np.arange(256) / 255.0).astype(np.float32)[picture[::-1]]
-        image.pixels.foreach_set(rgba.ravel())
-        image.file_format = "PNG"
-        image.filepath_raw = str(path)
-        image.save()
-    except RuntimeError as error:
-        raise BadInputError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
-    finally:
-        bpy.data.images.remove(image)
-    check_png(path)
 
 
 def check_png(path: Path) -> None:
