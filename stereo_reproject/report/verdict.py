@@ -105,7 +105,9 @@ def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
     if not told:
         return None
     if worse:
-        return Verdict(f"Not as good as full renders: {len(worse)} of {len(told)} frames ({spelled(worse)})", good=False)
+        return Verdict(
+            f"Not as good as full renders: {len(worse)} of {len(told)} frames ({spelled(worse)})", good=False
+        )
     if None in told.values():
         unknown = sum(good is None for good in told.values())
         return Verdict(f"Not known of {unknown} of {len(told)} frames if they are as good as full renders", good=None)
@@ -183,3 +185,17 @@ def predicted_words(gain: float) -> str:
     if share < LEAST_SAVED_SHARE:
         return "Full render: little or no time saved, predicted"
     return f"Full render: {100.0 * share:.0f} % less time, predicted"
+
+
+def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:
+    """Return in words what a pair has saved. Of a preview, whose full render is predicted to have the gain full_gain,
+    return that prediction alone: a preview itself saves nothing that counts."""
+    return saved_words(saved_seconds(report)) if full_gain is None else predicted_words(full_gain)
+
+
+def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: bool = False) -> str:
+    """Return the name of a picture: "Slot 1, frame 7, 14:32". slot is its render slot's name (None where that is not
+    known), frame its number (None for no single frame), clock the time of day at which it was finished."""
+    parts = [slot, None if frame is None else f"frame {frame}", clock]
+    name = ", ".join(part for part in parts if part)
+    return f"Preview: {name}" if preview else name

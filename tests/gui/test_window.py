@@ -127,7 +127,7 @@ def test_the_fill_fits_this_blender(facts):
 
 def test_a_picture_is_shown_in_the_image_editor(facts):
     name, size = facts["holes"]
-    assert name == "Stereo Holes"
+    assert name == "Stereo Rendered Again"
     assert min(size) > 100
 
 

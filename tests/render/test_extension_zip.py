@@ -317,7 +317,12 @@ def test_pictures_that_explain_a_pair_are_shown_in_an_image_editor_alone(extensi
     assert not facts["elsewhere"]
     assert facts["there"]
     assert "There is no such picture" in facts["refusal"]
-    shown = {"HOLES": "Stereo Holes", "GRID": "Stereo Grid", "ERRORS": "Stereo Probe Errors", "PAIR": "Render Result"}
+    shown = {
+        "HOLES": "Stereo Rendered Again",
+        "GRID": "Stereo Grid",
+        "ERRORS": "Stereo Uncertain Areas",
+        "PAIR": "Render Result",
+    }
     assert facts["shown"] == shown
     assert [line for line in unexpected(facts["said"]) if line not in facts["refusal"]] == []
     assert_done_by_what_is_installed(facts, extension)

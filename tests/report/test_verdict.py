@@ -17,12 +17,14 @@ from stereo_reproject.report.verdict import (
     accuracy_name,
     duration,
     full_render_gain,
+    picture_words,
     predicted_words,
     quality_of,
     quality_of_animation,
     saved_by_animation,
     saved_seconds,
     saved_words,
+    time_words,
 )
 
 WHOLE = json.loads((Path(__file__).parent / "whole_report.json").read_text(encoding="utf-8"))
@@ -143,3 +145,13 @@ def test_a_prediction_is_said_in_plain_words(gain, words):
 
 def test_accuracies_have_names_for_artists():
     assert [accuracy_name(name) for name in ("draft", "high")] == ["Fast", "High"]
+
+
+def test_a_preview_claims_no_gain_of_its_own():
+    assert time_words(seconds()) == "35 s saved"
+    assert time_words(seconds(), full_gain=1.5) == "Full render: 33 % less time, predicted"
+
+
+def test_a_picture_has_a_name():
+    assert picture_words("Slot 2", 7, "14:32") == "Slot 2, frame 7, 14:32"
+    assert picture_words(None, None, "14:32", preview=True) == "Preview: 14:32"
