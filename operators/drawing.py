@@ -108,7 +108,7 @@ def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
     gain = full_gain_of(scene)
     words = time_words(result.report, full_gain=gain)
     pays = gain is None and not words.startswith("No time")
-    return [quality_of(result.report), Verdict(words, good=True if pays else None)]
+    return [quality_of(result.report, preview=gain is not None), Verdict(words, good=True if pays else None)]
 
 
 def _is_shown(context: bpy.types.Context, delivery: Delivery) -> bool:

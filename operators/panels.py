@@ -7,9 +7,8 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
-from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.blender.scene.working import CYCLES, EEVEE
-from ..stereo_reproject.report.verdict import accuracy_name
+from ..stereo_reproject.report.verdict import accuracy_name, duration
 from .details import Details
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .jobs import sentence
@@ -19,6 +18,7 @@ from .render import (
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
     gain_words,
+    is_current,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
@@ -175,9 +175,9 @@ class _Check:
         paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
         total = predicted["total_seconds"]
         if total is not None:
-            low, high, fill = f"{total['low']:.0f}", f"{total['high']:.0f}", predicted["fill"]
+            low, high, fill = duration(total["low"]), duration(total["high"]), predicted["fill"]
             ours = low if low == high else f"{low} to {high}"
-            paragraph(layout, context, f"{ours} s, multiview {predicted['multiview_seconds']:.0f} s.")
+            paragraph(layout, context, f"{ours}, multiview {duration(predicted['multiview_seconds'])}.")
             paragraph(layout, context, f"Hole rendering: {fill['method']}, {fill['reason']}.")
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
@@ -192,16 +192,6 @@ class _Check:
             paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
         if len(called) > MAX_SHOWN_EFFECTS:
             paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
-
-
-def is_current(scene: bpy.types.Scene, found: Any) -> bool:
-    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
-    accuracy.
-    """
-    region = frame_region(scene.render)
-    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
-    samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
-    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == samples
 
 
 class _Preview:

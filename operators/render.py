@@ -256,23 +256,41 @@ def _deleted(run: BackgroundJob) -> BadInputError:
 
 
 def full_gain_of(scene: bpy.types.Scene) -> float | None:
-    """Return how many times as fast as multiview the scene's full render is predicted to be, by its last pair; None
-    where that is no preview.
+    """Return how many times as fast as multiview the scene's full render is predicted to be, by a check of the scene as
+    it is, or else by its last preview; None where its last pair is no preview.
     """
     result = result_of(scene)
     if result.report is None or result.delivery is None or not result.delivery.preview:
         return None
+    found = result.inspection
+    if found is not None and is_current(scene, found):
+        gain = found["predicted"]["gain"]
+        return 0.5 * (gain["low"] + gain["high"])
     region = frame_region(scene.render)
-    cycles = result.report["engine"] == CYCLES
-    samples = scene.cycles.samples if cycles else scene.eevee.taa_render_samples
-    return full_render_gain(result.report, (region.width, region.height), samples)
+    return full_render_gain(result.report, (region.width, region.height), _samples(scene, result.report["engine"]))
+
+
+def is_current(scene: bpy.types.Scene, found: Mapping[str, Any]) -> bool:
+    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
+    accuracy.
+    """
+    region = frame_region(scene.render)
+    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
+    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == _samples(
+        scene, found["engine"]
+    )
+
+
+def _samples(scene: bpy.types.Scene, engine: str) -> int:
+    """Return the samples per pixel that the scene asks of this engine."""
+    return scene.cycles.samples if engine == CYCLES else scene.eevee.taa_render_samples
 
 
 def summary(scene: bpy.types.Scene) -> str:
     """Return a line about the scene's last pair: how good it is, and the time that was saved."""
-    report = result_of(scene).report
+    report, gain = result_of(scene).report, full_gain_of(scene)
     assert report is not None
-    return f"{quality_of(report).words}. {time_words(report, full_gain=full_gain_of(scene))}"
+    return f"{quality_of(report, preview=gain is not None).words}. {time_words(report, full_gain=gain)}"
 
 
 def gain_words(predicted: Mapping[str, Any]) -> str:

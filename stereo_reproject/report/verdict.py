@@ -59,9 +59,15 @@ def accuracy_name(accuracy: str) -> str:
     return ACCURACY_NAMES.get(accuracy, accuracy.capitalize())
 
 
-def quality_of(report: Mapping[str, Any]) -> Verdict:
+def quality_of(report: Mapping[str, Any], *, preview: bool = False) -> Verdict:
     """Return the verdict on a pair's quality. A comparison with multiview decides where it has measured something;
-    else the estimate does."""
+    else the estimate does. A preview is held against a plain preview, since it tells nothing of more samples."""
+    found = _quality_of(report)
+    return Verdict(found.words.replace("a full render", "a plain preview"), found.good) if preview else found
+
+
+def _quality_of(report: Mapping[str, Any]) -> Verdict:
+    """Return the verdict on a pair's quality, held against a full render; see `quality_of`."""
     estimate, compare = report["estimate"], report.get("compare") or {}
     measured = compare.get("honest_ratio")
     if measured is not None:

@@ -299,7 +299,7 @@ def preview():
     shoot("flat")
     space.show_stereo_3d = True
     region = region_of("IMAGE_EDITOR", "WINDOW")
-    size = bpy.data.images["Render Result"].size
+    size = results().report["size"]
     facts["size"] = list(size)
     facts["fitted"] = [space.zoom[0] * size[0] / region.width, space.zoom[1] * size[1] / region.height]
     facts["editor"] = [region.x, region.y, region.width, region.height]

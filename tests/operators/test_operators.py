@@ -409,7 +409,7 @@ def test_what_is_better_has_its_price(extension, accuracy, more, complete, words
 
 
 def test_a_check_says_what_is_to_be_gained(extension, scene):
-    from stereo_reproject_extension.operators.panels import is_current
+    from stereo_reproject_extension.operators.render import is_current
     from stereo_reproject_extension.operators.results import result_of
     from stereo_reproject_extension.operators.stereo import is_comfortable, parallax_now
 

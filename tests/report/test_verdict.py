@@ -148,6 +148,8 @@ def test_accuracies_have_names_for_artists():
 
 
 def test_a_preview_claims_no_gain_of_its_own():
+    assert quality_of(report(), preview=True) == Verdict("As good as a plain preview", good=True)
+    assert quality_of(report(kept=False), preview=True).words.startswith("Not as good as a plain preview: ")
     assert time_words(seconds()) == "35 s saved"
     assert time_words(seconds(), full_gain=1.5) == "Full render: 33 % less time, predicted"
 
