@@ -121,7 +121,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         plays = f"; {VIEWING} plays them" if scene is not None and needs_our_player(scene) else ""
         rendered = f"{report['rendered']} stereo frame{'' if report['rendered'] == 1 else 's'} rendered"
         saved = saved_words(saved_by_animation(report["totals"]))
-        return f"{rendered}{skipped}, {saved}: {report['files'][-1]}{where}{plays}"
+        return f"{rendered}{skipped}: {report['files'][-1]}{where}{plays}. {saved}"
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):

@@ -38,6 +38,9 @@ LEAST_SAVED_SHARE = 0.05
 MAX_DECIMAL_SECONDS = 9.95
 """Seconds from which a duration is shown without a decimal."""
 
+NEEDED = {"noise_ratio", "honest_ratio", "promise", "kept", "wrong_tiles", "from"}
+"""Keys that an estimate must have for a verdict."""
+
 WAITED_FOR = tuple(stage for stage in OUTSIDE_TOTAL if stage != Stage.COMPARE)
 """Stages outside a pair's total that an artist waits for all the same, and that a plain render does not have."""
 
@@ -105,8 +108,8 @@ def _quality(honest_ratio: float, kept: bool, wrong_tiles: float) -> Verdict:
 
 def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
     """Return the verdict on the frames of an animation, from the rows of its report; None where no row has an
-    estimate."""
-    told = {row["frame"]: quality_of(row).good for row in rows if row.get("estimate")}
+    estimate. A row whose estimate lacks something, as of another version's run, counts as one without."""
+    told = {row["frame"]: quality_of(row).good for row in rows if (row.get("estimate") or {}).keys() >= NEEDED}
     worse = [frame for frame, good in told.items() if good is False]
     if not told:
         return None

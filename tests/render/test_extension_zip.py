@@ -21,8 +21,9 @@ DRIVER = Path(__file__).with_name("extension_driver.py")
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
 
 SIZE = (96, 54)
-SIZE_OF_PREVIEW = (48, 27)
-"""What the driver sets, and half of it."""
+"""What the driver sets."""
+SIZE_OF_PREVIEW = (480, 270)
+"""Half of what the driver sets for a preview."""
 
 BUILD_SECONDS = 300.0
 """With all wheels to be downloaded over a slow line."""
@@ -270,7 +271,8 @@ def test_an_image_is_rendered(extension, tmp_path, preview, size):
     views = views_in(tmp_path)
     assert {name: eye.shape[1::-1] for name, eye in views.items()} == {"_L": size, "_R": size}
     assert (views["_L"] != views["_R"]).any()
-    assert any(line.startswith("Info: Both eyes in") for line in facts["said"])
+    words = r"Full render: .*" if preview else r"(.* saved|No time saved.*)"
+    assert any(re.fullmatch(rf"Info: .* (render|preview)\b.*\. {words}", line) for line in facts["said"])
     assert unexpected(facts["said"]) == []
     assert_done_by_what_is_installed(facts, extension)
 

@@ -110,7 +110,7 @@ def test_an_animation_names_the_frames_that_are_worse():
     found = quality_of_animation([frame(1, **worse), frame(2, **worse), frame(3, **good), frame(4, **unknown)])
     assert found == Verdict("Not as good as full renders: 2 of 4 frames (1-2)", good=False)
     assert quality_of_animation([frame(1), frame(2, **unknown)]).good is None
-    assert quality_of_animation([{"frame": 1, "estimate": None}]) is None
+    assert quality_of_animation([{"frame": 1, "estimate": None}, {"frame": 2, "estimate": {"kept": True}}]) is None
     assert saved_by_animation({"multiview_seconds": 9000.0, "seconds": 1800.0}) == pytest.approx(7200.0)
 
 
