@@ -76,7 +76,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make the pair the Render Result, keep its report for the panels, and return its summary."""
         frame = run.settings.scene.frame
-        where = _deliver(scene, run, frame=frame, to_look_at=self.preview, fit=self.preview)
+        where = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
         keep_pair(scene, run, _delivery(frame, preview=self.preview))
@@ -219,13 +219,14 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _deliver(
-    scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool, fit: bool = False
+    scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool, preview: bool = False
 ) -> str:
     """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
 
     Return "", or words for the message if the result is in another render slot than the user's. frame is the one at
-    which the scene's compositor is run; to_look_at is as for `deliver_to_result`, and fit as for `show_pair`. Raises
-    BadInputError if the scene is None, since it was deleted meanwhile.
+    which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, and a picture
+    after one, which has another size, is fitted to the editor. Raises BadInputError if the scene is None, since it was
+    deleted meanwhile.
     """
     if scene is None:
         raise _deleted(run)
@@ -240,7 +241,8 @@ def _deliver(
     if gone:
         run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
-        show_pair(fit=fit)
+        before = result_of(scene).delivery
+        show_pair(fit=preview or (before is not None and before.preview))
     return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
 
 

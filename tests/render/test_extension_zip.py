@@ -53,6 +53,8 @@ HARMLESS = (
     r"Info: .*",
     # The Cornell box asks for denoising.
     r"(Info: )?Denoising completed",
+    # Of a denoiser that looks for a graphics card, on a machine without one.
+    r".* cycles +\| WARNING CUEW initialization failed: .*",
     # Blender's log of files that it reads and writes.
     r'(\d\d:\d\d\.\d+ +blend +\| )?(Read blend|Writing userprefs|Writing user preferences): ".*".*',
     # The Cornell box was saved by a newer Blender than 4.5, whose editors this one does not know.
