@@ -36,7 +36,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import panels, properties, viewing
+    from . import panels, properties, slots, viewing
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -44,6 +44,7 @@ def register() -> None:
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
     viewing.add_key()
+    slots.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -64,13 +65,14 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import panels, viewing
+    from . import panels, slots, viewing
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
     viewing.remove_key()
+    slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject
     for cls in reversed(_classes()):

@@ -12,6 +12,7 @@ from ..stereo_reproject.blender.scene.working import camera_at, check_engine, ch
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.jobs.progress import clock
 from ..stereo_reproject.pipeline.stages import words_of
+from ..stereo_reproject.report.verdict import saved_words
 from . import slots
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .run import BackgroundJob
@@ -43,7 +44,6 @@ def stop_running() -> None:
                 print(f"Stereo Reproject was ended{words}")
         finally:
             run.close()
-    slots.unwatch()
     _quiet()
 
 
@@ -56,11 +56,18 @@ def _quiet() -> None:
 
 
 def progress_of(run: BackgroundJob) -> tuple[float, str]:
-    """Return how far a run is: as a number from 0 to 1, and as a text with the stage and the time that is left."""
+    """Return how far a run is: as a number from 0 to 1, and as a short text with the share and the time that is
+    left.
+    """
     fraction, remaining = run.far()
-    words = [words_of(run.stage), *filter(None, [run.detail])]
     left = "" if remaining is None else f", {clock(remaining)} left"
-    return fraction, f"{', '.join(words)}: {fraction:.0%}{left}"
+    return fraction, f"{fraction:.0%}{left}"
+
+
+def stage_of(run: BackgroundJob) -> str:
+    """Return in words what a run is doing; of an animation with the frame, and with the time saved so far."""
+    saved = [] if run.saved is None else [f"{saved_words(run.saved)} so far"]
+    return ", ".join([words_of(run.stage), *filter(None, [run.detail]), *saved])
 
 
 class JobOperator:
@@ -128,7 +135,7 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self._tell(progress_of(run)[1])
+        self._tell(f"{stage_of(run)}: {progress_of(run)[1]}")
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
             run.cancel()
@@ -163,10 +170,9 @@ class JobOperator:
                 check_engine(scene)
             check_camera(camera_at(scene, scene.frame_current))
             check_layers(scene)
-            slots.watch()
+            slots.note_start()
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
-            slots.unwatch()
             self.report({"ERROR"}, sentence(error))
             return False
         return True
@@ -176,7 +182,6 @@ class JobOperator:
         Errors and warnings are shown to the user, not raised.
         """
         run = _running.pop()
-        slots.unwatch()
         taken = False
         try:
             if run.error is not None:

@@ -2,78 +2,56 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Any
 
 import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
-from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.blender.scene.working import CYCLES, EEVEE
-from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence
+from ..stereo_reproject.report.verdict import accuracy_name, duration
+from .details import Details
+from .drawing import draw_buttons, draw_outcome, paragraph
+from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
-from .properties import FILLS, promise
 from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
     gain_words,
-    summary,
+    is_current,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
-CHARACTER_WIDTH_PIXELS = 6.2
-"""Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
-
 MAX_SHOWN_EFFECTS = 6
 
 
-def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Draw a text in as many lines as it needs, since Blender cuts a label off where its panel ends. icon stands before
-    the first line.
-    """
-    scale = context.preferences.system.ui_scale
-    width = context.region.width if context.region else 300
-    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
-        column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
-
-
 class _Main:
-    """Contents of the main panel: settings, render buttons, and a summary of the last pair."""
+    """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
     bl_label = "Stereo Reprojection"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the settings, the render buttons, and a summary of the scene's last pair."""
+        """Draw the render buttons, the accuracy and the rendered eye, what is in the way, and the last result."""
         layout, scene = self.layout, context.scene
         chosen = scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(chosen, "accuracy")
-        paragraph(layout, context, promise(chosen.accuracy) + ".")
-        layout.row().prop(chosen, "source", expand=True)
-        layout.prop(chosen, "source_engine")
-        layout.prop(chosen, "fill")
-        if chosen.fill in ("auto", "packed"):
-            layout.prop(chosen, "packed_by")
-        paragraph(layout, context, _means(scene))
-        _draw_layout(layout, scene)
-        _draw_buttons(layout)
-        _draw_kept(layout, context)
-        result = result_of(scene)
-        if result.report is not None and running() is None:
-            paragraph(layout, context, summary(result.report) + ".")
-            for warning in result.warnings:
-                paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
+        draw_buttons(layout)
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(chosen, "accuracy")
+        column.row().prop(chosen, "source", expand=True)
+        in_the_way = obstacle(scene)
+        if in_the_way is not None:
+            paragraph(layout, context, in_the_way, icon="ERROR")
+        draw_outcome(layout, context)
 
 
-def _means(scene: bpy.types.Scene) -> str:
-    """Return a sentence that says how missing pixels will be filled, with the chosen settings on this device."""
+def obstacle(scene: bpy.types.Scene) -> str | None:
+    """Return a sentence that says why the scene cannot be rendered with the chosen settings on this device; None where
+    nothing is in the way.
+    """
     chosen = scene.stereo_reproject
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
     if engine != CYCLES and engine not in EEVEE:
@@ -81,44 +59,40 @@ def _means(scene: bpy.types.Scene) -> str:
     missing = missing_osl_cameras(scene)
     if chosen.fill in ("auto", "packed") and chosen.packed_by == "osl" and missing:
         return f"Not possible here: {missing}."
-    if chosen.fill != "auto":
-        return f"{FILLS[chosen.fill]}."
-    if engine in EEVEE:
-        return "Cycles traces missing pixels and matches them to EEVEE's light, or EEVEE renders the other eye as well."
-    return "Missing pixels are rendered in the way that is fastest for each frame."
+    return None
 
 
-def _draw_layout(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """Draw Blender's own settings for how the two views are stored in files."""
-    settings = scene.render.image_settings
-    layout.prop(settings, "views_format", text="Layout", expand=False)
-    if settings.views_format == "STEREO_3D":
-        layout.prop(settings.stereo_3d_format, "display_mode", text="Stereo Mode")
+class _Engine:
+    """Contents of the panel for the engine of the rendered eye, and for how missing pixels are rendered."""
+
+    bl_label = "Engine and Hole Rendering"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings of engine and hole rendering."""
+        layout, chosen = self.layout, context.scene.stereo_reproject
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(chosen, "source_engine")
+        layout.prop(chosen, "fill")
+        if chosen.fill in ("auto", "packed"):
+            layout.prop(chosen, "packed_by")
 
 
-def _draw_buttons(layout: bpy.types.UILayout) -> None:
-    """Draw the render buttons; while a job runs, its progress and a button that cancels it."""
-    run = running()
-    column = layout.column(align=True)
-    if run is not None:
-        fraction, words = progress_of(run)
-        column.progress(factor=fraction, text=words)
-        column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
-        return
-    column.scale_y = 1.3
-    image = RENDER_OT_stereo_reproject_image.bl_idname
-    row = column.row(align=True)
-    row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
-    row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
-    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+class _Layout:
+    """Contents of the panel for how the two views are stored in files: Blender's own settings."""
 
+    bl_label = "Layout"
+    bl_options = {"DEFAULT_CLOSED"}
 
-def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the folder of a pair that could not be handed over, and a button that opens it; nothing if there is none."""
-    folder = kept_pair()
-    if folder is not None:
-        paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
-        layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's own settings for how the two views are stored in files."""
+        layout, settings = self.layout, context.scene.render.image_settings
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "views_format", text="Layout", expand=False)
+        if settings.views_format == "STEREO_3D":
+            layout.prop(settings.stereo_3d_format, "display_mode", text="Stereo Mode")
 
 
 class _Camera:
@@ -157,7 +131,6 @@ class _Camera:
         scene = context.scene
         known = parallax_now(scene)
         if not known:
-            paragraph(layout, context, "Check the scene, or render it, to see its parallax.")
             return
         layout.label(text="Parallax (of the Width):")
         for name, parallax in known:
@@ -185,10 +158,9 @@ class _Check:
         name = STEREO_REPROJECT_OT_check_scene.bl_idname
         layout.operator(name, text="Check Scene" if found is None else "Check Scene Again", icon="VIEWZOOM")
         if found is None:
-            paragraph(layout, context, "Says what the scene calls for, and what reprojection would gain.")
             return
         size = " x ".join(map(str, found["size"]))
-        how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {found['accuracy']}"
+        how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {accuracy_name(found['accuracy'])}"
         paragraph(layout, context, f"{how}:")
         if not is_current(scene, found):
             paragraph(layout, context, "Something of this was changed since: check again.", icon="ERROR")
@@ -203,10 +175,10 @@ class _Check:
         paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
         total = predicted["total_seconds"]
         if total is not None:
-            low, high, fill = f"{total['low']:.0f}", f"{total['high']:.0f}", predicted["fill"]
+            low, high, fill = duration(total["low"]), duration(total["high"]), predicted["fill"]
             ours = low if low == high else f"{low} to {high}"
-            paragraph(layout, context, f"{ours} s, multiview {predicted['multiview_seconds']:.0f} s.")
-            paragraph(layout, context, f"Fill: {fill['method']}, {fill['reason']}.")
+            paragraph(layout, context, f"{ours}, multiview {duration(predicted['multiview_seconds'])}.")
+            paragraph(layout, context, f"Hole rendering: {fill['method']}, {fill['reason']}.")
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
         """Draw the effects that the scene calls for; `rows` is the part "effects" of a check's findings."""
@@ -220,16 +192,6 @@ class _Check:
             paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
         if len(called) > MAX_SHOWN_EFFECTS:
             paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
-
-
-def is_current(scene: bpy.types.Scene, found: Any) -> bool:
-    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
-    accuracy.
-    """
-    region = frame_region(scene.render)
-    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
-    samples = scene.cycles.samples if found["engine"] == CYCLES else scene.eevee.taa_render_samples
-    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == samples
 
 
 class _Preview:
@@ -273,7 +235,15 @@ def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
     begins their class names; place has the attributes (bl_space_type and so on) that say where they are.
     """
     main = f"{prefix}_PT_stereo_reproject"
-    parts = {"camera": _Camera, "check": _Check, "preview": _Preview, "advanced": _Advanced}
+    parts = {
+        "details": Details,
+        "camera": _Camera,
+        "check": _Check,
+        "engine": _Engine,
+        "layout": _Layout,
+        "preview": _Preview,
+        "advanced": _Advanced,
+    }
     below = {"bl_parent_id": main, **place}
     return (
         type(main, (_Main, bpy.types.Panel), {**place, "bl_options": set()}),

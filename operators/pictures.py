@@ -68,8 +68,20 @@ MAX_FOREIGN_REDRAWS = 50
 """Redraws of a Render Result without two views after which something else than the pair is shown."""
 
 
-def redraw_with_both_eyes() -> None:
-    """Have the Image Editors drawn again until Blender knows that a new Render Result has two views.
+def fit_result() -> None:
+    """Zoom every Image Editor that shows the Render Result so that the whole picture fits into it."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type != "IMAGE_EDITOR" or area.spaces.active.image != render_result():
+                continue
+            region = next(region for region in area.regions if region.type == "WINDOW")
+            with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                bpy.ops.image.view_all(fit_view=True)
+
+
+def redraw_with_both_eyes(*, fit: bool = False) -> None:
+    """Have the Image Editors drawn again until Blender knows that a new Render Result has two views; with fit, zoomed
+    to the picture.
 
     Blender learns of them as it draws the result, after it has chosen what to draw. So the first time it draws one eye,
     and the button for stereo is missing. F12 draws often while it renders; a pair that was handed over is drawn once.
@@ -82,17 +94,19 @@ def redraw_with_both_eyes() -> None:
         for area in editors:
             area.tag_redraw()
         waits = image is not None and editors and not image.is_stereo_3d and next(left, None) is not None
+        if fit and not waits:
+            fit_result()
         return 0.1 if waits else None
 
     # After the redraw that is due already.
     bpy.app.timers.register(redraw, first_interval=0.0)
 
 
-def show_pair() -> None:
+def show_pair(*, fit: bool) -> None:
     """Show the Render Result in an Image Editor: where it is shown already, or in place of one of our pictures, or else
-    where the user's preferences say.
+    where the user's preferences say. With fit, the whole picture is fitted to the editor.
     """
-    redraw_with_both_eyes()
+    redraw_with_both_eyes(fit=fit)
     names = {NAME.format(name) for _, name, _ in PICTURES.values()}
     editors = [area.spaces.active for area in _image_editors() if area.spaces.active.image is not None]
     # Asking Blender to show what is shown would close it.

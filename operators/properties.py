@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, PACKED_CAMERAS, StereoSettings
 
@@ -11,6 +12,9 @@ FILLS = {
     "card": "The missing pixels are rendered through a card with openings (any device)",
     "full": "The other eye is rendered whole, as Blender's multiview does",
 }
+
+MIN_PREVIEW_PX = 480
+"""Pixels of a preview's longer side, at least, unless the full picture has fewer."""
 
 CAMERAS = {
     "auto": ("Automatic", "An OSL camera where Cycles has one that can trace the scene, else a Ray Portal"),
@@ -23,7 +27,10 @@ ENGINES = {
     "cycles": ("Cycles", "Render with Cycles, whatever the scene is set to"),
     "eevee": (
         "EEVEE",
-        "Render with EEVEE, for a quick preview. Cycles traces what is missing",
+        (
+            "Render with EEVEE, for a quick preview. Cycles traces missing pixels and matches them to EEVEE's light, or"
+            " EEVEE renders the other eye as well"
+        ),
     ),
 }
 
@@ -57,24 +64,24 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     accuracy: bpy.props.EnumProperty(
         name="Accuracy",
         description="How close the second eye comes to one that is rendered whole",
-        items=[(name, name.capitalize(), promise(name)) for name in SETTINGS],
+        items=[(name, accuracy_name(name), promise(name)) for name in SETTINGS],
         default=StereoSettings.accuracy,
     )
     source: bpy.props.EnumProperty(
-        name="Source Eye",
+        name="Rendered Eye",
         description="The eye that is rendered whole; the other is made from it",
         items=[("left", "Left", "Render the left eye whole"), ("right", "Right", "Render the right eye whole")],
         default=StereoSettings.source,
     )
     source_engine: bpy.props.EnumProperty(
-        name="Source Engine",
-        description="What renders the source eye",
+        name="Engine",
+        description="Engine that renders the rendered eye",
         items=[(name, *words) for name, words in ENGINES.items()],
         default="scene",
     )
     fill: bpy.props.EnumProperty(
-        name="Fill Method",
-        description="How pixels that the source eye does not show are rendered",
+        name="Hole Rendering",
+        description="How pixels that the rendered eye does not show are rendered",
         items=[(name, name.capitalize(), FILLS[name]) for name in FILL_METHODS],
         default=StereoSettings.fill,
     )
@@ -99,7 +106,7 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     interpolation: bpy.props.EnumProperty(
         name="Interpolation",
-        description="How colours between the source's pixels are found",
+        description="How colours between the rendered eye's pixels are found",
         items=[(name, name.capitalize(), LOOKUPS[name]) for name in INTERPOLATIONS],
         default=StereoSettings.interpolation,
     )
@@ -117,7 +124,8 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     )
     preview_percentage: bpy.props.IntProperty(
         name="Resolution",
-        description="Size of the preview, of the scene's own resolution",
+        description="Size of the preview, of the scene's own resolution. The longer side has at least"
+        f" {MIN_PREVIEW_PX} pixels, or as many as the scene's own",
         subtype="PERCENTAGE",
         default=25,
         min=1,

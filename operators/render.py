@@ -1,5 +1,6 @@
 """Render the pair of a frame or of all frames, or have a look at what it would cost."""
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,26 +11,41 @@ import bpy
 from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result
-from ..stereo_reproject.blender.scene.rig import frame_region
-from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX, layers_to_render
+from ..stereo_reproject.blender.scene.denoiser import has_denoiser
+from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
+from ..stereo_reproject.blender.scene.working import CYCLES, MIN_SIDE_PX, layers_to_render
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
 from ..stereo_reproject.pipeline.stages import Stage
+from ..stereo_reproject.report.verdict import (
+    full_render_gain,
+    quality_of,
+    saved_by_animation,
+    saved_words,
+    time_words,
+)
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from .jobs import JobOperator
 from .pictures import show_pair
-from .results import keep_inspection, keep_pair, result_of
+from .properties import MIN_PREVIEW_PX
+from .results import Delivery, keep_animation, keep_inspection, keep_pair, result_of
 from .run import BackgroundJob, seconds_of
-from .slots import unused_slot
+from .slots import content_now, unused_slot
 from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
 LEAST_GAIN = 1.05
 """Least predicted gain over multiview that counts as one."""
+
+
+PREVIEW_TOOLTIP = (
+    "Render a small pair with few samples, denoised where Blender can, to look at the stereo before a full render."
+    " Size and samples are set under Preview"
+)
 
 
 class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
@@ -46,6 +62,11 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip; a preview has its own."""
+        return PREVIEW_TOOLTIP if properties.preview else " ".join((cls.__doc__ or "").split())
+
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
@@ -54,11 +75,12 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make the pair the Render Result, keep its report for the panels, and return its summary."""
-        where = _deliver(scene, run, frame=run.settings.scene.frame, to_look_at=self.preview)
+        frame = run.settings.scene.frame
+        where = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
-        keep_pair(scene, run)
-        return summary(run.report) + where
+        keep_pair(scene, run, _delivery(frame, preview=self.preview))
+        return summary(scene) + where
 
 
 class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
@@ -82,19 +104,24 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         """Show the last frame as the Render Result, and return a line about the frames that were rendered."""
         report = run.report
         assert report is not None
-        where = ""
+        where, shown = "", False
         if report["last"] is not None:
             try:
                 # What its File Output nodes write was written with each frame.
                 where = _deliver(scene, run, frame=report["last"], to_look_at=True)
+                shown = True
             except StereoReprojectError as error:
                 run.warnings.append(f"the last frame is not shown: {error}")
         run.close()
+        if scene is not None:
+            delivery = _delivery(report["last"] if shown else None)
+            keep_animation(scene, run, delivery if shown else replace(delivery, content=None))
         there = len(report["there_already"])
         skipped = f", {there} were there already" if there else ""
         plays = f"; {VIEWING} plays them" if scene is not None and needs_our_player(scene) else ""
         rendered = f"{report['rendered']} stereo frame{'' if report['rendered'] == 1 else 's'} rendered"
-        return f"{rendered}{skipped}: {report['files'][-1]}{where}{plays}"
+        saved = saved_words(saved_by_animation(report["totals"]))
+        return f"{rendered}{skipped}: {report['files'][-1]}{where}{plays}. {saved}"
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
@@ -127,14 +154,12 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     """
     chosen = scene.stereo_reproject
     engine = None if chosen.source_engine == "scene" else chosen.source_engine
+    by_cycles = engine == "cycles" or (engine is None and scene.render.engine == CYCLES)
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
     if preview:
-        region = frame_region(scene.render)
-        width, height = (
-            max(side * chosen.preview_percentage // 100, MIN_SIDE_PX)
-            for side in (region.full_width, region.full_height)
-        )
-        overrides = replace(overrides, size=(width, height), samples=chosen.preview_samples)
+        denoise = True if by_cycles and has_denoiser(scene) else None
+        size = preview_size(frame_region(scene.render), chosen.preview_percentage)
+        overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
         accuracy=chosen.accuracy,
@@ -146,6 +171,20 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
         compare=chosen.compare and not preview,
         scene=overrides,
     )
+
+
+def preview_size(region: FrameRegion, percentage: int) -> tuple[int, int]:
+    """Return the width and height in pixels of the whole frame of a preview: this percentage of the scene's, but so
+    large that the longer side of the rendered part has `MIN_PREVIEW_PX`, and never larger than the scene's.
+    """
+    scale = min(max(percentage / 100.0, MIN_PREVIEW_PX / max(region.width, region.height, 1)), 1.0)
+    width, height = (max(math.ceil(scale * side), MIN_SIDE_PX) for side in (region.full_width, region.full_height))
+    return width, height
+
+
+def _delivery(frame: int | None, *, preview: bool = False) -> Delivery:
+    """Return the picture of this frame that was handed over just now."""
+    return Delivery(content_now(), frame, time.strftime("%H:%M"), preview)
 
 
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
@@ -179,12 +218,15 @@ def _predicted_stages(predicted: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _deliver(scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool) -> str:
+def _deliver(
+    scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | None, to_look_at: bool, preview: bool = False
+) -> str:
     """Make the eyes that a run has written the scene's Render Result, and show it. The run's EXR files are removed.
 
     Return "", or words for the message if the result is in another render slot than the user's. frame is the one at
-    which the scene's compositor is run; to_look_at is as for `deliver_to_result`. Raises BadInputError if the scene is
-    None, since it was deleted meanwhile.
+    which the scene's compositor is run; to_look_at is as for `deliver_to_result`. A preview, and a picture
+    after one, which has another size, is fitted to the editor. Raises BadInputError if the scene is None, since it was
+    deleted meanwhile.
     """
     if scene is None:
         raise _deleted(run)
@@ -199,7 +241,8 @@ def _deliver(scene: bpy.types.Scene | None, run: BackgroundJob, *, frame: int | 
     if gone:
         run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
-        show_pair()
+        before = result_of(scene).delivery
+        show_pair(fit=preview or (before is not None and before.preview))
     return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
 
 
@@ -214,15 +257,42 @@ def _deleted(run: BackgroundJob) -> BadInputError:
     return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
 
 
-def summary(report: Mapping[str, Any]) -> str:
-    """Return a line about a pair's report: seconds, the share of the second eye that was rendered, and the gain over
-    multiview.
+def full_gain_of(scene: bpy.types.Scene) -> float | None:
+    """Return how many times as fast as multiview the scene's full render is predicted to be, by a check of the scene as
+    it is, or else by its last preview; None where its last pair is no preview.
     """
-    seconds, traced = report["seconds"]["total"], report["fractions"]["rerendered"]
-    compared = report.get("compare")
-    gained = compared["speedup"] if compared else report["predicted_speedup"]
-    how = "measured" if compared else "predicted"
-    return f"Both eyes in {seconds:.1f} s, {traced:.0%} of the second rendered: {gained:.2f} x multiview, {how}"
+    result = result_of(scene)
+    if result.report is None or result.delivery is None or not result.delivery.preview:
+        return None
+    found = result.inspection
+    if found is not None and is_current(scene, found):
+        gain = found["predicted"]["gain"]
+        return 0.5 * (gain["low"] + gain["high"])
+    region = frame_region(scene.render)
+    return full_render_gain(result.report, (region.width, region.height), _samples(scene, result.report["engine"]))
+
+
+def is_current(scene: bpy.types.Scene, found: Mapping[str, Any]) -> bool:
+    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
+    accuracy.
+    """
+    region = frame_region(scene.render)
+    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
+    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == _samples(
+        scene, found["engine"]
+    )
+
+
+def _samples(scene: bpy.types.Scene, engine: str) -> int:
+    """Return the samples per pixel that the scene asks of this engine."""
+    return scene.cycles.samples if engine == CYCLES else scene.eevee.taa_render_samples
+
+
+def summary(scene: bpy.types.Scene) -> str:
+    """Return a line about the scene's last pair: how good it is, and the time that was saved."""
+    report, gain = result_of(scene).report, full_gain_of(scene)
+    assert report is not None
+    return f"{quality_of(report, preview=gain is not None).words}. {time_words(report, full_gain=gain)}"
 
 
 def gain_words(predicted: Mapping[str, Any]) -> str:

@@ -10,16 +10,42 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.report.verdict import UNCERTAIN_AREAS
 from ..stereo_reproject.settings.frame import StereoSettings
 from .run import BackgroundJob
 
 PICTURES = {
-    "HOLES": ("holes.png", "Holes", "Which pixels of the second eye were rendered, and why"),
+    "HOLES": ("holes.png", "Rendered Again", "Which pixels of the second eye were rendered, and why"),
     "GRID": ("grid.png", "Grid", "The grid that warped the first eye's pixels"),
-    "ERRORS": ("estimate.png", "Probe Errors", "Where the second eye is off by more than noise, by its probes"),
+    "ERRORS": (
+        "estimate.png",
+        UNCERTAIN_AREAS,
+        "Where the second eye is off by more than noise, as far as spot checks tell",
+    ),
     "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
 }
 """The pictures that explain a pair: file, name, and what it shows."""
+
+
+@dataclass(frozen=True)
+class SlotContent:
+    """One render in a render slot: the slot's place, its name, and how often it had been rendered into by then."""
+
+    place: int
+    name: str
+    renders: int
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """A picture that was handed over: what its render slot held then (None without a Render Result), its frame (None
+    where it stands for many), the time of day, and whether it is a preview.
+    """
+
+    content: SlotContent | None
+    frame: int | None
+    clock: str
+    preview: bool = False
 
 
 @dataclass
@@ -27,6 +53,10 @@ class Result:
     """Results of one scene: its last pair's report and pictures, and the findings of its last check."""
 
     report: Mapping[str, Any] | None = None
+    animation: Mapping[str, Any] | None = None
+    """Report of the animation that was rendered last, where no pair was rendered since."""
+    delivery: Delivery | None = None
+    """Picture that `report` or `animation` is about; None before the first."""
     inspection: Mapping[str, Any] | None = None
     inspected: StereoSettings | None = None
     """Settings for which the check was made."""
@@ -68,17 +98,30 @@ def _forget(uid: int) -> None:
         result.run.close()
 
 
-def keep_pair(scene: bpy.types.Scene, run: BackgroundJob) -> None:
-    """Keep the report, warnings and pictures of a finished run for the panels. Files of the scene's earlier pair are
-    removed, and results of deleted scenes are forgotten.
+def keep_pair(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:
+    """Keep the report, warnings and pictures of a finished run for the panels; delivery is its picture. Files of the
+    scene's earlier pair are removed, and results of deleted scenes are forgotten.
     """
     _forget_gone()
     result = result_of(scene)
     if result.run is not None:
         result.run.close()
     result.report, result.warnings, result.run = run.report, run.warnings, run
+    result.animation, result.delivery = None, delivery
     if run.report is not None:
         result.parallax = run.report.get("parallax") or result.parallax
+
+
+def keep_animation(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:
+    """Keep the report and warnings of a finished animation for the panels, in place of those of the scene's last
+    pair, whose files are removed. delivery is the picture that is shown.
+    """
+    _forget_gone()
+    result = result_of(scene)
+    if result.run is not None:
+        result.run.close()
+    result.report = result.run = None
+    result.animation, result.warnings, result.delivery = run.report, run.warnings, delivery
 
 
 def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:

@@ -83,6 +83,8 @@ class BackgroundJob:
         self._written = written
         self._pair = animation is None
         self._frames: Event | None = None
+        self.saved: float | None = None
+        """Seconds that the frames of an animation have saved so far; None before the first."""
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
@@ -190,6 +192,8 @@ class BackgroundJob:
         if event["event"] == "frame":
             with self._lock:
                 self._frames = event
+                if event.get("saved") is not None:
+                    self.saved = (self.saved or 0.0) + event["saved"]
             return
         if event["event"] != "stage":
             return

@@ -1,7 +1,8 @@
-"""Render slots: what is rendered with F12 while a pair is made stays where it is."""
+"""Render slots: what is rendered with F12 while a pair is made stays where it is, and a pair is known by its slot."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -9,48 +10,69 @@ from typing import Any
 import bpy
 
 from .pictures import render_result
+from .results import SlotContent
 
 NAME = "Stereo Pair"
 """Name of the slot that a pair goes to when the user's own is taken, and of those after it with a number."""
 
-_rendered: set[int] = set()
-"""The slots into which anything was rendered since `watch`, by their places."""
+_renders: Counter[int] = Counter()
+"""Number of renders into each render slot since the extension was switched on, by the slot's place."""
+
+_before: Counter[int] = Counter()
+"""Those numbers when the running job was started."""
 
 
 def watch() -> None:
-    """Begin to note which render slots Blender renders into; earlier notes are forgotten."""
-    unwatch()
-    _rendered.clear()
-    bpy.app.handlers.render_init.append(_note)
+    """Begin to count the renders into each slot. Called when the extension is switched on."""
+    bpy.app.handlers.render_init.append(_count)
 
 
 def unwatch() -> None:
-    """Stop noting renders. The slots noted so far stay known to `unused_slot`."""
-    if _note in bpy.app.handlers.render_init:
-        bpy.app.handlers.render_init.remove(_note)
+    """Stop counting renders. Called when the extension is switched off."""
+    if _count in bpy.app.handlers.render_init:
+        bpy.app.handlers.render_init.remove(_count)
 
 
-def _note(*_: Any) -> None:
-    """Note the active render slot. Blender calls this in another thread when a render begins."""
+def note_start() -> None:
+    """Note that a job starts: slots that are rendered into from now on are the user's, see `unused_slot`."""
+    _before.clear()
+    _before.update(_renders)
+
+
+@bpy.app.handlers.persistent
+def _count(*_: Any) -> None:
+    """Count a render into the active slot. Blender calls this in another thread when a render begins."""
     # Another thread calls this: it must not do more than look.
     image = render_result()
-    _rendered.add(0 if image is None else image.render_slots.active_index)
+    _renders[0 if image is None else image.render_slots.active_index] += 1
+
+
+def content_now() -> SlotContent | None:
+    """Return what the active render slot holds now; None where the file has no Render Result."""
+    image = render_result()
+    place = None if image is None else image.render_slots.active_index
+    if image is None or place is None:
+        return None
+    slots = image.render_slots
+    # Without a name, Blender shows the slot's number.
+    return SlotContent(place, slots[place].name or f"Slot {place + 1}", _renders[place])
 
 
 @contextmanager
 def unused_slot() -> Iterator[str | None]:
-    """Have a render slot active that nothing was rendered into since `watch`; it yields that slot's name, or None where
-    the active one is such a slot.
+    """Have a render slot active that nothing was rendered into since `note_start`; it yields that slot's name, or None
+    where the active one is such a slot.
 
     The slot stays active after the `with` block. Only after an error in the block, the earlier one is active again.
     """
     image = render_result()
-    if image is None or image.render_slots.active_index not in _rendered:
+    rendered = {place for place, count in _renders.items() if count != _before[place]}
+    if image is None or image.render_slots.active_index not in rendered:
         yield None
         return
     slots, before = image.render_slots, image.render_slots.active_index
     own = [k for k, slot in enumerate(slots) if slot.name.startswith(NAME)]
-    free = next((k for k in own if k not in _rendered), None)
+    free = next((k for k in own if k not in rendered), None)
     if free is None:
         slots.new(name=f"{NAME} {len(own) + 1}" if own else NAME)
         free = len(slots) - 1

@@ -27,6 +27,12 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
     )
 
     @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip, which names its target."""
+        where = "of the active object" if properties.target == "OBJECT" else "that the camera is focused on"
+        return f"Set the camera's convergence, and so the screen, to the depth {where}"
+
+    @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether the scene has a camera for stereo that can be edited here."""
         try:

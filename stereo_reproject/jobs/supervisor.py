@@ -15,7 +15,8 @@ stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
            {"event": "warning", "message": "..."}
            {"event": "note", "message": "..."}
-           {"event": "frame", "frame": 13, "seconds": 3.5, "traced": 0.08, "done": 12, "total": 24, "remaining": 42.0}
+           {"event": "frame", "frame": 13, "seconds": 3.5, "saved": 2.5, "traced": 0.08, "done": 12, "total": 24,
+            "each": 3.5, "remaining": 42.0}
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.

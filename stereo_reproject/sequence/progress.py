@@ -25,6 +25,13 @@ class Listener:
     warn: Callable[[str], None] = lambda _text: None
 
 
+def saved_by_frame(figures: Mapping[str, Any]) -> float | None:
+    """Return the seconds that a frame has saved over Blender's multiview, from the figures of its record; negative
+    where it took longer, None where they do not say."""
+    multiview, taken = figures.get("multiview_seconds"), figures.get("wall_seconds")
+    return None if multiview is None or taken is None else multiview - taken
+
+
 class AnimationProgress:
     """The progress of an animation. Each finished frame of `total` is reported to `listener`, with the time that the
     others will take; frames that fail are added to the dict `failed` with the reason.
@@ -59,6 +66,7 @@ class AnimationProgress:
             {
                 "frame": frame,
                 "seconds": figures.get("wall_seconds"),
+                "saved": saved_by_frame(figures),
                 "traced": figures.get("fractions", {}).get("rerendered"),
                 **self._far(),
             }

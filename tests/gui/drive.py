@@ -24,6 +24,13 @@ LIMIT = 240.0
 MAX_FOREIGN_REDRAWS = 10
 """How often Blender has drawn what is to be drawn, at least: more often than anything takes to settle."""
 
+BUTTONS = {
+    "preview": "stereo_reproject_image(preview=True)",
+    "render": "stereo_reproject_image(preview=False)",
+    "animation": "stereo_reproject_animation()",
+}
+"""The render buttons, by what each runs."""
+
 facts: dict = {"steps": []}
 seen: dict = {}
 """What later steps compare with."""
@@ -169,10 +176,21 @@ def set_up():
     seen["before"] = values()
 
 
+def find_the_buttons(kind):
+    """Where the render buttons are in a sidebar, and how high that reaches."""
+    region = region_of(kind, "UI")
+    found = {"top": [region.x, region.y + region.height]}
+    for name, command in BUTTONS.items():
+        yield from find_button(kind, "UI", command)
+        found[name] = facts["button"]
+    facts[f"buttons of {kind}"] = found
+
+
 def look_at_the_panels():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
     yield from show_sidebar("VIEW_3D", "Stereo")
     shoot("panel")
+    yield from find_the_buttons("VIEW_3D")
     area_of("PROPERTIES").spaces.active.context = "OUTPUT"
     yield 1.0
     yield from scroll("PROPERTIES", "WINDOW", "WHEELDOWNMOUSE")
@@ -211,6 +229,7 @@ def cancel_with_escape():
 def cancel_with_the_button():
     yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=False)")
     yield from click("VIEW_3D", "UI", "stereo_reproject.cancel()")
+    facts["cancel_button"] = facts["button"]
     yield from until(lambda: jobs().running() is None, "Cancel did not end the run")
     yield 0.5
     facts["unchanged_by_cancel_button"] = values() == seen["before"]
@@ -280,6 +299,9 @@ def preview():
     shoot("flat")
     space.show_stereo_3d = True
     region = region_of("IMAGE_EDITOR", "WINDOW")
+    size = results().report["size"]
+    facts["size"] = list(size)
+    facts["fitted"] = [space.zoom[0] * size[0] / region.width, space.zoom[1] * size[1] / region.height]
     facts["editor"] = [region.x, region.y, region.width, region.height]
 
 
@@ -294,6 +316,7 @@ def show_it_large():
 def look_at_the_pictures():
     yield from show_sidebar("IMAGE_EDITOR", "Stereo")
     shoot("result")
+    yield from find_the_buttons("IMAGE_EDITOR")
     yield from click("IMAGE_EDITOR", "UI", "show_picture(which='HOLES')")
     yield 1.0
     shoot("holes")

@@ -36,6 +36,9 @@ SAME_MASK, SAME_COLOUR = 5e-4, 1e-3
 FRINGES = 0.001
 """Mean difference of a channel of the Image Editor between stereo and one eye, at least; most of it is background."""
 
+MAX_ABOVE_BUTTONS_PX = 120
+"""Pixels between a sidebar's upper end and the render buttons, at most: tool settings and the panel's own header."""
+
 PICTURES = ["panel", "output", "checked", "running", "cancelled", "preview", "result", "holes"]
 
 pytestmark = pytest.mark.skipif(not COMMAND, reason="no BLENDER_WINDOW, which names a Blender with a window")
@@ -101,6 +104,23 @@ def test_a_preview_becomes_the_render_result(facts):
     assert facts["unchanged_by_preview"]
 
 
+def test_a_preview_is_large_enough_to_look_at_and_fits_into_the_editor(facts):
+    assert max(facts["size"]) >= 480
+    assert 0.8 < max(facts["fitted"]) <= 1.01
+
+
+@pytest.mark.parametrize("kind", ["VIEW_3D", "IMAGE_EDITOR"])
+def test_the_render_buttons_come_first(facts, kind):
+    found = facts[f"buttons of {kind}"]
+    assert found["top"][1] - found["preview"][1] < MAX_ABOVE_BUTTONS_PX
+    assert found["preview"][1] == found["render"][1] > found["animation"][1]
+    assert found["preview"][0] < found["render"][0]
+
+
+def test_the_button_row_keeps_its_height_while_something_runs(facts):
+    assert facts["cancel_button"][1] == facts["buttons of VIEW_3D"]["animation"][1]
+
+
 def drawn_in_the_image_editor(facts, name):
     """What a screenshot has there, (H, W, 3)."""
     x, y, width, height = facts["editor"]
@@ -127,7 +147,7 @@ def test_the_fill_fits_this_blender(facts):
 
 def test_a_picture_is_shown_in_the_image_editor(facts):
     name, size = facts["holes"]
-    assert name == "Stereo Holes"
+    assert name == "Stereo Rendered Again"
     assert min(size) > 100
 
 

@@ -119,7 +119,15 @@ def _files(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_what_an_animation_writes_lies_beside_the_file(extension, animated, place):
+def test_what_an_animation_writes_lies_beside_the_file(extension, animated, place, monkeypatch):
+    from stereo_reproject_extension.operators import run
+    from stereo_reproject_extension.operators.drawing import verdicts_on
+    from stereo_reproject_extension.operators.results import result_of
+
+    told, so_far = run.BackgroundJob._on_event, []
+    monkeypatch.setattr(
+        run.BackgroundJob, "_on_event", lambda self, event: (told(self, event), so_far.append(self.saved))
+    )
     before = everything()
     assert bpy.ops.render.stereo_reproject_animation() == {"FINISHED"}
     assert everything() == before
@@ -134,6 +142,10 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert told == ["shots/film_animation.json", "shots/journal/film_0001.json", "shots/journal/film_0002.json"]
     assert {name.partition("/")[0] for name in written} == {"shots", "nodes"}
     assert sorted(path.name for path in place.iterdir()) == ["project"]
+    assert [type(seconds) for seconds in dict.fromkeys(so_far)] == [type(None), float, float]
+    _, saved = verdicts_on(animated, result_of(animated))
+    assert re.fullmatch(r"2 frames, (.* saved|No time saved.*)", saved.words)
+    assert result_of(animated).delivery.content.name == "Slot 1"
 
 
 def test_a_preview_does_not_write_what_a_render_would(extension, animated, place):

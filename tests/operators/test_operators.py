@@ -1,6 +1,7 @@
 """The extension in Blender: registered, run from a script, and gone again without a trace."""
 
 import contextlib
+import re
 
 import bpy
 import numpy as np
@@ -21,6 +22,8 @@ from tests.blender.toolbox import (
 )
 
 SIZE = (64, 36)
+
+OLD = bpy.app.version < (5, 0)
 
 
 @pytest.fixture
@@ -74,13 +77,143 @@ def test_the_pair_is_the_render_result_and_the_scene_as_it_was(extension, scene,
     assert 0.0 < difference < 0.5 * np.abs(right[..., :3] - left[..., :3]).mean()
 
 
-def test_a_preview_is_small(extension, scene, tmp_path):
-    scene.stereo_reproject.preview_percentage = 50
+@pytest.mark.parametrize(
+    ("size", "percentage", "rendered"),
+    [
+        # The longer side has 480 pixels at least, or those of the full picture.
+        ((1920, 1080), 25, (480, 270)),
+        ((1920, 1080), 50, (960, 540)),
+        ((1000, 500), 25, (480, 240)),
+        ((500, 1000), 25, (240, 480)),
+        ((64, 36), 25, (64, 36)),
+    ],
+)
+def test_a_preview_is_small_and_large_enough_to_look_at(extension, scene, size, percentage, rendered):
+    from stereo_reproject_extension.operators.render import settings_of
+
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.stereo_reproject.preview_percentage = percentage
+    assert settings_of(scene, preview=True).scene.size == rendered
+    assert settings_of(scene, preview=False).scene.size is None
+
+
+def test_a_preview_of_a_part_is_large_enough_to_look_at(extension, scene):
+    from stereo_reproject_extension.operators.render import settings_of
+
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.use_border = 1920, 1080, True
+    scene.render.border_min_x, scene.render.border_max_x = 0.0, 0.5
+    assert settings_of(scene, preview=True).scene.size == (854, 480)
+    scene.render.border_max_x = 0.125
+    scene.render.border_min_y, scene.render.border_max_y = 0.0, 0.125
+    assert settings_of(scene, preview=True).scene.size == (1920, 1080)
+
+
+def test_a_preview_is_denoised_where_there_is_a_denoiser(extension, scene):
+    from stereo_reproject_extension.operators import render
+
+    assert not scene.cycles.use_denoising
+    assert render.settings_of(scene, preview=True).scene.denoise
+    assert render.settings_of(scene, preview=False).scene.denoise is None
+    scene.stereo_reproject.source_engine = "eevee"
+    assert render.settings_of(scene, preview=True).scene.denoise is None
+    scene.stereo_reproject.source_engine, scene.render.engine = (
+        "scene",
+        "BLENDER_EEVEE_NEXT" if OLD else "BLENDER_EEVEE",
+    )
+    assert render.settings_of(scene, preview=True).scene.denoise is None
+    scene.stereo_reproject.source_engine = "cycles"
+    assert render.settings_of(scene, preview=True).scene.denoise
+
+
+def test_a_preview_claims_no_gain_of_its_own_and_is_named(extension, scene, tmp_path):
+    from stereo_reproject_extension.operators.drawing import verdicts_on
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.render.resolution_x, scene.render.resolution_y, scene.cycles.samples = 640, 360, 64
+    scene.stereo_reproject.preview_samples = 2
     assert bpy.ops.render.stereo_reproject_image(preview=True) == {"FINISHED"}
     views = views_of_result(scene, tmp_path)
-    assert {name: eye.shape[:2] for name, eye in views.items()} == dict.fromkeys(
-        ("_L", "_R"), (SIZE[1] // 2, SIZE[0] // 2)
-    )
+    assert {name: eye.shape[:2] for name, eye in views.items()} == dict.fromkeys(("_L", "_R"), (270, 480))
+    result = result_of(scene)
+    assert result.report["seconds"]["denoise_source"] > 0.0
+    assert (result.delivery.frame, result.delivery.preview) == (scene.frame_current, True)
+    assert verdicts_on(scene, result)[1].words.startswith("Full render: ")
+
+
+def test_a_result_is_known_by_its_slot_until_something_else_is_shown(extension, scene):
+    from stereo_reproject_extension.operators.drawing import _is_shown, verdicts_on
+    from stereo_reproject_extension.operators.results import result_of
+
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    result = result_of(scene)
+    assert re.search(r"saved|longer", verdicts_on(scene, result)[1].words)
+    assert result.delivery.content.name == "Slot 1"
+    assert _is_shown(bpy.context, result.delivery)
+    slots = bpy.data.images["Render Result"].render_slots
+    slots.active_index = 1
+    assert not _is_shown(bpy.context, result.delivery)
+    slots.active_index = 0
+    assert _is_shown(bpy.context, result.delivery)
+    bpy.ops.render.render()
+    assert not _is_shown(bpy.context, result.delivery)
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert _is_shown(bpy.context, result_of(scene).delivery)
+
+
+def test_each_button_has_a_tooltip_of_its_own(extension):
+    from types import SimpleNamespace
+
+    from stereo_reproject_extension.operators.render import RENDER_OT_stereo_reproject_image as image
+    from stereo_reproject_extension.operators.stereo import STEREO_REPROJECT_OT_set_convergence as convergence
+
+    preview, full = (image.description(None, SimpleNamespace(preview=preview)) for preview in (True, False))
+    assert "small" in preview
+    assert "both eyes" in full.lower()
+    texts = {convergence.description(None, SimpleNamespace(target=target)) for target in ("OBJECT", "FOCUS")}
+    assert len(texts) == 2
+
+
+class Drawn:
+    """A layout that notes what is drawn into it, in order; it stands for the parts of itself too."""
+
+    def __init__(self):
+        self.items = []
+
+    def __getattr__(self, name):
+        def note(*given, **named):
+            self.items.append((name, *given[1:], named.get("text", "")) if name == "prop" else (name, *given, named))
+            return self
+
+        return note
+
+
+def test_the_buttons_come_first_and_prose_does_not_stand_there(extension, scene):
+    from types import SimpleNamespace
+
+    from stereo_reproject_extension.operators import panels
+
+    drawn = Drawn()
+    context = SimpleNamespace(scene=scene, region=None, space_data=None, preferences=bpy.context.preferences)
+    panels._Main.draw(SimpleNamespace(layout=drawn), context)
+    commands = [item[1] for item in drawn.items if item[0] in ("operator", "prop")]
+    render = "render.stereo_reproject"
+    assert commands == [f"{render}_image", f"{render}_image", f"{render}_animation", "accuracy", "source"]
+    assert [item for item in drawn.items if item[0] == "label"] == []
+
+
+def test_what_is_seldom_set_is_in_closed_panels(extension):
+    closed = {"details", "engine", "layout", "preview", "advanced"}
+    for prefix in ("RENDER", "VIEW3D"):
+        for name in closed:
+            assert "DEFAULT_CLOSED" in getattr(bpy.types, f"{prefix}_PT_stereo_reproject_{name}").bl_options
+    assert "DEFAULT_CLOSED" in bpy.types.IMAGE_PT_stereo_reproject_details.bl_options
+
+
+def test_settings_are_named_for_artists(extension):
+    properties = bpy.context.scene.stereo_reproject.bl_rna.properties
+    names = {name: properties[name].name for name in ("source", "fill")}
+    assert names == {"source": "Rendered Eye", "fill": "Hole Rendering"}
+    assert properties["accuracy"].enum_items["draft"].name == "Fast"
 
 
 def test_the_scene_that_is_looked_at_is_rendered(extension, scene, tmp_path):
@@ -212,14 +345,14 @@ def test_the_packed_camera_of_the_panel_traces_the_pair(extension, scene, camera
 @pytest.mark.parametrize(
     ("device", "kind", "camera", "words"),
     [
-        ("CPU", "NONE", "auto", "fastest"),
-        ("GPU", "CUDA", "auto", "fastest"),
-        ("GPU", "HIP", "portal", "fastest"),
+        ("CPU", "NONE", "auto", None),
+        ("GPU", "CUDA", "auto", None),
+        ("GPU", "HIP", "portal", None),
         ("GPU", "HIP", "osl", "device"),
     ],
 )
-def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, kind, camera, words):
-    from stereo_reproject_extension.operators.panels import _means
+def test_what_cannot_fill_holes_on_a_device_is_said_and_why(extension, scene, device, kind, camera, words):
+    from stereo_reproject_extension.operators.panels import obstacle
     from stereo_reproject_extension.stereo_reproject.blender.scene.devices import devices_in_use, use_devices
 
     kept = devices_in_use()
@@ -227,7 +360,8 @@ def test_what_fills_holes_on_a_device_is_said_and_why(extension, scene, device, 
         use_devices({"type": kind, "ids": [], "options": {}})
         assert devices_in_use()["type"] == kind
         scene.cycles.device, scene.stereo_reproject.packed_by = device, camera
-        assert words in _means(scene)
+        found = obstacle(scene)
+        assert found is None if words is None else words in found
     finally:
         use_devices(kept)
     assert devices_in_use() == kept
@@ -266,8 +400,8 @@ def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
     assert sorted(image.name for image in bpy.data.images if image.name.startswith("Stereo")) == [
         "Stereo Difference",
         "Stereo Grid",
-        "Stereo Holes",
-        "Stereo Probe Errors",
+        "Stereo Rendered Again",
+        "Stereo Uncertain Areas",
     ]
 
 
@@ -280,13 +414,13 @@ def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
     ],
 )
 def test_what_is_better_has_its_price(extension, accuracy, more, complete, words):
-    from stereo_reproject_extension.operators.image_panels import _price
+    from stereo_reproject_extension.operators.details import price_words
 
-    assert _price({"accuracy": accuracy, "more_seconds": more, "complete": complete}) == words
+    assert price_words({"accuracy": accuracy, "more_seconds": more, "complete": complete}) == words
 
 
 def test_a_check_says_what_is_to_be_gained(extension, scene):
-    from stereo_reproject_extension.operators.panels import is_current
+    from stereo_reproject_extension.operators.render import is_current
     from stereo_reproject_extension.operators.results import result_of
     from stereo_reproject_extension.operators.stereo import is_comfortable, parallax_now
 

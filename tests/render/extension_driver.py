@@ -17,6 +17,8 @@ import bpy
 REPOSITORY = "user_default"
 MODULE = f"bl_ext.{REPOSITORY}.stereo_reproject"
 SIZE = (96, 54)
+LARGE = (960, 540)
+"""Size of which a preview is half."""
 SAMPLES = 4
 FRAMES = (1, 2)
 
@@ -128,7 +130,9 @@ def cycle():
 def image(blend, output, preview):
     start()
     scene = open_demo(blend)
-    scene.stereo_reproject.preview_percentage = 50
+    if preview:
+        scene.render.resolution_x, scene.render.resolution_y = LARGE
+        scene.stereo_reproject.preview_percentage, scene.stereo_reproject.preview_samples = 50, 1
     result = bpy.ops.render.stereo_reproject_image(preview=preview)
     set_format(scene, "OPEN_EXR", "INDIVIDUAL")
     scene.render.use_multiview = True

@@ -200,6 +200,7 @@ def test_a_frame_that_another_run_has_recorded_oddly_is_done_all_the_same(name):
         (event,) = events
         assert event["seconds"] == (None if name == "wall_seconds" else 2.0)
         assert event["traced"] == (None if name == "fractions" else 0.1)
+        assert (event["saved"] is None) == (name in ("wall_seconds", "multiview_seconds"))
         assert warnings == ([] if name == "warnings" else ["fireflies"])
 
 

@@ -1,0 +1,138 @@
+"""The sub-panel Details: ratios, intervals, seconds and shares of the last pair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.pipeline.next_accuracy import WHOLE
+from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
+from ..stereo_reproject.report.table import more_seconds_text
+from ..stereo_reproject.report.verdict import accuracy_name, saved_seconds
+from .drawing import draw_row, paragraph
+from .results import result_of
+
+REASONS = {
+    "disoccluded": "Hidden before",
+    "outside": "Beyond the edge",
+    "silhouette": "Edges",
+    "transparent": "Behind glass",
+    "volume": "Volumes",
+    "defocus": "Blurred edges",
+    "refined": "Uncertain areas",
+    "probe": "Spot checks",
+    "rerendered": "In all",
+}
+"""Names, for artists, of the reasons why pixels of the second eye were rendered."""
+
+STAGES: dict[str, str] = {
+    Stage.PLAN: "Looking at it",
+    Stage.SOURCE: "Rendered eye",
+    Stage.DENOISE_SOURCE: "Denoising it",
+    Stage.WARP: "Reprojecting",
+    Stage.PILOT: "First checks",
+    Stage.FILL: "Rendered again",
+    Stage.REFINE: "Uncertain areas",
+    Stage.DENOISE_TARGET: "Denoising",
+}
+"""Names, for artists, of the stages of a pair."""
+
+MEASURED = (
+    ("Honest ratio", "honest_ratio"),
+    ("Noise ratio", "noise_ratio"),
+    ("Worst tiles", "worst_tiles"),
+    ("Error", "rmse"),
+)
+"""Figures of a comparison that are shown: names for artists, and keys of the report."""
+
+KEPT = {True: "kept", False: "not kept", None: "too close"}
+
+
+class Details:
+    """Contents of the sub-panel, wherever it is; it is shown only when the scene has the report of a pair."""
+
+    bl_label = "Details"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the scene has the report of a pair."""
+        return result_of(context.scene).report is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the figures of the last pair's quality, of its time, and of what was rendered again."""
+        report = result_of(context.scene).report
+        assert report is not None
+        size = " x ".join(map(str, report["size"]))
+        how = f"Frame {report['frame']}, {size}, {report['samples']} samples, {accuracy_name(report['accuracy'])}"
+        paragraph(self.layout, context, how)
+        _draw_quality(self.layout, context, report)
+        _draw_times(self.layout, context, report)
+        _draw_traced(self.layout, report)
+
+
+def _draw_quality(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
+    """Draw the estimated and measured quality, and the price of a better one."""
+    column = layout.column(align=True)
+    column.label(text="Quality (Estimated)")
+    estimate = report["estimate"]
+    if estimate["noise_ratio"] is None:
+        paragraph(column, context, f"No estimate: {estimate['from']}")
+    else:
+        draw_row(column, "Honest ratio", f"{estimate['honest_ratio']:.3f}")
+        if estimate["honest_low"] is not None:
+            draw_row(column, "95 % interval", f"{estimate['honest_low']:.2f} - {estimate['honest_high']:.2f}")
+        if estimate["promise"] is not None:
+            draw_row(column, f"At most {estimate['promise']:g}", KEPT[estimate["kept"]])
+        draw_row(column, "Noise ratio", f"{estimate['noise_ratio']:.3f}")
+    if report.get("correction"):
+        draw_row(column, "Matched to EEVEE", f"{100.0 * report['correction']['mean']:.0f} %")
+    compare = report.get("compare")
+    if compare:
+        column = layout.column(align=True)
+        column.label(text="Quality (Measured)")
+        if compare.get("no_noise"):
+            paragraph(column, context, f"No noise ratio: {compare['no_noise']}")
+        for words, name in MEASURED:
+            if compare.get(name) is not None:
+                draw_row(column, words, f"{compare[name]:.3f}")
+    paragraph(layout, context, price_words(report["price"]))
+
+
+def price_words(price: Mapping[str, Any]) -> str:
+    """Return a sentence that says what the next better accuracy would cost. `price` is the part of that name of a
+    pair's report.
+    """
+    better = "Rendering it whole" if price["accuracy"] == WHOLE else accuracy_name(price["accuracy"])
+    if price["more_seconds"] is None:
+        return "It cannot be better: all of it was rendered"
+    return f"{better} would take {more_seconds_text(price)}"
+
+
+def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
+    """Draw the seconds of each stage, and the gain over multiview."""
+    seconds = report["seconds"]
+    column = layout.column(align=True)
+    column.label(text="Time")
+    for name in (*(stage for stage in Stage if stage not in OUTSIDE_TOTAL), "total"):
+        if seconds.get(name, 0.0) >= 0.005:
+            draw_row(column, STAGES.get(name, label_of(name).capitalize()), f"{seconds[name]:.2f} s")
+    compare = report.get("compare")
+    if compare:
+        draw_row(column, "Multiview", f"{compare['multiview_seconds']:.2f} s")
+        draw_row(column, "Gain, measured", f"{compare['speedup']:.2f} x")
+    else:
+        draw_row(column, "Gain, predicted", f"{report['predicted_speedup']:.2f} x")
+    draw_row(column, "Saved in all", f"{saved_seconds(report):.2f} s")
+    paragraph(layout, context, f"Hole rendering: {report['fill']['method']}, {report['fill']['reason']}")
+
+
+def _draw_traced(layout: bpy.types.UILayout, report: Mapping[str, Any]) -> None:
+    """Draw the share of the second eye's pixels that were rendered again, for each reason."""
+    column = layout.column(align=True)
+    column.label(text="Rendered Again")
+    for name, fraction in report["fractions"].items():
+        if fraction > 0.0:
+            draw_row(column, REASONS.get(name, name.capitalize()), f"{100.0 * fraction:.1f} %")

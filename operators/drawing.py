@@ -1,0 +1,133 @@
+"""Parts that several panels draw: texts of many lines, the render buttons, and the verdict on the last result."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+from ..stereo_reproject.report.verdict import (
+    Verdict,
+    picture_words,
+    quality_of,
+    quality_of_animation,
+    saved_by_animation,
+    saved_words,
+    time_words,
+)
+from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence, stage_of
+from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
+from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
+from .results import Delivery, Result, result_of
+from .slots import content_now
+
+CHARACTER_WIDTH_PIXELS = 6.2
+"""Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
+
+BUTTON_SCALE = 1.3
+"""Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
+
+ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
+"""Icons of a verdict, by `Verdict.good`."""
+
+
+def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """Draw a text in as many lines as it needs, since Blender cuts a label off where its panel ends. icon stands before
+    the first line.
+    """
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region else 300
+    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
+        column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
+
+
+def draw_row(layout: bpy.types.UILayout, name: str, value: str) -> None:
+    """Draw one line with a name on the left and its value on the right."""
+    split = layout.split(factor=0.6)
+    split.label(text=name)
+    right = split.row()
+    right.alignment = "RIGHT"
+    right.label(text=value)
+
+
+def draw_buttons(layout: bpy.types.UILayout) -> None:
+    """Draw the render buttons in two rows. While a job runs, its progress and a button that cancels it stand there, in
+    rows of the same height.
+    """
+    run = running()
+    column = layout.column(align=True)
+    column.scale_y = BUTTON_SCALE
+    if run is not None:
+        fraction, words = progress_of(run)
+        column.progress(factor=fraction, text=words)
+        column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
+        return
+    image = RENDER_OT_stereo_reproject_image.bl_idname
+    row = column.row(align=True)
+    row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
+    row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
+    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+
+
+def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what the running job does, or else the scene's last result: its picture's name, its verdict and warnings."""
+    run = running()
+    if run is not None:
+        paragraph(layout, context, stage_of(run))
+        return
+    _draw_kept(layout, context)
+    result = result_of(context.scene)
+    if result.delivery is None:
+        return
+    delivery = result.delivery
+    slot = None if delivery.content is None else delivery.content.name
+    box = layout.box()
+    name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
+    paragraph(box, context, f"{name}:")
+    if not _is_shown(context, delivery):
+        paragraph(box, context, "Another picture is shown now.", icon="INFO")
+    for verdict in verdicts_on(context.scene, result):
+        paragraph(box, context, f"{verdict.words}.", icon=ICONS[verdict.good])
+    for warning in result.warnings:
+        paragraph(box, context, f"{sentence(warning)}.", icon="ERROR")
+
+
+def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
+    """Return the sentences about quality and time of a scene's last result, an animation or a pair."""
+    if result.animation is not None:
+        totals, rows = result.animation["totals"], result.animation["frames"]
+        saved = saved_by_animation(totals)
+        frames = f"{totals['frames']} frame{'' if totals['frames'] == 1 else 's'}"
+        quality, words = quality_of_animation(rows), f"{frames}, {saved_words(saved)}"
+        return [*([] if quality is None else [quality]), Verdict(words, good=None if saved <= 0.0 else True)]
+    if result.report is None:
+        return []
+    gain = full_gain_of(scene)
+    words = time_words(result.report, full_gain=gain)
+    pays = gain is None and not words.startswith("No time")
+    return [quality_of(result.report, preview=gain is not None), Verdict(words, good=True if pays else None)]
+
+
+def _is_shown(context: bpy.types.Context, delivery: Delivery) -> bool:
+    """Return whether a picture that was handed over is still what its render slot holds, and that slot is the active
+    one. In an Image Editor that shows the Render Result or nothing of ours, that is what is seen there.
+    """
+    space = context.space_data
+    if delivery.content is None:
+        return True
+    if space is not None and space.type == "IMAGE_EDITOR" and space.image is not None:
+        ours = space.image.name.startswith("Stereo ") or space.image.type == "RENDER_RESULT"
+        if not ours:
+            return False
+    return content_now() == delivery.content
+
+
+def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the folder of a pair that could not be handed over, and a button that opens it; nothing if there is none."""
+    folder = kept_pair()
+    if folder is not None:
+        paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
+        layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")

@@ -1,0 +1,210 @@
+"""A report's verdict for artists: in plain words, how good the picture is and how much time was saved.
+
+Everything here reads the dict that report.json or animation.json has. Nothing here knows Blender.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..estimate.tracing import NOTHING_DIFFERS
+from ..pipeline.stages import OUTSIDE_TOTAL, Stage
+from ..settings.accuracy import SETTINGS
+from ..settings.animation import spelled
+
+UNCERTAIN_AREAS = "Uncertain Areas"
+"""Name, for artists, of the picture estimate.png, which shows where the second eye is off by more than noise."""
+
+AS_GOOD = "As good as a full render"
+NEARLY_AS_GOOD = "Nearly as good as a full render"
+NOT_AS_GOOD = f"Not as good as a full render: see {UNCERTAIN_AREAS}"
+TOO_CLOSE = "Too close to tell if it is as good as a full render"
+UNPROMISED = "Not checked: reflections and glass stay as the first eye sees them"
+
+MAX_EQUAL_RATIO = SETTINGS["balanced"].promise or 1.0
+"""Greatest honest ratio of a picture that is called as good as a full render: what the default accuracy promises."""
+
+LEAST_NAMED_SHARE = 0.01
+"""Least share of wrong tiles that the verdict of a good picture mentions."""
+
+LEAST_SAVED_SECONDS = 0.05
+"""Least seconds that are called saved or lost: a figure with one decimal shows no less."""
+
+LEAST_SAVED_SHARE = 0.05
+"""Least predicted share of the time that is called a gain."""
+
+MAX_DECIMAL_SECONDS = 9.95
+"""Seconds from which a duration is shown without a decimal."""
+
+NEEDED = {"noise_ratio", "honest_ratio", "promise", "kept", "wrong_tiles", "from"}
+"""Keys that an estimate must have for a verdict."""
+
+WAITED_FOR = tuple(stage for stage in OUTSIDE_TOTAL if stage != Stage.COMPARE)
+"""Stages outside a pair's total that an artist waits for all the same, and that a plain render does not have."""
+
+ACCURACY_NAMES = {"draft": "Fast"}
+"""Names of accuracy settings for artists, where they are not the setting's own with a capital letter."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A sentence about quality without its full stop. good: True for a picture that is as good as promised, False for
+    one that is not, and None where that is not known."""
+
+    words: str
+    good: bool | None
+
+
+def accuracy_name(accuracy: str) -> str:
+    """Return the name of an accuracy setting as artists read it: "Fast" for draft, "High" for high."""
+    return ACCURACY_NAMES.get(accuracy, accuracy.capitalize())
+
+
+def quality_of(report: Mapping[str, Any], *, preview: bool = False) -> Verdict:
+    """Return the verdict on a pair's quality. A comparison with multiview decides where it has measured something;
+    else the estimate does. A preview is held against a plain preview, since it tells nothing of more samples."""
+    found = _quality_of(report)
+    return Verdict(found.words.replace("a full render", "a plain preview"), found.good) if preview else found
+
+
+def _quality_of(report: Mapping[str, Any]) -> Verdict:
+    """Return the verdict on a pair's quality, held against a full render; see `quality_of`."""
+    estimate, compare = report["estimate"], report.get("compare") or {}
+    measured = compare.get("honest_ratio")
+    if measured is not None:
+        limit = estimate["promise"] or MAX_EQUAL_RATIO
+        found = _quality(measured, measured <= limit, compare.get("wrong_tiles") or 0.0)
+        return Verdict(f"{found.words} (measured)", found.good)
+    if report["fractions"]["rerendered"] >= 1.0:
+        return Verdict(f"{AS_GOOD}: all of it was rendered", good=True)
+    if estimate["noise_ratio"] is None:
+        return _unchecked(estimate)
+    if estimate["kept"] is None:
+        return Verdict(TOO_CLOSE, good=None)
+    return _quality(estimate["honest_ratio"], estimate["kept"], estimate["wrong_tiles"])
+
+
+def _unchecked(estimate: Mapping[str, Any]) -> Verdict:
+    """Return the verdict on a pair that has no estimate, from that part of its report."""
+    if estimate["promise"] is None:
+        return Verdict(UNPROMISED, good=None)
+    if estimate["from"] == NOTHING_DIFFERS:
+        return Verdict(AS_GOOD, good=True)
+    return Verdict(f"Not checked: {estimate['from']}", good=None)
+
+
+def _quality(honest_ratio: float, kept: bool, wrong_tiles: float) -> Verdict:
+    """Return the verdict on a picture with this honest ratio. kept says whether its promise is kept, wrong_tiles which
+    share of its tiles, 0 to 1, is wrong so that it can be seen."""
+    if not kept:
+        return Verdict(NOT_AS_GOOD, good=False)
+    words = AS_GOOD if honest_ratio <= MAX_EQUAL_RATIO else NEARLY_AS_GOOD
+    if wrong_tiles >= LEAST_NAMED_SHARE:
+        words += f", but for {100.0 * wrong_tiles:.0f} % of it: see {UNCERTAIN_AREAS}"
+    return Verdict(words, good=True)
+
+
+def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
+    """Return the verdict on the frames of an animation, from the rows of its report; None where no row has an
+    estimate. A row whose estimate lacks something, as of another version's run, counts as one without."""
+    told = {row["frame"]: quality_of(row).good for row in rows if (row.get("estimate") or {}).keys() >= NEEDED}
+    worse = [frame for frame, good in told.items() if good is False]
+    if not told:
+        return None
+    if worse:
+        return Verdict(
+            f"Not as good as full renders: {len(worse)} of {len(told)} frames ({spelled(worse)})", good=False
+        )
+    if None in told.values():
+        unknown = sum(good is None for good in told.values())
+        return Verdict(f"Not known of {unknown} of {len(told)} frames if they are as good as full renders", good=None)
+    return Verdict("As good as full renders", good=True)
+
+
+def duration(seconds: float) -> str:
+    """Return seconds, at least 0, as words: "0.4 s", "12 s", "3 min 10 s", "2 h 5 min"."""
+    if seconds < MAX_DECIMAL_SECONDS:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    minutes, rest = divmod(whole, 60)
+    parts = [(minutes, "min"), (rest, "s")]
+    if minutes >= 60:
+        hours, minutes = divmod(round(seconds / 60.0), 60)
+        parts = [(hours, "h"), (minutes, "min")]
+    return " ".join(f"{number} {unit}" for number, unit in parts if number)
+
+
+def saved_words(seconds: float) -> str:
+    """Return in words how much time was saved, such as "3 min 10 s saved"; negative seconds are those that were
+    lost."""
+    if seconds >= LEAST_SAVED_SECONDS:
+        return f"{duration(seconds)} saved"
+    longer = "" if seconds > -LEAST_SAVED_SECONDS else f": {duration(-seconds)} longer"
+    return f"No time saved{longer}"
+
+
+def saved_seconds(report: Mapping[str, Any]) -> float:
+    """Return the seconds that a pair has saved over two plain renders; negative where it took longer.
+
+    A plain second eye takes as long as the source without its sync, or as long as multiview's did where that was
+    measured. From it goes all that the target took, and the loading, measuring and writing that a plain render lacks.
+    """
+    seconds, compare = report["seconds"], report.get("compare")
+    multiview = compare["multiview_seconds"] if compare else report["predicted_speedup"] * seconds["total"]
+    return multiview - seconds["total"] - sum(seconds.get(stage, 0.0) for stage in WAITED_FOR)
+
+
+def saved_by_animation(totals: Mapping[str, Any]) -> float:
+    """Return the seconds that an animation's frames have saved over plain renders, from its report's "totals"; negative
+    where they took longer."""
+    return totals["multiview_seconds"] - totals["seconds"]
+
+
+def full_render_gain(preview: Mapping[str, Any], size: tuple[int, int], samples: int) -> float:
+    """Return how many times as fast as multiview the full render is predicted to be: the one of this size in pixels,
+    with these samples per pixel, whose preview has the report `preview`.
+
+    The sync takes the same time in both; rendering grows with pixels and samples, denoising and warping with pixels.
+    The share of traced pixels is taken to be the preview's. It is smaller in a larger picture, so that the prediction
+    is a cautious one.
+    """
+    seconds, costs = preview["seconds"], preview["fill"]["costs"]
+    pixels = size[0] * size[1] / (preview["size"][0] * preview["size"][1])
+    work = pixels * samples / preview["samples"]
+    denoised = seconds.get(Stage.DENOISE_SOURCE, 0.0)
+    source = seconds[Stage.SOURCE] + denoised
+    plain = preview["predicted_speedup"] * seconds["total"] - source
+    sync, rendering = max(source - plain, 0.0), max(plain - denoised, 0.0)
+    calls = [name for name in (Stage.PILOT, Stage.FILL, Stage.REFINE) if seconds.get(name, 0.0) > 0.0]
+    tracing = sum(seconds[name] for name in calls)
+    fixed = min(len(calls) * (costs["render_call_seconds"] + costs["resync_share"] * sync), tracing)
+    planning = seconds.get(Stage.PLAN, 0.0)
+    other = max(seconds["total"] - source - tracing - planning, 0.0)
+    eye = rendering * work + denoised * pixels
+    ours = planning + sync + eye + fixed + (tracing - fixed) * work + other * pixels
+    return (sync + 2.0 * eye) / ours if ours > 0.0 else 1.0
+
+
+def predicted_words(gain: float) -> str:
+    """Return in words what a full render is predicted to gain. gain is how many times as fast as multiview it will
+    be."""
+    share = 1.0 - 1.0 / gain
+    if share < LEAST_SAVED_SHARE:
+        return "Full render: little or no time saved, predicted"
+    return f"Full render: {100.0 * share:.0f} % less time, predicted"
+
+
+def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:
+    """Return in words what a pair has saved. Of a preview, whose full render is predicted to have the gain full_gain,
+    return that prediction alone: a preview itself saves nothing that counts."""
+    return saved_words(saved_seconds(report)) if full_gain is None else predicted_words(full_gain)
+
+
+def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: bool = False) -> str:
+    """Return the name of a picture: "Slot 1, frame 7, 14:32". slot is its render slot's name (None where that is not
+    known), frame its number (None for no single frame), clock the time of day at which it was finished."""
+    parts = [slot, None if frame is None else f"frame {frame}", clock]
+    name = ", ".join(part for part in parts if part)
+    return f"Preview: {name}" if preview else name
