@@ -9,12 +9,13 @@ warped pixels are corrected by it, and need not be traced.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.bands import BAND_PIXELS
+from ..images.bands import bands
 from .evidence import ProbeTraces
 from .probes import Probes
 from .tuning import TUNING
@@ -83,24 +84,31 @@ class Bias:
 
         shown (H, W) is the number of the material that each pixel shows.
         """
-        return multiplied(colour, pixels, self.factor(colour, pixels, shown))
-
-    def factor(
-        self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
-    ) -> NDArray[np.float32]:
-        """Return the factors (P, 3) that correct the scene-linear colours of the P set `pixels` (H, W), in the mask's
-        order.
-
-        colour (H, W, >= 3) is the picture's; shown (H, W) is the number of the material of each pixel. Between the
-        tiles' middles the correction is interpolated, among the tiles that show the same material as the pixel.
-        """
-        rows, columns = np.nonzero(pixels)
-        result = np.ones((rows.size, 3), np.float32)
-        if self.added.any():
-            for start in range(0, rows.size, BAND_PIXELS):
-                here = rows[start : start + BAND_PIXELS], columns[start : start + BAND_PIXELS]
-                result[start : start + BAND_PIXELS] = _factor(colour[here][:, :3], self._at(*here, shown[here]))
+        result = colour.copy()
+        self.correct([result], result, pixels, shown)
         return result
+
+    def correct(
+        self,
+        light: Sequence[NDArray[np.float32]],
+        colour: NDArray[np.float32],
+        pixels: NDArray[np.bool_],
+        shown: NDArray[np.integer],
+    ) -> None:
+        """Correct the set `pixels` (H, W) in parts of a picture's light, each (H, W, >= 3), in place: all parts by the
+        factors that correct its scene-linear colour (H, W, >= 3), which may be one of them.
+
+        shown (H, W) is the number of the material of each pixel. Between the tiles' middles the correction is
+        interpolated, among the tiles that show the same material as the pixel.
+        """
+        if not self.added.any():
+            return
+        for rows in bands(pixels.shape):
+            here, columns = np.nonzero(pixels[rows])
+            place = here + rows.start, columns
+            factor = _factor(colour[place][:, :3], self._at(*place, shown[place]))
+            for image in light:
+                image[rows][pixels[rows], :3] *= factor
 
     def _at(self, rows: NDArray, columns: NDArray, own: NDArray) -> NDArray[np.float64]:
         """Return the correction (P, 3), after `tone`, at P pixels; 0 where no tile around shows the same material.
@@ -198,13 +206,6 @@ def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np
     """Return the one of two changes that is closer to 0, and 0 where their signs differ."""
     size = np.minimum(np.abs(one), np.abs(other))
     return np.where(one * other > 0.0, np.copysign(size, one), 0.0)
-
-
-def multiplied(image: NDArray[np.float32], pixels: NDArray[np.bool_], factor: NDArray[np.float32]) -> NDArray:
-    """Return a copy of the colours (H, W, >= 3) in which the P set `pixels` (H, W) are multiplied by factor (P, 3)."""
-    result = image.copy()
-    result[pixels, :3] *= factor
-    return result
 
 
 def _factor(colour: NDArray[np.float32], added: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..holes.reprojection import Reprojection
+from ..holes.reprojection import WarpedHoles
 from ..images.contrast import Contrast, contrast_of
 from ..images.denoising import Denoising
 from ..images.passes import COLOUR_PASS, NOISY_PASS
@@ -39,7 +39,7 @@ class Estimator(Protocol):
 
 
 def estimator_of(
-    reprojection: Reprojection, accuracy: Accuracy, denoising: Denoising | None, *, probed: bool
+    reprojection: WarpedHoles, accuracy: Accuracy, denoising: Denoising | None, *, probed: bool
 ) -> Estimator | None:
     """Return the estimator for a warped view, or None where nothing is to be measured.
 
@@ -51,5 +51,5 @@ def estimator_of(
         return None
     contrast: Contrast = contrast_of(reprojection.passes[COLOUR_PASS], ~holes)
     if denoising is None:
-        return NoisyEstimator(contrast, reprojection.passes[COLOUR_PASS], reprojection.sampled)
-    return DenoisedEstimator(contrast, reprojection.passes[NOISY_PASS], denoising)
+        return NoisyEstimator(contrast, reprojection.sampled)
+    return DenoisedEstimator(contrast, reprojection.passes[NOISY_PASS].copy(), denoising)

@@ -35,13 +35,15 @@ class ProbeTraces:
     again.
 
     A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the share of a
-    pixel's variance that the lookup has kept: 1 in a denoised picture.
+    pixel's variance that the lookup has kept: 1 in a denoised picture. uncorrected (N, >= 3) are the warped colours as
+    they were before a pilot's slow errors were taken away; None where there was no pilot.
     """
 
     warped: NDArray
     once: NDArray
     again: NDArray
     variance_share: NDArray | float = 1.0
+    uncorrected: NDArray | None = None
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -247,9 +249,10 @@ def _heard_share(probes: Probes, noise: NDArray[np.float64]) -> NDArray[np.float
 class RefinedTiles:
     """Tiles that were traced as a whole, because probes asked for it.
 
-    tiles (N,) are set for them; pixels (H, W) were traced; warped and traced (H, W, >= 3) are the scene-linear colours
-    of the picture before and after. variance_share, (H, W) or one for all, is the share of a pixel's variance that the
-    lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone; None without any.
+    tiles (N,) are set for them; P pixels were traced, those of `pixels` (H, W); warped and traced (P, >= 3) are their
+    scene-linear colours before and after, row by row. variance_share, (H, W) or one for all, is the share of a pixel's
+    variance that the lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone;
+    None without any.
     """
 
     tiles: NDArray[np.bool_]
@@ -272,9 +275,11 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     `done` and var the noise of a plain render.
     """
     refined = done.tiles
-    known = done.pixels & np.isfinite(done.warped).all(axis=-1) & np.isfinite(done.traced).all(axis=-1)
+    finite = np.isfinite(done.warped).all(axis=-1) & np.isfinite(done.traced).all(axis=-1)
+    known = done.pixels.copy()
+    known[done.pixels] = finite
     error = np.zeros(known.shape)
-    error[known] = squared_error(done.warped[known], done.traced[known])
+    error[known] = squared_error(done.warped[finite], done.traced[finite])
     counted = evidence.probes.tile_sum(known * (done.variance_share + evidence.traced_noise))
     excess = evidence.probes.tile_sum(error) - noise * counted
     found = evidence.probes.tile_sum(error) - evidence.neighbourhood_noise * counted

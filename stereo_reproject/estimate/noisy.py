@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..images.contrast import Contrast
 from ..images.effects_pass import materials_of
 from ..images.passes import is_light
-from .bias import SourceNoise, bias_of, multiplied
+from .bias import SourceNoise, bias_of
 from .evidence import ProbeTraces, TileEvidence, measure_tiles
 from .probes import Probes, place_random_probes
 from .target import Target
@@ -21,13 +21,11 @@ from .target import Target
 class NoisyEstimator:
     """The `Estimator` for a picture that is not denoised.
 
-    contrast is that of the warped picture. warped (H, W, 4) is its scene-linear colour before anything was corrected.
-    single_samples takes rows and columns (N,) of target pixels, and gives for each the colour (N, C) of the single
-    source pixel nearest to what it shows.
+    contrast is that of the warped picture. single_samples takes rows and columns (N,) of target pixels, and gives for
+    each the colour (N, C) of the single source pixel nearest to what it shows.
     """
 
     contrast: Contrast
-    warped: NDArray[np.float32]
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -38,7 +36,7 @@ class NoisyEstimator:
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""
         materials = materials_of(target.passes)
-        target, expected = self._corrected(target, probes, traces, materials)
+        expected = self._correct(target, probes, traces, materials)
         evidence = measure_tiles(
             probes,
             target.warped | probes.mask,
@@ -48,20 +46,20 @@ class NoisyEstimator:
         )
         return target, evidence
 
-    def _corrected(
+    def _correct(
         self, target: Target, probes: Probes, traces: ProbeTraces, shown: NDArray[np.integer] | None
-    ) -> tuple[Target, NDArray[np.float32]]:
-        """Return the target with slow errors taken away from its warped pixels, in all parts of their light alike.
+    ) -> NDArray[np.float32]:
+        """Take slow errors away from the target's warped pixels, in place, in all parts of their light alike.
 
-        Returned with it are the colours (N, 3) that the probes' pixels would then have, corrected by what other tiles'
-        probes tell. shown (H, W) is a number for the materials of each pixel, None if they are not known.
+        Return the colours (N, 3) that the probes' pixels would then have, corrected by what other tiles' probes tell.
+        shown (H, W) is a number for the materials of each pixel, None if they are not known.
         """
         warped = target.warped
         materials = np.zeros(warped.shape, np.intp) if shown is None else shown
         noise = SourceNoise.of_noisy(probes.neighbourhood_mean(probes.tile_mean(self.contrast.noise, warped)))
         place = probes.rows, probes.columns
         # The warped colours hold a pilot's correction already.
-        was = self.warped[place]
+        was = traces.warped if traces.uncorrected is None else traces.uncorrected
         once_more = np.divide(traces.warped, was, out=np.ones_like(traces.warped), where=was > 0.0)
         sampled = self.single_samples(place) * once_more
         # The one is half a pixel aside, the other brighter because it is less noisy.
@@ -70,8 +68,6 @@ class NoisyEstimator:
             for w in (sampled, traces.warped)
         )
         bias = by_sample.agreed(by_mean)
-        if bias.added.any():
-            factor = bias.factor(target.colour, warped, materials)
-            light = {name: multiplied(image, warped, factor) for name, image in target.passes.items() if is_light(name)}
-            target = replace(target, passes={**target.passes, **light})
-        return target, bias.at_probes(traces.warped, without_own=True)
+        light = [image for name, image in target.passes.items() if is_light(name)]
+        bias.correct(light, target.colour, warped, materials)
+        return bias.at_probes(traces.warped, without_own=True)

@@ -5,6 +5,7 @@ There is one probe in each square tile that has a warped pixel. `evidence` has t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,17 +99,27 @@ def place_random_probes(
     With contrast, a share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to
     the contrast's signal, where an error would show; without, all pixels have the same chance.
     """
-    even = _over_tiles(1.0 / np.maximum(_tile_sums(warped, spacing), 1.0), spacing, warped.shape)
-    chance = even
-    if contrast is not None:
-        signal = np.where(warped, contrast.signal, 0.0)
-        total = _over_tiles(_tile_sums(signal, spacing), spacing, warped.shape)
-        share = TUNING.even_probe_chance
-        uneven = signal / np.where(total > 0.0, total, 1.0)
-        chance = np.where(total > 0.0, share * even + (1.0 - share) * uneven, even)
-    # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
-    rank = np.full(warped.shape, -np.inf)
-    rank[warped] = np.log(chance[warped]) + np.random.default_rng(seed).gumbel(size=int(warped.sum()))
+    even = 1.0 / np.maximum(_tile_sums(warped, spacing), 1.0)
+    signal = None if contrast is None else np.where(warped, contrast.signal, np.float32(0.0))
+    total = None if signal is None else _tile_sums(signal, spacing)
+    random = np.random.default_rng(seed)
+
+    def chance(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the chance of pixels in these rows and columns, which are broadcast, to be their tile's probe."""
+        tile = rows // spacing, columns // spacing
+        if signal is None or total is None:
+            return even[tile]
+        in_tile, share = total[tile], TUNING.even_probe_chance
+        uneven = signal[rows, columns] / np.where(in_tile > 0.0, in_tile, 1.0)
+        return np.where(in_tile > 0.0, share * even[tile] + (1.0 - share) * uneven, even[tile])
+
+    def rank(rows: slice) -> NDArray[np.float64]:
+        # The largest of log(chance) + Gumbel noise falls on each pixel with its chance.
+        result, known = np.full(warped[rows].shape, -np.inf), warped[rows]
+        here, columns = np.nonzero(known)
+        result[known] = np.log(chance(here + rows.start, columns)) + random.gumbel(size=here.size)
+        return result
+
     return _first_of_tiles(warped, rank, spacing, chance)
 
 
@@ -120,32 +131,44 @@ def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) 
     """
     place = np.random.default_rng(seed).integers(0, spacing, 2)
     down, across = (np.arange(size) % spacing - at for size, at in zip(warped.shape, place, strict=True))
-    nearness = -(down[:, None] ** 2 + across**2).astype(np.float64)
-    return _first_of_tiles(warped, np.where(warped, nearness, -np.inf), spacing)
+
+    def rank(rows: slice) -> NDArray[np.float64]:
+        nearness = -(down[rows, None] ** 2 + across**2).astype(np.float64)
+        return np.where(warped[rows], nearness, -np.inf)
+
+    return _first_of_tiles(warped, rank, spacing)
 
 
 def _first_of_tiles(
-    warped: NDArray[np.bool_], rank: NDArray[np.float64], spacing: int, chance: NDArray[np.float64] | None = None
+    warped: NDArray[np.bool_],
+    rank: Callable[[slice], NDArray[np.float64]],
+    spacing: int,
+    chance: Callable[[NDArray[np.intp], NDArray[np.intp]], NDArray[np.float64]] | None = None,
 ) -> Probes:
-    """Return one probe for each tile of `spacing` pixels: that of its pixels which has the highest rank (H, W), of
-    several the first row by row. Pixels not set in `warped` (H, W) have -inf as their rank.
+    """Return one probe for each tile of `spacing` pixels: that of its pixels which has the highest rank, of several the
+    first row by row.
 
-    A probe stands for one over the chance (H, W) with which its pixel was drawn; None: for all of its tile's set
-    pixels.
+    rank gives the ranks (h, W) of a slice of rows, and is asked for each row of tiles once, from top to bottom. Pixels
+    not set in `warped` (H, W) have -inf. A probe stands for one over the chance, by rows and columns (N,), with which
+    its pixel was drawn; None: for all of its tile's set pixels.
     """
     height, width = warped.shape
     across = -(-width // spacing)
-    best = np.full((-(-height // spacing) * spacing, across * spacing), -np.inf)
-    best[:height, :width] = rank
-    by_tile = best.reshape(-1, spacing, across, spacing).transpose(0, 2, 1, 3).reshape(-1, spacing**2)
-    within = by_tile.argmax(axis=1)
-    tiles = np.flatnonzero(np.isfinite(by_tile[np.arange(within.size), within]))
-    down, right = np.divmod(within[tiles], spacing)
-    rows, columns = tiles // across * spacing + down, tiles % across * spacing + right
+    places = []
+    for top in range(0, height, spacing):
+        best = np.full((spacing, across * spacing), -np.inf)
+        band = slice(top, min(top + spacing, height))
+        best[: band.stop - top, :width] = rank(band)
+        by_tile = best.reshape(spacing, across, spacing).transpose(1, 0, 2).reshape(across, -1)
+        within = by_tile.argmax(axis=1)
+        tiles = np.flatnonzero(np.isfinite(by_tile[np.arange(across), within]))
+        down, right = np.divmod(within[tiles], spacing)
+        places.append((top + down, tiles * spacing + right))
+    rows, columns = (np.concatenate(parts) for parts in zip(*places, strict=True))
     in_order = np.lexsort((columns, rows))
     rows, columns = rows[in_order], columns[in_order]
     pixels = _tile_sums(warped, spacing)[rows // spacing, columns // spacing]
-    return Probes(rows, columns, pixels if chance is None else 1.0 / chance[rows, columns], spacing, (height, width))
+    return Probes(rows, columns, pixels if chance is None else 1.0 / chance(rows, columns), spacing, (height, width))
 
 
 def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArray:
@@ -158,4 +181,6 @@ def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArra
 def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
     """Return the sum of an image (H, W) over each tile of `spacing` pixels, by rows and columns of tiles, (R, C)."""
     edges = [np.arange(0, size, spacing) for size in image.shape]
-    return np.add.reduceat(np.add.reduceat(image.astype(np.float64), edges[0], axis=0), edges[1], axis=1)
+    rows_of_tiles = (image[top : top + spacing].astype(np.float64) for top in edges[0])
+    down = np.concatenate([np.add.reduceat(rows, [0], axis=0) for rows in rows_of_tiles])
+    return np.add.reduceat(down, edges[1], axis=1)

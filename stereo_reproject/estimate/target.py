@@ -31,7 +31,8 @@ class Target:
     """A view that is partly warped and partly traced.
 
     view is its name; passes (H, W, C) are by pass name, in scene-linear colour; provenance (H, W) holds `Provenance`
-    flags.
+    flags. The passes belong to the target alone: pixels are traced into them in place, since a copy for each step
+    would double the memory that a large picture takes.
     """
 
     view: str
@@ -40,8 +41,8 @@ class Target:
 
     @classmethod
     def of_warp(cls, view: str, passes: Passes, reasons: NDArray[np.uint16]) -> Target:
-        """Return a target of warped passes (H, W, C), in which each pixel that has any `Reason` flag (H, W) is a
-        hole."""
+        """Return a target of warped passes (H, W, C), which it takes over; each pixel that has any `Reason` flag (H, W)
+        is a hole."""
         return cls(view, passes, np.where(reasons > 0, np.uint8(Provenance.HOLE), np.uint8(0)))
 
     @property
@@ -85,6 +86,6 @@ class Target:
         """Return a target whose pixels (H, W) have these flags too."""
         return replace(self, provenance=np.where(pixels, self.provenance | np.uint8(flags), self.provenance))
 
-    def with_pixels(self, pixels: NDArray[np.bool_], passes: Mapping[str, NDArray]) -> Target:
-        """Return a target whose set pixels (H, W) hold the passes (N, C), given row by row; flags stay as they are."""
-        return replace(self, passes=composite(self.passes, dict(passes), pixels))
+    def put(self, pixels: NDArray[np.bool_], passes: Mapping[str, NDArray]) -> None:
+        """Put the passes (N, C), given row by row, into the set pixels (H, W), in place; flags stay as they are."""
+        composite(self.passes, dict(passes), pixels)

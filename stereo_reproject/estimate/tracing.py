@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..holes.reprojection import Reprojection
+from ..holes.reprojection import WarpedHoles
 from ..images.denoising import Denoising
 from ..images.passes import COLOUR_PASS, Passes, filtered
 from ..images.seen_light import scaled_light
@@ -17,7 +18,7 @@ from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
 from ..trace.requests import Tracer, TraceRequest
-from .estimator import estimator_of
+from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, TileEvidence, with_refined
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
@@ -52,14 +53,14 @@ class Refinement:
 class WarpedTarget:
     """A target as it comes out of the warp, with all that completing it by tracing needs.
 
-    view is its name; reprojection has its passes and its holes; planner chooses fill methods. accuracy is that of the
-    frame; denoising is None where the picture stays noisy. needs_probes: whether something may look different from each
+    view is its name; reprojection has its passes, which tracing changes in place, and its holes; planner chooses fill
+    methods. accuracy is that of the frame; denoising is None where the picture stays noisy. needs_probes: whether something may look different from each
     view, so that a promise must be measured. seed is that of the scene. light_scale is the number by which the light of
     the reprojection was multiplied, and by which traced light is to be: see `images/seen_light`.
     """
 
     view: str
-    reprojection: Reprojection
+    reprojection: WarpedHoles
     planner: FillPlanner
     accuracy: Accuracy
     denoising: Denoising | None
@@ -81,9 +82,11 @@ class TargetTracing(Protocol):
 
     target is its state so far, replaced at each step. pilot_share is the share of the frame that a pilot expected to be
     refined, None where none was sent. correction says how far traced pixels were moved to match a source of another
-    engine, None where it is the same engine.
+    engine, None where it is the same engine. can_promise: False where nothing is ever probed, so that no error can be
+    told.
     """
 
+    can_promise: bool
     target: Target
     pilot_share: float | None
     correction: Correction | None
@@ -114,18 +117,27 @@ class ProbedTracing:
     """
 
     correction: Correction | None = None
+    can_promise = True
 
     def __init__(self, tracer: Tracer, warped: WarpedTarget) -> None:
         reprojection, accuracy = warped.reprojection, warped.accuracy
-        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self.pilot_share: float | None = None
         self._tracer, self._planner = tracer, warped.planner
         self._accuracy, self._seed, self._light_scale = accuracy, warped.seed, warped.light_scale
-        self._estimator = estimator_of(reprojection, accuracy, warped.denoising, probed=warped.needs_probes)
+        self._warped = warped
+        self._uncorrected: NDArray[np.float32] | None = None
         self._variance_share = warped.variance_share
+        self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
         self._promise = np.inf if accuracy.promise is None else accuracy.promise
         self._evidence: TileEvidence | None = None
         self._pilot: TileEvidence | None = None
+
+    @cached_property
+    def _estimator(self) -> Estimator | None:
+        """Estimator that reads the probes; None without any. It is made when first asked for, before anything is
+        traced: when the warp's own arrays are let go."""
+        warped = self._warped
+        return estimator_of(warped.reprojection, self._accuracy, warped.denoising, probed=warped.needs_probes)
 
     @property
     def _holes(self) -> NDArray[np.bool_]:
@@ -151,7 +163,9 @@ class ProbedTracing:
         The probes become pixels of the target, as any probe does, and its slow errors are corrected.
         """
         spacing = self._accuracy.probe_spacing * TUNING.pilot_spacing_ratio
+        before = self.target.colour.copy()
         self._pilot = self._trace_probed("packed", np.zeros_like(self._holes), spacing, self._seed)
+        self._uncorrected = before
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
         chosen = choose_tiles(self._pilot, self._promise, unseen=self._accuracy.unseen, margin_sigmas=-1.0)
         self.pilot_share = float(self._pilot.pixels[chosen].sum() / self._holes.size)
@@ -193,10 +207,10 @@ class ProbedTracing:
             self._trace("full", pixels)
             self._flag_refined(pixels | self.target.traced)
             return Refinement(pixels, fill, as_rendered(evidence), evidence, whole=True)
-        noise, warped = local_noise(evidence), self.target.colour
+        noise, warped = local_noise(evidence), self.target.colour[pixels]
         self._trace(fill.method, pixels)
         self._flag_refined(evidence.probes.pixels_of(chosen))
-        done = RefinedTiles(chosen, pixels, warped, self.target.colour, outliers, self._variance_share)
+        done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], outliers, self._variance_share)
         evidence = with_refined(evidence, done, noise)
         return Refinement(pixels, fill, estimate(evidence), evidence)
 
@@ -225,7 +239,7 @@ class ProbedTracing:
         """Trace pixels (H, W) once by this fill method, and put them into the target; to flag them is left to the
         caller."""
         if pixels.any():
-            self.target = self.target.with_pixels(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
+            self.target.put(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
 
     def _traced(self, method: str, request: TraceRequest) -> Passes:
         """Return the passes (N, C) of a request, traced by this fill method, with light as bright as the target's."""
@@ -247,10 +261,13 @@ class ProbedTracing:
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}
         again = {name: image[count:] for name, image in traced.items()}
         share = self._variance_share[probes.mask]
-        traces = ProbeTraces(self.target.colour[probes.mask], once[COLOUR_PASS], again[COLOUR_PASS], share)
+        uncorrected = None if self._uncorrected is None else self._uncorrected[probes.mask]
+        warped = self.target.colour[probes.mask]
+        traces = ProbeTraces(warped, once[COLOUR_PASS], again[COLOUR_PASS], share, uncorrected)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
-        target = self.target.with_pixels(pixels, first).with_pixels(probes.mask, means)
-        target = target.flagged(probes.mask, Provenance.PROBE)
+        self.target.put(pixels, first)
+        self.target.put(probes.mask, means)
+        target = self.target.flagged(probes.mask, Provenance.PROBE)
         self.target, evidence = self._estimator.measure(target, probes, traces)
         return evidence
 

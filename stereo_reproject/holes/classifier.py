@@ -82,13 +82,12 @@ class SourceEdges:
 class HoleClassifier:
     """The rules by which target pixels are flagged to be traced, with all that they need to know of one source.
 
-    disparity (H, W), in pixels, is the source's towards the target, and steps are its discontinuities. cubic: True
-    where a pass was looked up with the cubic kernel.
+    steps are the discontinuities of the source's disparity towards the target. cubic: True where a pass was looked up
+    with the cubic kernel.
     """
 
     source: RenderedView
     target: View
-    disparity: NDArray[np.float32]
     steps: DepthDiscontinuities
     optics: Optics
     cubic: bool
@@ -98,9 +97,8 @@ class HoleClassifier:
         cls, source: RenderedView, target: View, warped: WarpedView, optics: Optics, options: WarpOptions
     ) -> HoleClassifier:
         """Return the classifier for a view that was warped from this source to this target with these options."""
-        disparity = disparity_of(source.depth, source.camera, target.camera)
-        steps = warped.steps or disparity_steps(disparity)
-        return cls(source, target, disparity, steps, optics, options.cubic)
+        steps = warped.steps or disparity_steps(disparity_of(source.depth, source.camera, target.camera))
+        return cls(source, target, steps, optics, options.cubic)
 
     def source_edges(self, accuracy: Accuracy) -> SourceEdges:
         """Return the source's pixels at edges by this accuracy. With a colour_tolerance of 0 no lookup leaves any
@@ -108,12 +106,13 @@ class HoleClassifier:
         blur = circle_of_confusion(self.source.depth, self.source.camera, self.optics.lens)
         steps = in_focus(self.steps, blur)
         band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
-        unknown = ~np.isfinite(self.disparity) | _strands(self.source.passes)
+        disparity = disparity_of(self.source.depth, self.source.camera, self.target.camera)
+        unknown = ~np.isfinite(disparity) | _strands(self.source.passes)
         if self.source.invalid is not None:
             unknown |= self.source.invalid
         colour = self.source.passes[COLOUR_PASS]
         mixed, contrasting = mixed_and_contrasting(
-            band, self.disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown
+            band, disparity, colour, tolerance=accuracy.colour_tolerance, unknown=unknown
         )
         left_out = accuracy.colour_tolerance > 0.0
         max_weight = TUNING.max_left_out_weight if left_out else TUNING.max_flagged_weight
@@ -149,8 +148,8 @@ class HoleClassifier:
         """
         warp, reasons = warped.warp, warped.empty.copy()
         answered = reasons == 0
-        target = _TargetEdges(self, warped)
-        silhouettes = target.silhouettes(reasons, accuracy, edges) | touches(
+        target = _TargetEdges(self, warped, accuracy)
+        silhouettes = target.silhouettes(reasons, edges) | touches(
             edges.unusable, warp.x, warp.y, share=edges.max_weight
         )
         silhouettes |= self._sub_pixel_features(warp, edges.unusable, accuracy)
@@ -159,7 +158,7 @@ class HoleClassifier:
         reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
             reasons[answered & _blurred(warped, accuracy)] |= Reason.DETAIL.bit
-            for reason, pixels in (target.seen_through_or_blurred(accuracy) | self._volumes(warped)).items():
+            for reason, pixels in (target.seen_through_or_blurred() | self._volumes(warped)).items():
                 reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source.passes:
             masked = self.source.passes[MASKED_PASS][..., 0] > 0.0
@@ -242,18 +241,27 @@ def _within_fur(warped: WarpedView) -> NDArray[np.bool_]:
 
 
 class _TargetEdges:
-    """Edges of the target, found by the warped depth: a plain render would filter or blur its colours over them."""
+    """Edges of the target, found by the warped depth: a plain render would filter or blur its colours over them.
 
-    def __init__(self, classifier: HoleClassifier, warped: WarpedView) -> None:
+    accuracy has the thresholds by which all of its pixels are found.
+    """
+
+    def __init__(self, classifier: HoleClassifier, warped: WarpedView, accuracy: Accuracy) -> None:
+        self._accuracy = accuracy
         self._passes, self._warp = warped.passes, warped.warp
         source, target = classifier.source.camera, classifier.target.camera
         self._lens, self._is_perspective = classifier.optics.lens, isinstance(target, PerspectiveCamera)
         self._disparity = disparity_of_nearness(warped.warp.nearness, target, source)
         np.copyto(self._disparity, np.nan, where=~warped.warp.covered)
-        self._steps = disparity_steps(self._disparity)
+        steps = disparity_steps(self._disparity)
         self._blur = circle_of_confusion(warped.passes[DEPTH_PASS][..., 0], target, self._lens)
+        self._band = edge_band(
+            in_focus(steps, self._blur), threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius
+        )
+        # Of a picture that is sharp all over, the steps tell nothing more.
+        self._steps = steps if self._lens.aperture else None
 
-    def silhouettes(self, empty: NDArray[np.uint16], accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.bool_]:
+    def silhouettes(self, empty: NDArray[np.uint16], edges: SourceEdges) -> NDArray[np.bool_]:
         """Return (H, W) target pixels whose colour mixes the two sides of a depth edge that look different.
 
         Where a lookup takes min_band_weight (a quarter) of its weight from the band of the source, the target shows an
@@ -263,8 +271,7 @@ class _TargetEdges:
         lie between those, as their depth is noise. With a colour_tolerance of 0 all pixels at edges are set, and all
         beside a disoccluded one: `empty` (H, W) are `WarpedView.empty`.
         """
-        steps = in_focus(self._steps, self._blur)
-        band = edge_band(steps, threshold=accuracy.silhouette_step, radius=accuracy.silhouette_radius)
+        band, accuracy = self._band, self._accuracy
         disoccluded = (empty & Reason.DISOCCLUDED.bit) > 0
         ring = dilate(disoccluded, accuracy.silhouette_radius)
         if accuracy.colour_tolerance <= 0.0:
@@ -281,26 +288,26 @@ class _TargetEdges:
         new_edges = differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)
         return contrasting | ring | new_edges
 
-    def seen_through_or_blurred(self, accuracy: Accuracy) -> dict[Reason, NDArray[np.bool_]]:
+    def seen_through_or_blurred(self) -> dict[Reason, NDArray[np.bool_]]:
         """Return (H, W) target pixels of edges out of focus (DEFOCUS) and of surfaces seen through others
         (TRANSPARENT), by reason.
 
         A reason is left out where the scene has no depth of field, or the view no transmissive surface.
         """
         glass = shows(self._passes, Effect.TRANSMISSION)
-        blurred, through = bool(self._lens.aperture), bool(glass.any())
-        if not (blurred or through):
+        steps, through, accuracy = self._steps, bool(glass.any()), self._accuracy
+        if steps is None and not through:
             return {}
         # Of a picture that is sharp all over, what is around glass is enough to know.
-        box = np.s_[:, :] if blurred else box_around(glass, window_reach())
+        box = np.s_[:, :] if steps is not None else box_around(glass, window_reach())
         colour, covered = self._passes[COLOUR_PASS][box], self._warp.covered[box]
         gradient, contrast = gradient_of(colour, covered), contrast_of(colour, covered)
         result = {}
-        if blurred:
+        if steps is not None:
             radius = nearer_side(self._blur, self._disparity)
             step, tolerance = accuracy.silhouette_step, TUNING.indirect_tolerance_share * accuracy.colour_tolerance
             result[Reason.DEFOCUS] = blurred_edges(
-                self._steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
+                steps, radius, gradient, contrast, threshold=step, tolerance=tolerance
             )
         if through and self._is_perspective:
             known = np.isfinite(self._disparity)

@@ -18,7 +18,8 @@ def circle_of_confusion(depth: NDArray, camera: Camera, lens: Lens) -> NDArray[n
     It is 0 without an aperture and for cameras that are not perspective.
     """
     if lens.aperture <= 0.0 or not isinstance(camera, PerspectiveCamera):
-        return np.zeros(depth.shape, np.float32)
+        # One number, which takes no memory; it cannot be written.
+        return np.broadcast_to(np.float32(0.0), depth.shape)
     plane = camera.plane
     pixels_per_slope = max(camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom))
     with np.errstate(divide="ignore", invalid="ignore"):

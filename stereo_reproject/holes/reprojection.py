@@ -93,22 +93,40 @@ class JudgedView:
             share if self.mirrors is None else np.where(self.mirrors.shown, self.mirrors.images.variance_share, share)
         )
 
-    def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
+    @property
+    def samples(self) -> SourceSamples:
+        """Single pixels of the source that the target's pixels show."""
+        mirrors = None if self.mirrors is None else (self.mirrors.shown, self.mirrors.images.warped.warp)
+        return SourceSamples(self.classifier.source.passes[COLOUR_PASS], self.warped.warp, mirrors)
+
+
+@dataclass(frozen=True)
+class SourceSamples:
+    """Single pixels of one source that target pixels show.
+
+    colour (H, W, C) is the source's; warp is the map of surfaces. mirrors are a mask (h, w) of the target pixels that
+    show a flat mirror, and the map by the places of the images in those; None where no flat mirror is seen.
+    """
+
+    colour: NDArray[np.float32]
+    warp: Warp
+    mirrors: tuple[NDArray[np.bool_], Warp] | None
+
+    def at(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
         """Return the colours (N, C) of the source's pixels nearest to those places in it that N target pixels show.
 
         place is rows and columns (N,) of the target pixels. In those that show a flat mirror, the place is that of the
         image that it shows.
         """
-        warp, colour = self.warped.warp, self.classifier.source.passes[COLOUR_PASS]
-        x, y = warp.x[place], warp.y[place]
+        x, y = self.warp.x[place], self.warp.y[place]
         if self.mirrors is not None:
-            shown, images = self.mirrors.shown[place], self.mirrors.images.warped.warp
-            x, y = np.where(shown, images.x[place], x), np.where(shown, images.y[place], y)
+            shown, images = self.mirrors
+            x, y = np.where(shown[place], images.x[place], x), np.where(shown[place], images.y[place], y)
         rows, columns = (
             np.clip(np.nan_to_num(at), 0, size - 1).astype(np.intp)
-            for at, size in zip((y, x), colour.shape, strict=False)
+            for at, size in zip((y, x), self.colour.shape, strict=False)
         )
-        return colour[rows, columns]
+        return self.colour[rows, columns]
 
 
 @dataclass(frozen=True)
@@ -150,6 +168,8 @@ class Reprojection:
     def variance_share(self) -> NDArray[np.float32]:
         """Share (H, W), 0 to 1, of a source pixel's variance that the lookup of the colour has kept; 1 where nothing
         was looked up."""
+        if len(self.views) == 1:
+            return self.views[0].variance_share
         return of_chosen(self.warp.source, [view.variance_share for view in self.views])
 
     def reasons_at(self, accuracy: Accuracy) -> NDArray[np.uint16]:
@@ -169,6 +189,36 @@ class Reprojection:
         reasons[seams(self.warped, cameras, first.target.camera, accuracy) & (reasons == 0)] |= Reason.SILHOUETTE.bit
         return reasons
 
+    def answered(self) -> WarpedHoles:
+        """Return the passes and their holes, without all that only told the holes."""
+        return WarpedHoles(
+            self.passes,
+            self.warp,
+            self.reasons,
+            self.variance_share,
+            self.grid,
+            self.warped_by,
+            tuple(view.samples for view in self.views),
+        )
+
+
+@dataclass(frozen=True)
+class WarpedHoles:
+    """The target as all sources together show it, with its holes, as tracing and the report need it: a third of what a
+    `Reprojection` holds in memory.
+
+    passes (H, W, C), warp, reasons (H, W), variance_share (H, W), grid and warped_by are those of `Reprojection`.
+    samples has an entry for each source. The passes are handed on to the target, which traces its pixels into them.
+    """
+
+    passes: Passes
+    warp: Warp
+    reasons: NDArray[np.uint16]
+    variance_share: NDArray[np.float32]
+    grid: Grid
+    warped_by: str
+    samples: tuple[SourceSamples, ...]
+
     def sampled(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.float32]:
         """Return the colours (N, C) of single source pixels: for each of N target pixels, the one nearest to its place
         in its source.
@@ -177,7 +227,7 @@ class Reprojection:
         interpolated ones have less.
         """
         number = self.warp.source[place]
-        return np.stack([view.sampled(place) for view in self.views])[number, np.arange(number.size)]
+        return np.stack([samples.at(place) for samples in self.samples])[number, np.arange(number.size)]
 
 
 def reproject(

@@ -7,12 +7,15 @@ may not.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .metrics import COLOUR_CHANNELS, judged, judged_channels
+from .bands import bands
+from .metrics import COLOUR_CHANNELS, judged_channel, judged_channels
 from .tuning import TUNING
 
 
@@ -34,20 +37,24 @@ def contrast_of(colour: NDArray, known: NDArray[np.bool_]) -> Contrast:
     noise is measured as the variance of pixels around the mean of their 3 x 3 neighbours. signal is the variance of
     these means in a wider window, less the noise that they still have; it is 0 where a pixel is not known.
     """
-    channels = judged_channels(colour, known)
-    toned = judged(colour[..., :channels])
     near, far = _noise_window(known), _Window(known, TUNING.contrast_reach_px)
     pixels = (2 * TUNING.noise_reach_px + 1) ** 2
     # Squares are summed over the channels before the wide window takes their mean, which is what takes the time.
-    around_mean, of_mean, mean_squared = (np.zeros(known.shape, np.float32) for _ in range(3))
-    for channel in range(channels):
-        mean = near.mean(toned[..., channel])
-        around_mean += (toned[..., channel] - mean) ** 2
-        of_mean += mean**2
-        mean_squared += far.mean(mean) ** 2
-    noise = far.mean(around_mean) * np.float32(pixels / (pixels - 1.0) / COLOUR_CHANNELS)
-    variance = (far.mean(of_mean) - mean_squared) / np.float32(COLOUR_CHANNELS)
-    return Contrast(np.maximum(variance - noise / np.float32(pixels), 0.0) * known, noise)
+    mean, around_mean, of_mean, mean_squared = (np.zeros(known.shape, np.float32) for _ in range(4))
+    for channel in range(judged_channels(colour, known)):
+        for rows, near_mean in near.means(partial(_judged_rows, colour, channel)):
+            mean[rows] = near_mean
+            around_mean[rows] += (judged_channel(colour[rows], channel) - near_mean) ** 2
+            of_mean[rows] += near_mean**2
+        for rows, far_mean in far.means(mean.__getitem__):
+            mean_squared[rows] += far_mean**2
+    signal, noise = mean_squared, mean
+    both = zip(far.means(around_mean.__getitem__), far.means(of_mean.__getitem__), strict=True)
+    for (rows, of_noise), (_, of_square) in both:
+        noise[rows] = of_noise * np.float32(pixels / (pixels - 1.0) / COLOUR_CHANNELS)
+        variance = (of_square - mean_squared[rows]) / np.float32(COLOUR_CHANNELS)
+        signal[rows] = np.maximum(variance - noise[rows] / np.float32(pixels), 0.0) * known[rows]
+    return Contrast(signal, noise)
 
 
 def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -57,15 +64,19 @@ def gradient_of(colour: NDArray, known: NDArray[np.bool_]) -> NDArray[np.float32
     colour (H, W, >= 3) is scene-linear. The change is 0 or more, and 0 where the pixel or a neighbour in its row is not
     set in known (H, W).
     """
-    channels = judged_channels(colour, known)
-    toned, near = judged(colour[..., :channels]), _noise_window(known)
+    near = _noise_window(known)
     squared = np.zeros((known.shape[0], max(known.shape[1] - 2, 0)), np.float32)
-    for channel in range(channels):
-        mean = near.mean(toned[..., channel])
-        squared += (mean[:, 2:] - mean[:, :-2]) ** 2 / COLOUR_CHANNELS
+    for channel in range(judged_channels(colour, known)):
+        for rows, mean in near.means(partial(_judged_rows, colour, channel)):
+            squared[rows] += (mean[:, 2:] - mean[:, :-2]) ** 2 / COLOUR_CHANNELS
     result = np.zeros(known.shape, np.float32)
     result[:, 1:-1] = np.where(known[:, 2:] & known[:, :-2] & known[:, 1:-1], np.sqrt(squared) / 2.0, 0.0)
     return result
+
+
+def _judged_rows(colour: NDArray, channel: int, rows: slice) -> NDArray[np.float32]:
+    """Return `judged_channel` of these rows of a colour (H, W, >= 3)."""
+    return judged_channel(colour[rows], channel)
 
 
 def window_reach() -> int:
@@ -80,13 +91,24 @@ class _Window:
     """
 
     def __init__(self, known: NDArray[np.bool_], reach: tuple[int, int]) -> None:
-        self._weight, self._reach = known.astype(np.float32), reach
-        self._count = np.maximum(box_sum(self._weight, reach), 1e-6)
+        self._known, self._reach = known, reach
+        # A byte holds the counts of the windows that are in use.
+        self._count = np.empty(known.shape, np.min_scalar_type((2 * reach[0] + 1) * (2 * reach[1] + 1)))
+        for rows, count in box_sums(known.__getitem__, known.shape, reach):
+            self._count[rows] = count
 
-    def mean(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the mean (H, W) of an image (H, W) over the window around each pixel; 0 where no pixel in it is
-        known."""
-        return (box_sum(image * self._weight, self._reach) / self._count).astype(np.float32)
+    def means(self, image_rows: Callable[[slice], NDArray]) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+        """Yield, for bands of rows from top to bottom, their slice and the means (h, W) of an image over the window
+        around each pixel; 0 where no pixel in it is known.
+
+        image_rows gives the image (h, W) of a slice of rows, as for `box_sums`.
+        """
+
+        def known_rows(rows: slice) -> NDArray:
+            return image_rows(rows) * self._known[rows]
+
+        for rows, total in box_sums(known_rows, self._known.shape, self._reach):
+            yield rows, (total / np.maximum(self._count[rows], 1e-6)).astype(np.float32)
 
 
 def _noise_window(known: NDArray[np.bool_]) -> _Window:
@@ -97,29 +119,39 @@ def _noise_window(known: NDArray[np.bool_]) -> _Window:
 def box_sum(image: NDArray, reach: tuple[int, int]) -> NDArray[np.float64]:
     """Return for each pixel the sum (H, W) of an image (H, W) over a rectangle around it, which reaches `reach` pixels
     each way, down and across. Pixels beyond the border count as 0."""
-    result = np.asarray(image, np.float64)
-    for axis, running_sums in enumerate((_running_sums_down, _running_sums_across)):
-        total, size = running_sums(result), result.shape[axis]
-        place = np.arange(size)
-        high, low = np.minimum(place + reach[axis] + 1, size), np.maximum(place - reach[axis], 0)
-        result = total.take(high, axis) - total.take(low, axis)
+    result = np.empty(image.shape)
+    for rows, total in box_sums(image.__getitem__, image.shape, reach):
+        result[rows] = total
     return result
 
 
-def _running_sums_down(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the running sums (H + 1, W) down the columns of an image (H, W): row i is the sum of the rows above row i.
+def box_sums(
+    image_rows: Callable[[slice], NDArray], shape: tuple[int, ...], reach: tuple[int, int]
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """Yield `box_sum` of an image of this shape (H, W) band by band: the slice of a band's rows, and their sums (h, W).
 
-    They are added row by row: NumPy's cumsum, which goes down the columns, takes eight times as long.
+    image_rows gives the image (h, W) of a slice of rows. It is asked for each row once, from top to bottom, and for
+    those that a band's windows reach before the band is yielded.
     """
-    total = np.zeros((image.shape[0] + 1, image.shape[1]))
-    for row in range(image.shape[0]):
-        np.add(total[row], image[row], out=total[row + 1])
-    return total
+    height, (down, across) = shape[0], reach
+    # Running sums down the columns: the first row of `total` is the sum of the image's rows above row `top`.
+    total, top = np.zeros((1, shape[1])), 0
+    for rows in bands(shape):
+        low, high = max(rows.start - down, 0), min(rows.stop + down, height)
+        total, new = total[low - top :], slice(top + len(total) - 1, high)
+        top = low
+        total = np.concatenate([total, np.empty((new.stop - new.start, shape[1]))])
+        # Row by row: NumPy's cumsum, which goes down the columns, takes eight times as long.
+        for row, values in enumerate(image_rows(new), start=new.start - top):
+            np.add(total[row], values, out=total[row + 1])
+        place = np.arange(rows.start, rows.stop) - top
+        after, before = np.minimum(place + down + 1, height - top), np.maximum(place - down, 0)
+        yield rows, _sums_across(total.take(after, 0) - total.take(before, 0), across)
 
 
-def _running_sums_across(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the running sums (H, W + 1) along the rows of an image (H, W): column j is the sum of the columns before
-    j."""
-    total = np.zeros((image.shape[0], image.shape[1] + 1))
+def _sums_across(image: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+    """Return for each pixel the sum (h, W) of an image (h, W) over the pixels of its row, `reach` each way."""
+    width = image.shape[1]
+    total, place = np.zeros((image.shape[0], width + 1)), np.arange(width)
     np.cumsum(image, axis=1, out=total[:, 1:])
-    return total
+    return total.take(np.minimum(place + reach + 1, width), 1) - total.take(np.maximum(place - reach, 0), 1)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from .bands import bands
 from .effects import Effect
 from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .tuning import TUNING
@@ -131,9 +132,11 @@ def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
 
     No pixel is set where the picture has no EFFECTS_PASS.
     """
-    if EFFECTS_PASS not in passes:
-        return np.zeros(passes[COLOUR_PASS].shape[:2], bool)
-    return flagged(effects_of(passes), effect)
+    result = np.zeros(passes[COLOUR_PASS].shape[:2], bool)
+    if EFFECTS_PASS in passes:
+        for rows in bands(result.shape):
+            result[rows] = flagged(passes[EFFECTS_PASS][rows][..., 0].astype(np.int32), effect)
+    return result
 
 
 def flagged(flags: NDArray[np.int32], effect: Effect) -> NDArray[np.bool_]:

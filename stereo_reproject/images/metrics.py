@@ -44,6 +44,15 @@ def judged(colour: NDArray) -> NDArray[np.float32]:
     return np.concatenate([toned, alpha], axis=-1)
 
 
+def judged_channel(colour: NDArray, channel: int) -> NDArray[np.float32]:
+    """Return one channel (...) of `judged` of a scene-linear colour (..., C >= 3): of its tone-mapped light, or its
+    alpha."""
+    if channel == COLOUR_CHANNELS:
+        return np.clip(np.asarray(colour[..., channel], np.float32), 0.0, 1.0)
+    positive = np.maximum(np.asarray(colour[..., channel], np.float32), 0.0)
+    return positive / (1.0 + positive)  # pyright: ignore[reportReturnType] - as in `tone`
+
+
 def judged_channels(colour: NDArray, known: NDArray[np.bool_]) -> int:
     """Return the number of channels of a colour (H, W, >= 3) that tell its pixels apart: 4 where alpha differs among
     the pixels set in known (H, W), else 3."""

@@ -11,12 +11,14 @@ if what is left of d² without the noise is what the linear lookup has lost (a W
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .contrast import box_sum
+from .bands import bands
+from .contrast import box_sums
 from .lookup import lookup, variance_share, weight_product
 from .metrics import squared_error, tone
 from .tuning import TUNING
@@ -51,20 +53,33 @@ def sharpness_of(
     """
     known = ~(np.isnan(x) | np.isnan(y))
     variance = lookup(pixel_noise(colour)[..., None], x, y, interpolation="nearest")[..., 0]
-    linear_alone, between = (weight_product(x, y, "linear", other) for other in ("linear", "cubic"))
-    of_difference = variance_share(x, y, interpolation="cubic") - 2.0 * between + linear_alone
-    beyond_noise = np.where(known, squared_error(cubic, linear) - variance * of_difference, 0.0)
+    # Variances of noise in the difference of both lookups, and how much less than in a linear lookup it is.
+    of_difference, less_noise = (np.empty(known.shape, np.float32) for _ in range(2))
+    beyond_noise = np.empty(known.shape)
+    for rows in bands(known.shape):
+        linear_alone, between = (weight_product(x[rows], y[rows], "linear", other) for other in ("linear", "cubic"))
+        of_difference[rows] = variance_share(x[rows], y[rows], interpolation="cubic") - 2.0 * between + linear_alone
+        less_noise[rows] = between - linear_alone
+        explained = variance[rows] * of_difference[rows]
+        beyond_noise[rows] = np.where(known[rows], squared_error(cubic[rows], linear[rows]) - explained, 0.0)
 
-    def lost_within(reach: tuple[int, int]) -> NDArray[np.float64]:
-        """Return the mean (h, w) of what is beyond noise over the known pixels of a window, `reach` pixels each way."""
-        return np.maximum(box_sum(beyond_noise, reach) / np.maximum(box_sum(known, reach), 1.0), 0.0)
+    def lost_within(reach: tuple[int, int]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Yield, for bands of rows, their slice and the mean (h, w) of what is beyond noise over the known pixels of a
+        window, `reach` pixels each way."""
+        pixels = box_sums(known.__getitem__, known.shape, reach)
+        for (rows, total), (_, count) in zip(
+            box_sums(beyond_noise.__getitem__, known.shape, reach), pixels, strict=True
+        ):
+            yield rows, np.maximum(total / np.maximum(count, 1.0), 0.0)
 
-    lost = lost_within(TUNING.sharpness_reach_px)
-    whole = lost + variance * of_difference
-    best = (lost - variance * (between - linear_alone)) / np.where(whole > 0.0, whole, 1.0)
-    share = np.where(known & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0)
-    near = np.where(known, lost_within(TUNING.detail_reach_px), 0.0)
-    return Sharpness(share.astype(np.float32), near.astype(np.float32), variance)
+    share, near = (np.empty(known.shape, np.float32) for _ in range(2))
+    for rows, lost in lost_within(TUNING.sharpness_reach_px):
+        whole = lost + variance[rows] * of_difference[rows]
+        best = (lost - variance[rows] * less_noise[rows]) / np.where(whole > 0.0, whole, 1.0)
+        share[rows] = np.where(known[rows] & (whole > 0.0), np.clip(best, 0.0, 1.0), 0.0)
+    for rows, lost in lost_within(TUNING.detail_reach_px):
+        near[rows] = np.where(known[rows], lost, 0.0)
+    return Sharpness(share, near, variance)
 
 
 def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -75,18 +90,23 @@ def pixel_noise(colour: NDArray[np.float32]) -> NDArray[np.float32]:
     Estimation), which is 0 for everything that is straight along either axis: of a picture's detail much less is taken
     for noise than by the variance around a mean. A picture of fewer than three rows or columns has none.
     """
-    toned = tone(colour)
-    squared = np.zeros(toned.shape[:2], np.float32)
+    squared = np.zeros(colour.shape[:2], np.float32)
     if min(squared.shape) < 3:
         return squared
-    across = toned[:, 2:] - 2.0 * toned[:, 1:-1] + toned[:, :-2]
-    both = across[2:] - 2.0 * across[1:-1] + across[:-2]
-    # The squares of the nine weights add up to 36.
-    squared[1:-1, 1:-1] = np.mean(both**2, axis=-1) / 36.0
-    inner = np.zeros_like(squared)
-    inner[1:-1, 1:-1] = 1.0
-    reach = TUNING.sharpness_reach_px
-    return (box_sum(squared, reach) / np.maximum(box_sum(inner, reach), 1.0)).astype(np.float32)
+    inner = np.zeros(squared.shape, bool)
+    inner[1:-1, 1:-1] = True
+    for rows in bands(squared.shape):
+        first, last = max(rows.start, 1), min(rows.stop, len(squared) - 1)
+        toned = tone(colour[first - 1 : last + 1])
+        across = toned[:, 2:] - 2.0 * toned[:, 1:-1] + toned[:, :-2]
+        both = across[2:] - 2.0 * across[1:-1] + across[:-2]
+        # The squares of the nine weights add up to 36.
+        squared[first:last, 1:-1] = np.mean(both**2, axis=-1) / 36.0
+    result, reach = np.empty_like(squared), TUNING.sharpness_reach_px
+    totals, counts = (box_sums(image.__getitem__, squared.shape, reach) for image in (squared, inner))
+    for (rows, total), (_, count) in zip(totals, counts, strict=True):
+        result[rows] = total / np.maximum(count, 1.0)
+    return result
 
 
 def mixed_variance_share(x: NDArray, y: NDArray, cubic: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -95,8 +115,13 @@ def mixed_variance_share(x: NDArray, y: NDArray, cubic: NDArray[np.float32]) -> 
 
     x, y (h, w) are the positions in pixels; cubic (h, w), 0 to 1, is the share of the cubic lookup.
     """
-    alone, between, other = (
-        weight_product(x, y, *pair) for pair in (("linear", "linear"), ("linear", "cubic"), ("cubic", "cubic"))
-    )
-    linear = np.float32(1.0) - cubic
-    return (linear**2 * alone + np.float32(2.0) * linear * cubic * between + cubic**2 * other).astype(np.float32)
+    result = np.empty(x.shape, np.float32)
+    for rows in bands(x.shape):
+        alone, between, other = (
+            weight_product(x[rows], y[rows], *pair)
+            for pair in (("linear", "linear"), ("linear", "cubic"), ("cubic", "cubic"))
+        )
+        share = cubic[rows]
+        linear = np.float32(1.0) - share
+        result[rows] = linear**2 * alone + np.float32(2.0) * linear * share * between + share**2 * other
+    return result

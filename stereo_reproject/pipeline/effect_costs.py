@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..estimate.evidence import TileEvidence
 from ..estimate.expected_excess import CONFIDENCE_95_SIGMAS
+from ..images.bands import bands
 from ..images.effects import SEEN_DIFFERENTLY, WHOLE_FRAME_EFFECTS, Effect
 from ..images.effects_pass import UNKNOWN_EFFECTS, flagged
 from ..images.reasons import Reason
@@ -56,20 +57,26 @@ def effect_costs(
     where none tell.
     """
     wanted = called_for & SEEN_DIFFERENTLY
-    strands = _edges_of_strands(wanted, shown, reasons)
-    shown = np.where(strands, Effect.HAIR.value, _effects_to_charge(wanted, shown, reasons))
-    asked_for = strands | ((reasons & np.uint16(ASKED_FOR.value)) > 0) | (traced & (reasons == 0))
-    cost = np.where(asked_for, _seconds_per_pixel(reasons, traced, seconds), 0.0)
-    several = np.zeros(shown.shape, np.int32)
-    for effect in wanted:
-        several += (shown & effect.value) > 0
-    shared = float(cost[shown == 0].sum()) / max(len(list(wanted)), 1)
-    result = {}
-    for effect in wanted:
-        has = (shown & effect.value) > 0
-        own = float((cost[has] / several[has]).sum())
-        result[effect] = EffectCost(float(np.mean(has & asked_for)), own + shared, _excess(evidence, has))
-    return result
+    per_pixel = _SecondsPerPixel.of_frame(reasons, traced, seconds)
+    pixels, own = dict.fromkeys(wanted, 0), dict.fromkeys(wanted, 0.0)
+    has = {effect: np.empty(shown.shape, bool) for effect in wanted}
+    shared = 0.0
+    for rows in bands(shown.shape):
+        why, was_traced = reasons[rows], traced[rows]
+        strands = _edges_of_strands(wanted, shown[rows], why)
+        charged = np.where(strands, Effect.HAIR.value, _effects_to_charge(wanted, shown[rows], why))
+        asked_for = strands | ((why & np.uint16(ASKED_FOR.value)) > 0) | (was_traced & (why == 0))
+        cost = np.where(asked_for, per_pixel.at(why, was_traced), 0.0)
+        shared += float(cost[charged == 0].sum()) / max(len(list(wanted)), 1)
+        several = np.sum([(charged & effect.value) > 0 for effect in wanted], axis=0)
+        for effect in wanted:
+            here = has[effect][rows] = (charged & effect.value) > 0
+            pixels[effect] += int((here & asked_for).sum())
+            own[effect] += float((cost[here] / several[here]).sum())
+    return {
+        effect: EffectCost(pixels[effect] / shown.size, own[effect] + shared, _excess(evidence, has[effect]))
+        for effect in wanted
+    }
 
 
 def _edges_of_strands(wanted: Effect, shown: NDArray[np.int32], reasons: NDArray[np.uint16]) -> NDArray[np.bool_]:
@@ -91,19 +98,34 @@ def _effects_to_charge(wanted: Effect, shown: NDArray[np.int32], reasons: NDArra
     return np.where(own > 0, own, result) & int(wanted)
 
 
-def _seconds_per_pixel(
-    reasons: NDArray[np.uint16], traced: NDArray[np.bool_], seconds: Mapping[str, float]
-) -> NDArray[np.float64]:
-    """Return the seconds (H, W) that tracing each pixel has cost, 0 for others; a probe is traced twice and costs
-    double.
+@dataclass(frozen=True)
+class _SecondsPerPixel:
+    """Seconds that tracing a pixel has cost, once, in the fill or a pilot, and among the refined ones."""
 
-    seconds are by stage: those of fill and pilot are divided among their pixels, those of refine among the refined
-    ones.
-    """
+    filled: float
+    refined: float
+
+    @classmethod
+    def of_frame(
+        cls, reasons: NDArray[np.uint16], traced: NDArray[np.bool_], seconds: Mapping[str, float]
+    ) -> _SecondsPerPixel:
+        """Return the seconds per pixel of a frame with these reasons and traced pixels (H, W). seconds are by stage:
+        those of fill and pilot are divided among their pixels, of which a probe is two, those of refine among the
+        refined ones."""
+        refined = int(((reasons & Reason.REFINED.bit) > 0).sum())
+        filled = sum(float(_times_filled(reasons[rows], traced[rows]).sum()) for rows in bands(reasons.shape))
+        fill = seconds.get("fill", 0.0) + seconds.get("pilot", 0.0)
+        return cls(fill / max(filled, 1.0), seconds.get("refine", 0.0) / max(refined, 1.0))
+
+    def at(self, reasons: NDArray[np.uint16], traced: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the seconds (h, W) of pixels with these reasons (h, W); 0 for those that were not traced."""
+        return _times_filled(reasons, traced) * self.filled + ((reasons & Reason.REFINED.bit) > 0) * self.refined
+
+
+def _times_filled(reasons: NDArray[np.uint16], traced: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return how often each pixel (h, W) was traced in the fill or a pilot: a probe is traced twice."""
     refined, probes = (reasons & Reason.REFINED.bit) > 0, (reasons & Reason.PROBE.bit) > 0
-    filled = np.where(probes, 2.0, (traced & ~refined).astype(np.float64))
-    cost = filled * (seconds.get("fill", 0.0) + seconds.get("pilot", 0.0)) / max(filled.sum(), 1.0)
-    return cost + refined * seconds.get("refine", 0.0) / max(refined.sum(), 1.0)
+    return np.where(probes, 2.0, (traced & ~refined).astype(np.float64))
 
 
 def _excess(evidence: TileEvidence | None, has: NDArray[np.bool_]) -> tuple[float, float, float] | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..estimate.target import Provenance, Target
 from ..estimate.tracing import Refinement, TargetTracing, WarpedTarget
 from ..holes.classifier import Optics
-from ..holes.reprojection import Reprojection, reproject
+from ..holes.reprojection import Reprojection, WarpedHoles, reproject
 from ..images.denoising import Denoise, Denoising, denoise_source, denoise_target, remaining_noise
 from ..images.effects import Effect, EffectsPlan
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
@@ -40,9 +41,9 @@ from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
 from .calibration import calibrated_costs, worth_measuring
 from .effect_costs import EffectCost, effect_costs
-from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, next_better
+from .next_accuracy import WHOLE, FinishedTarget, NextAccuracy, cost_of, holes_of, next_better
 from .shared_findings import SharedFindings
-from .stages import Stage
+from .stages import OUTSIDE_TOTAL, Stage
 
 
 class Renderer(Protocol):
@@ -160,18 +161,27 @@ class Stopwatch:
         if stage:
             self._on_stage(stage)
 
+    @contextmanager
+    def aside(self, stage: str) -> Iterator[None]:
+        """Add the time of a `with` block to this stage, and not to the one that runs and goes on afterwards; on_stage is
+        not called."""
+        start = time.perf_counter()
+        yield
+        spent = time.perf_counter() - start
+        self.seconds[str(stage)] = self.seconds.get(str(stage), 0.0) + spent
+        self._start += spent
+
 
 @dataclass(frozen=True)
 class _Source:
     """The rendered source eye, ready to be warped.
 
-    rendered has its passes, with the denoised colour where the scene denoises; seen is the same view with its light
-    multiplied by light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the pixels that were
-    no number, where rendered has 0. denoising is None where the scene does not denoise. accuracy is that of the frame,
+    seen has its passes, with the denoised colour where the scene denoises, and with their light multiplied by
+    light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the pixels that were
+    no number, where seen has 0. denoising is None where the scene does not denoise. accuracy is that of the frame,
     adapted to its size and to denoising. needs_probes: whether something may look different from each eye.
     """
 
-    rendered: RenderedView
     seen: RenderedView
     light_scale: float
     lost: Mapping[str, NDArray[np.bool_]]
@@ -182,21 +192,36 @@ class _Source:
     @property
     def cost(self) -> SourceCost:
         """Measured cost of the source render."""
-        assert self.rendered.cost is not None
-        return self.rendered.cost
+        assert self.seen.cost is not None
+        return self.seen.cost
+
+    @property
+    def rendered(self) -> Passes:
+        """Passes of the eye with light as bright as the scene has it; copies, where that is not as it is seen."""
+        return scaled_light(self.seen.passes, 1.0 / self.light_scale)
+
+
+@dataclass(frozen=True)
+class _Warped:
+    """The source warped into the target, ready to be traced: the holes, and what plans and does the tracing.
+
+    gpu is the name of the GPU that was chosen to warp, None for NumPy. better is the name of the next better accuracy,
+    and better_holes (H, W) are the holes that it would have, None where that is a full render.
+    """
+
+    reprojection: WarpedHoles
+    gpu: str | None
+    planner: FillPlanner
+    tracing: TargetTracing
+    better: str
+    better_holes: NDArray[np.bool_] | None
 
 
 @dataclass(frozen=True)
 class _Completed:
-    """The target after it was warped and traced, with all that did it and their results.
+    """The target after it was warped and traced, with all that did it and their results."""
 
-    gpu is the name of the GPU that was chosen to warp, None for NumPy.
-    """
-
-    reprojection: Reprojection
-    gpu: str | None
-    planner: FillPlanner
-    tracing: TargetTracing
+    warped: _Warped
     fill: FillChoice
     refinement: Refinement
 
@@ -228,21 +253,8 @@ def render_stereo_frame(
     source = _render_source(renderer, settings, accuracy or accuracy_of(settings), findings, watch)
 
     watch.lap(Stage.WARP)
-    reprojection, gpu = _warp_source(renderer, settings, source, findings)
-
-    planner = _planner_of(renderer, settings, source, reprojection, findings, costs or TraceCosts(), watch)
-    tracing = renderer.tracing_of(
-        WarpedTarget(
-            settings.target,
-            reprojection,
-            planner,
-            source.accuracy,
-            source.denoising,
-            source.needs_probes,
-            renderer.seed,
-            source.light_scale,
-        )
-    )
+    warped = _warp_source(renderer, settings, source, findings, costs or TraceCosts(), watch)
+    tracing = warped.tracing
     if tracing.wants_pilot:
         watch.lap(Stage.PILOT)
         tracing.send_pilot()
@@ -255,21 +267,14 @@ def render_stereo_frame(
 
     watch.lap(Stage.COMPOSITE)
     target = tracing.target
-    finished, lost_in_target = _without_lost(target, source, reprojection, settings)
+    finished, lost_in_target = _without_lost(target, source, warped.reprojection, settings)
     if source.denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
         refined = target.any_of(Provenance.REFINED)
         finished = denoise_target(finished, target.keeps_warped_colour, source.denoising, refined=refined)
 
-    return _finished_frame(
-        renderer,
-        settings,
-        source,
-        _Completed(reprojection, gpu, planner, tracing, fill, refinement),
-        finished,
-        lost_in_target,
-        watch,
-    )
+    done = _Completed(warped, fill, refinement)
+    return _finished_frame(renderer, settings, source, done, finished, lost_in_target, watch)
 
 
 def _render_source(
@@ -297,15 +302,49 @@ def _render_source(
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
 
     scale = display_scale(passes[COLOUR_PASS])
-    rendered = RenderedView(view, passes, invalid, cost)
-    seen = replace(rendered, passes=scaled_light(passes, scale))
+    seen = RenderedView(view, scaled_light(passes, scale), invalid, cost)
+    del passes
     if denoising is not None and needs_probes and accuracy.promise is not None:
         remaining = findings.remaining_noise(partial(remaining_noise, seen.passes, denoising.denoise))
         denoising = replace(denoising, remaining_noise=remaining)
-    return _Source(rendered, seen, scale, lost, denoising, accuracy, needs_probes)
+    return _Source(seen, scale, lost, denoising, accuracy, needs_probes)
 
 
 def _warp_source(
+    renderer: Renderer,
+    settings: StereoSettings,
+    source: _Source,
+    findings: SharedFindings,
+    costs: TraceCosts,
+    watch: Stopwatch,
+) -> _Warped:
+    """Return the source warped into the target, with what plans and does its tracing.
+
+    All that only tells the holes takes three times as much memory, and is let go here. So the holes of the next better
+    accuracy are found now, though they belong to the account of the finished frame.
+    """
+    reprojection, gpu = _reprojected(renderer, settings, source, findings)
+    planner = _planner_of(renderer, settings, source, reprojection, findings, costs, watch)
+    answered = reprojection.answered()
+    tracing = renderer.tracing_of(
+        WarpedTarget(
+            settings.target,
+            answered,
+            planner,
+            source.accuracy,
+            source.denoising,
+            source.needs_probes,
+            renderer.seed,
+            source.light_scale,
+        )
+    )
+    better = next_better(source.accuracy) if tracing.can_promise else WHOLE
+    with watch.aside(Stage.ACCOUNT):
+        better_holes = holes_of(better, reprojection, denoised=source.denoising is not None)
+    return _Warped(answered, gpu, planner, tracing, better, better_holes)
+
+
+def _reprojected(
     renderer: Renderer, settings: StereoSettings, source: _Source, findings: SharedFindings
 ) -> tuple[Reprojection, str | None]:
     """Return the source warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
@@ -343,7 +382,7 @@ def _planner_of(
 
     Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
     """
-    blockers = renderer.fill_blockers(_deepest(source.rendered.passes))
+    blockers = renderer.fill_blockers(_deepest(source.seen.passes))
     check_fill(settings.fill, blockers)
     planner = FillPlanner(settings.fill, findings.cost(source.cost), blockers, costs)
 
@@ -371,20 +410,23 @@ def _finished_frame(
     pixels that were no number.
     """
     watch.lap(Stage.ACCOUNT)
-    seconds = {**watch.seconds, "total": sum(watch.seconds.values())}
-    reprojection, refinement, target = done.reprojection, done.refinement, done.tracing.target
+    total = sum(seconds for stage, seconds in watch.seconds.items() if stage not in OUTSIDE_TOTAL)
+    seconds = {**watch.seconds, "total": total}
+    warped, refinement = done.warped, done.refinement
+    reprojection, target = warped.reprojection, warped.tracing.target
     reasons = _all_reasons(reprojection.reasons, target)
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN_EFFECTS)
     evidence = None if refinement.whole else refinement.evidence
     spent = effect_costs(renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
-    better = next_better(source.accuracy) if refinement.can_promise else WHOLE
     whole = bool(target.traced.all())
-    completed = FinishedTarget(reprojection, done.planner, done.fill, refinement, source.needs_probes, whole)
-    next_accuracy = cost_of(better, completed, seconds)
+    completed = FinishedTarget(
+        warped.better_holes, warped.planner, done.fill, refinement, source.needs_probes, is_whole=whole
+    )
+    next_accuracy = cost_of(warped.better, completed, seconds)
     watch.lap()
     return StereoFrame(
         eyes={
-            settings.source: without_internal_passes(source.rendered.passes),
+            settings.source: without_internal_passes(source.rendered),
             settings.target: without_internal_passes(finished),
         },
         reasons=reasons,
@@ -393,17 +435,17 @@ def _finished_frame(
         grid=reprojection.grid,
         fill=done.fill,
         refinement=refinement,
-        pilot_share=done.tracing.pilot_share,
+        pilot_share=warped.tracing.pilot_share,
         seconds={**watch.seconds, "total": seconds["total"]},
         source_cost=source.cost,
-        trace_costs=done.planner.costs,
+        trace_costs=warped.planner.costs,
         effect_costs=spent,
         next_accuracy=next_accuracy,
         invalid_pixels={settings.source: count_pixels(source.lost), settings.target: lost_in_target},
         metadata=dict(renderer.metadata),
-        correction=done.tracing.correction,
+        correction=warped.tracing.correction,
         warped_by=reprojection.warped_by,
-        gpu=done.gpu if reprojection.warped_by == "gpu" else None,
+        gpu=warped.gpu if reprojection.warped_by == "gpu" else None,
         light_scale=source.light_scale,
     )
 
@@ -420,7 +462,7 @@ def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
 
 
 def _without_lost(
-    target: Target, source: _Source, reprojection: Reprojection, settings: StereoSettings
+    target: Target, source: _Source, reprojection: WarpedHoles, settings: StereoSettings
 ) -> tuple[Passes, int]:
     """Return the target's passes with 0 for values that are no number, and the number of pixels that had any.
 
@@ -438,7 +480,7 @@ def _without_lost(
     return scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark)
 
 
-def _variance_share(source: _Source, reprojection: Reprojection, target: Target) -> NDArray[np.float32]:
+def _variance_share(source: _Source, reprojection: WarpedHoles, target: Target) -> NDArray[np.float32]:
     """Return (H, W) the variance of each finished target pixel, as a share of that of a plain render's: 1 in a denoised
     picture, whose noise is smooth, so that a lookup between pixels takes nothing from it."""
     if source.denoising is not None:

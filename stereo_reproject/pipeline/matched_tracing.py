@@ -84,6 +84,7 @@ class MatchedTracing:
 
     pilot_share: float | None = None
     wants_pilot = False
+    can_promise = False
 
     def __init__(self, matcher: LightMatcher, warped: WarpedTarget) -> None:
         reprojection = warped.reprojection
@@ -117,8 +118,8 @@ class MatchedTracing:
         if choice.method == "full":
             everything = np.ones_like(holes)
             whole = scaled_light(self._traced("full", everything), self._light_scale)
-            target = self.target.with_pixels(everything, whole)
-            self.target = target.flagged(everything, Provenance.HOLE)
+            self.target.put(everything, whole)
+            self.target = self.target.flagged(everything, Provenance.HOLE)
         return choice
 
     def refine(self) -> Refinement:
@@ -129,7 +130,7 @@ class MatchedTracing:
         whole = self._accuracy.promise is not None and bool(self.target.traced.all())
         nothing = np.zeros_like(self._holes)
         told = AS_RENDERED if whole else None
-        return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES, can_promise=False)
+        return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES, can_promise=self.can_promise)
 
     def _traced(self, method: str, pixels: NDArray[np.bool_]) -> Passes:
         """Return the passes (N, C) of pixels (H, W) of the target, traced by this fill method and neither matched nor
@@ -192,7 +193,7 @@ class MatchedTracing:
         traced has the passes (N, C) of the wanted pixels (H, W), not scaled: holes and ring (H, W). The ring's pixels
         keep their warped colour and are flagged as reference.
         """
-        holes, warped = self._holes, self.target.colour
+        holes, warped = self._holes, self.target.colour.copy()
         features = self._matcher.traced_features(traced).scaled(self._light_scale)
         traced = scaled_light(traced, self._light_scale)
         doubted = (self._reprojection.reasons == Reason.SILHOUETTE.bit) & self._reprojection.warp.covered
@@ -202,10 +203,11 @@ class MatchedTracing:
         kept = {name: image[within] for name, image in traced.items()}
         alpha = kept[COLOUR_PASS][:, 3:]
         kept[COLOUR_PASS] = np.concatenate([matched[within], alpha], axis=1)
-        target = self.target.with_pixels(holes, kept).flagged(ring, Provenance.REFERENCE)
-        clean = self._matcher.clean(target.colour[..., :3])[holes]
+        self.target = self.target.flagged(ring, Provenance.REFERENCE)
+        self.target.put(holes, kept)
+        clean = self._matcher.clean(self.target.colour[..., :3])[holes]
         self.correction = correction_of(clean, features.colour[within], warped)
-        self.target = target.with_pixels(holes, {COLOUR_PASS: np.concatenate([clean, alpha], axis=1)})
+        self.target.put(holes, {COLOUR_PASS: np.concatenate([clean, alpha], axis=1)})
 
 
 def _unmatched_pass(passes: Passes) -> str | None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimate.refinement import choose_tiles
 from ..estimate.tracing import Refinement
@@ -38,12 +39,12 @@ class NextAccuracy:
 class FinishedTarget:
     """A completed target, as far as the prediction of another accuracy's cost needs it.
 
-    reprojection can flag its holes at any accuracy; fill is how the holes were traced, planner tells how others would
-    be. refinement is the tracing that probes asked for. needs_probes: whether an accuracy that promises something would
+    better_holes (H, W) are those of the next better accuracy, None where that is `WHOLE`; fill is how the holes were
+    traced, planner tells how others would be. refinement is the tracing that probes asked for. needs_probes: whether an accuracy that promises something would
     trace probes here. is_whole: whether all of the target was traced.
     """
 
-    reprojection: Reprojection
+    better_holes: NDArray[np.bool_] | None
     planner: FillPlanner
     fill: FillChoice
     refinement: Refinement
@@ -59,6 +60,19 @@ def next_better(accuracy: Accuracy) -> str:
     return better[0] if better else WHOLE
 
 
+def holes_of(name: str, reprojection: Reprojection, *, denoised: bool) -> NDArray[np.bool_] | None:
+    """Return the holes (H, W) of a warped target at the accuracy called `name`; None for `WHOLE`."""
+    if name == WHOLE:
+        return None
+    return reprojection.reasons_at(_accuracy_called(name, reprojection.reasons.size, denoised=denoised)) > 0
+
+
+def _accuracy_called(name: str, pixels: int, *, denoised: bool) -> Accuracy:
+    """Return the accuracy of this name for a picture of so many pixels, denoised or not."""
+    accuracy = for_size(SETTINGS[name], pixels)
+    return for_denoised(accuracy) if denoised else accuracy
+
+
 def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> NextAccuracy:
     """Return the predicted cost of this frame at the accuracy called `name`, or rendered whole where that is `WHOLE`.
 
@@ -70,24 +84,23 @@ def cost_of(name: str, target: FinishedTarget, seconds: Mapping[str, float]) -> 
         return NextAccuracy(WHOLE, total, None, 1.0, complete=True)
     spent = seconds.get("fill", 0.0) + seconds.get("refine", 0.0)
     apart = total - spent
-    if name == WHOLE:
+    holes = target.better_holes
+    if name == WHOLE or holes is None:
         again = planner.cost.fixed(planner.costs) + planner.cost.per_frame
         more = max(apart - seconds.get("pilot", 0.0) + again - total, 0.0)
         return NextAccuracy(name, total + more, more, 1.0, complete=True)
     predicted = sum(choice.predicted_seconds for choice in (target.fill, target.refinement.fill) if choice)
     pace = spent / predicted if predicted > 0.0 else 1.0
-    accuracy = for_size(SETTINGS[name], target.reprojection.reasons.size)
-    accuracy = for_denoised(accuracy) if planner.cost.denoise_seconds else accuracy
-    to_trace, share = _tracing(accuracy, target)
+    accuracy = _accuracy_called(name, holes.size, denoised=bool(planner.cost.denoise_seconds))
+    to_trace, share = _tracing(accuracy, holes, target)
     more = max(apart + pace * to_trace - total, 0.0)
     complete = target.refinement.evidence is not None or not target.needs_probes
     return NextAccuracy(name, total + more, more, share, complete)
 
 
-def _tracing(accuracy: Accuracy, target: FinishedTarget) -> tuple[float, float]:
-    """Return the predicted seconds of fill and refinement at this accuracy, and the share of the target that would be
-    traced."""
-    holes = target.reprojection.reasons_at(accuracy) > 0
+def _tracing(accuracy: Accuracy, holes: NDArray[np.bool_], target: FinishedTarget) -> tuple[float, float]:
+    """Return the predicted seconds of fill and refinement at this accuracy, whose holes (H, W) are given, and the share
+    of the target that would be traced."""
     spacing, planner = accuracy.probe_spacing, target.planner
     fill = planner.plan(float(np.mean(holes)), spacing=spacing if target.needs_probes else None)
     if fill.method == "full":

@@ -101,13 +101,19 @@ def _light_lookup(
     colour = source[COLOUR_PASS]
     linear, cubic = look_up(colour, "linear"), look_up(colour, "cubic")
     sharpness = sharpness_of(colour, linear, cubic, warp.x, warp.y)
-    share = sharpness.cubic[..., None]
 
-    def mixture(image: NDArray[np.float32]) -> NDArray[np.float32]:
-        once, again = (linear, cubic) if image is colour else (look_up(image, "linear"), look_up(image, "cubic"))
-        return (once + share * (again - once)).astype(np.float32, copy=False)
+    def mixture(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return (h, w, C) the mixture of a linear and a cubic lookup, which takes the place of the first."""
+        for rows in bands(once.shape):
+            once[rows] += sharpness.cubic[rows][..., None] * (again[rows] - once[rows])
+        return once
 
-    return mixture, sharpness
+    mixed = mixture(linear, cubic)
+
+    def look_up_light(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        return mixed if image is colour else mixture(look_up(image, "linear"), look_up(image, "cubic"))
+
+    return look_up_light, sharpness
 
 
 def _target_position(
@@ -153,18 +159,14 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     return seen
 
 
-def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> Passes:
-    """Return copies of the warped passes (H, W, C), with the pixels of `holes` (H, W) replaced by those of `traced` (N,
-    C).
+def composite(warped: Passes, traced: Passes, holes: NDArray[np.bool_]) -> None:
+    """Replace the pixels of `holes` (H, W) in the warped passes (H, W, C), in place, by those of `traced` (N, C).
 
     traced has a value for each set pixel of the mask, row by row. A pass that traced lacks stays as it was warped.
     """
-    result: Passes = {}
     for name, image in warped.items():
-        result[name] = image.copy()
         if name in traced:
-            result[name][holes] = traced[name]
-    return result
+            image[holes] = traced[name]
 
 
 def not_numbers(passes: Passes) -> dict[str, NDArray[np.bool_]]:

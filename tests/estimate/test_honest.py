@@ -60,7 +60,7 @@ class Frame:
         """The evidence once the chosen tiles are traced, the picture then, and its pixels' shares of variance."""
         pixels = measured.probes.pixels_of(chosen)
         traced = np.where(pixels[..., None], self.traced(), self.warped)
-        done = RefinedTiles(chosen, pixels, self.warped, traced, variance_share=self.share)
+        done = RefinedTiles(chosen, pixels, self.warped[pixels], traced[pixels], variance_share=self.share)
         return with_refined(measured, done, local_noise(measured)), traced, np.where(pixels, 1.0, self.share)
 
     def true_ratios(self, ours, share):

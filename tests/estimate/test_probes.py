@@ -61,7 +61,9 @@ class Frame:
         """The same measured anew once the chosen tiles are traced."""
         pixels = measured.probes.pixels_of(chosen) & ~self.holes
         noise = local_noise(measured)
-        return with_refined(measured, RefinedTiles(chosen, pixels, self.warped, self.traced()), noise), pixels
+        return with_refined(
+            measured, RefinedTiles(chosen, pixels, self.warped[pixels], self.traced()[pixels]), noise
+        ), pixels
 
     def true_ratio(self, pixels):
         ours = np.where((self.holes | pixels)[..., None], self.traced(), self.warped)
@@ -313,7 +315,9 @@ def test_what_was_chosen_by_its_own_probe_does_not_flatter_what_is_told():
         by_own = outlier_tiles(measured, 2.0)
         pixels = measured.probes.pixels_of(by_own) & ~frame.holes
         noise = local_noise(measured)
-        after = with_refined(measured, RefinedTiles(by_own, pixels, frame.warped, frame.traced(), by_own), noise)
+        after = with_refined(
+            measured, RefinedTiles(by_own, pixels, frame.warped[pixels], frame.traced()[pixels], by_own), noise
+        )
         told.append(estimate(after).noise_ratio)
         true.append(frame.true_ratio(pixels))
     off = np.array(told) - np.array(true)
@@ -462,7 +466,9 @@ def test_a_refining_trace_that_is_no_number_spoils_nothing():
     pixels = measured.probes.pixels_of(chosen) & ~frame.holes
     traced = frame.traced()
     traced[np.argwhere(pixels)[5][0], np.argwhere(pixels)[5][1]] = np.nan
-    after = with_refined(measured, RefinedTiles(chosen, pixels, frame.warped, traced), local_noise(measured))
+    after = with_refined(
+        measured, RefinedTiles(chosen, pixels, frame.warped[pixels], traced[pixels]), local_noise(measured)
+    )
     told = estimate(after)
     assert np.isfinite([told.noise_ratio, told.low, told.high, worst_tiles(after)]).all()
     assert told.noise_ratio <= 1.1

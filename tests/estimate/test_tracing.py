@@ -47,6 +47,11 @@ class Frame:
         )
         self.asked = []
 
+    def handed_on(self):
+        """The reprojection with passes of its own, into which pixels are traced."""
+        passes = {name: image.copy() for name, image in self.reprojection.passes.items()}
+        return SimpleNamespace(**{**vars(self.reprojection), "passes": passes})
+
     def traced(self):
         return opaque((self.truth + self.rng.normal(0.0, NOISE, self.truth.shape)).astype(np.float32))
 
@@ -58,9 +63,7 @@ class Frame:
 
     def eye(self, accuracy=BALANCED, *, asked="auto", watched=True, blockers=None):
         planner = FillPlanner(asked, COST, blockers or {})
-        return ProbedTracing(
-            self, WarpedTarget("right", self.reprojection, planner, accuracy, None, watched, self.seed)
-        )
+        return ProbedTracing(self, WarpedTarget("right", self.handed_on(), planner, accuracy, None, watched, self.seed))
 
     def ratio(self, eye):
         return noise_ratio(eye.target.passes["Combined"], self.traced(), self.traced())

@@ -1,7 +1,5 @@
 """The price of the next better setting: predicted from the frame that is finished, and never less than it."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -21,16 +19,16 @@ FILL = FillChoice("packed", "asked for", 2.6)
 NOTHING = Refinement(np.zeros(SIZE, bool))
 
 
-def reprojection(share):
-    """One of which any accuracy flags this share of the pixels."""
-    reasons = np.zeros(SIZE, np.uint16)
-    reasons[:, : int(share * SIZE[1])] = 1
-    return SimpleNamespace(reasons=reasons, reasons_at=lambda _: reasons)
+def holes(share):
+    """Holes in this share of the pixels."""
+    result = np.zeros(SIZE, bool)
+    result[:, : int(share * SIZE[1])] = True
+    return result
 
 
 def price(name="high", *, share=0.2, fill=FILL, needs_probes=False, whole=False, cost=COST):
     planner = FillPlanner("auto", cost, {})
-    return cost_of(name, FinishedTarget(reprojection(share), planner, fill, NOTHING, needs_probes, whole), SECONDS)
+    return cost_of(name, FinishedTarget(holes(share), planner, fill, NOTHING, needs_probes, whole), SECONDS)
 
 
 def test_more_pixels_cost_more_at_the_pace_of_this_frame():

@@ -23,12 +23,11 @@ def test_compositing_changes_the_holes_and_nothing_else(share):
     warped, fresh = passes(1), passes(2)
     kept = {name: image.copy() for name, image in warped.items()}
     holes = np.random.default_rng(3).random(SHAPE) < share
-    result = composite(warped, {name: image[holes] for name, image in fresh.items()}, holes)
-    assert list(result) == list(warped)
-    for name, image in result.items():
+    composite(warped, {name: image[holes] for name, image in fresh.items()}, holes)
+    assert list(warped) == list(kept)
+    for name, image in warped.items():
         np.testing.assert_array_equal(image[holes], fresh[name][holes])
         np.testing.assert_array_equal(image[~holes], kept[name][~holes])
-        np.testing.assert_array_equal(warped[name], kept[name], err_msg="what was given is left as it is")
 
 
 def test_a_pass_that_was_not_traced_keeps_what_was_warped_and_no_pass_is_made_up():
@@ -36,10 +35,10 @@ def test_a_pass_that_was_not_traced_keeps_what_was_warped_and_no_pass_is_made_up
     holes = np.zeros(SHAPE, bool)
     holes[2, 3:6] = True
     traced = {"Combined": fresh["Combined"][holes], "Other": fresh["Depth"][holes]}
-    result = composite(warped, traced, holes)
-    assert list(result) == list(warped)
-    np.testing.assert_array_equal(result["Combined"][holes], fresh["Combined"][holes])
-    np.testing.assert_array_equal(result["Normal"], warped["Normal"])
+    composite(warped, traced, holes)
+    assert list(warped) == list(fresh)
+    np.testing.assert_array_equal(warped["Combined"][holes], fresh["Combined"][holes])
+    np.testing.assert_array_equal(warped["Normal"], passes(1)["Normal"])
 
 
 def test_contain_leaves_numbers_alone():

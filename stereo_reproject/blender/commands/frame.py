@@ -19,6 +19,7 @@ from ...images.exr import VIEWS, write_eye, write_stereo
 from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
 from ...images.seen_light import scaled_colour
+from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import DIFFERENCE, pair_files
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame
 from ...pipeline.shared_findings import SharedFindings
@@ -115,6 +116,7 @@ def render_pair(
             frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer), learns=learns)
             facts.append(found)
     pair = StereoPair(frames)
+    give_back_freed()
     return pair, pair_report(pair, facts, settings, _memory())
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...errors import BadInputError, StereoReprojectError
 from ...images.exr import read_channels, write_channels
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
+from ...jobs.memory import give_back_freed
 from ..scene.working import changed, rendered_layer
 
 NOISY, ALBEDO, NORMAL, DEPTH = "Noisy Image", "Denoising Albedo", "Denoising Normal", "Denoising Depth"
@@ -40,6 +41,9 @@ def denoise_pictures(scene: bpy.types.Scene, pictures: Sequence[Passes], folder:
         before, after = Path(own) / "noisy.exr", Path(own) / "clean.exr"
         channels, texts = _as_layers(pictures)
         write_channels(before, channels, texts)
+        # The denoiser takes several times as much memory as these, and has them from the file.
+        del channels
+        give_back_freed()
         override = bpy.context.temp_override(scene=scene, view_layer=layer)
         try:
             with override:  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs

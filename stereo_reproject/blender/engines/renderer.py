@@ -17,6 +17,7 @@ from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
 from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from ...jobs.memory import give_back_freed
 from ...settings.frame import EYES
 from ...trace.costs import TraceCosts
 from ...trace.fill import SourceCost
@@ -143,6 +144,8 @@ class BlenderRenderer:
             count_samples(self.scene)
         with self._noisy():
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+        # Reading the file has taken a fifth of the memory by now.
+        give_back_freed()
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None

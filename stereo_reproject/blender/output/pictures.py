@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
+from ...images.bands import bands
 from ...images.metrics import COLOUR_CHANNELS, judged, tone
 from ...images.reasons import Reason
 from ...jobs.plain_paths import plain_path
@@ -56,7 +57,15 @@ def display(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return a scene-linear picture (H, W, 4) as bytes (H, W, 3) to look at. The tone mapping is a plain one, not the
     scene's view transform.
     """
-    return (255.0 * np.sqrt(tone(colour))).astype(np.uint8)
+    result = np.empty((*colour.shape[:2], COLOUR_CHANNELS), np.uint8)
+    for rows in bands(result.shape):
+        result[rows] = (255.0 * np.sqrt(tone(colour[rows]))).astype(np.uint8)
+    return result
+
+
+def _backdrop(colour: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return a scene-linear picture (H, W, 4) as `display` does, dimmed."""
+    return (np.arange(256) * 0.35 + 20).astype(np.uint8)[display(colour)]
 
 
 def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
@@ -76,7 +85,7 @@ def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np
 
 def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
     """Return the picture (H, W, 3) of traced pixels, as bytes, and the share of all pixels that have each reason."""
-    picture = (display(target) * 0.35 + 20).astype(np.uint8)
+    picture = _backdrop(target)
     shown = np.zeros(reasons.shape, bool)
     shares: dict[Reason, float] = {}
     for reason, colour in COLOURS.items():
@@ -98,7 +107,7 @@ def write_estimate(
     target (H, W, 4) is scene-linear; estimates (H, W, 3) are those of `estimates.estimate_map`. why_none says in words
     why there is no estimate, if there is none.
     """
-    backdrop = (display(target) * 0.35 + 20).astype(np.uint8)
+    backdrop = _backdrop(target)
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
@@ -226,7 +235,7 @@ def _write_png(path: Path, picture: NDArray[np.uint8]) -> None:
     image = bpy.data.images.new(path.stem, width, height, alpha=False)
     try:
         rgba = np.ones((height, width, 4), np.float32)
-        rgba[..., :3] = picture[::-1] / 255.0
+        rgba[..., :3] = (np.arange(256) / 255.0).astype(np.float32)[picture[::-1]]
         image.pixels.foreach_set(rgba.ravel())
         image.file_format = "PNG"
         image.filepath_raw = str(path)
