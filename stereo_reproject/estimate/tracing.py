@@ -54,9 +54,10 @@ class WarpedTarget:
     """A target as it comes out of the warp, with all that completing it by tracing needs.
 
     view is its name; reprojection has its passes, which tracing changes in place, and its holes; planner chooses fill
-    methods. accuracy is that of the frame; denoising is None where the picture stays noisy. needs_probes: whether something may look different from each
-    view, so that a promise must be measured. seed is that of the scene. light_scale is the number by which the light of
-    the reprojection was multiplied, and by which traced light is to be: see `images/seen_light`.
+    methods. accuracy is that of the frame; denoising is None where the picture stays noisy. needs_probes: whether
+    something may look different from each view, so that a promise must be measured. seed is that of the scene.
+    light_scale is the number by which the light of the reprojection was multiplied, and by which traced light is to be:
+    see `images/seen_light`.
     """
 
     view: str

@@ -163,8 +163,8 @@ class Stopwatch:
 
     @contextmanager
     def aside(self, stage: str) -> Iterator[None]:
-        """Add the time of a `with` block to this stage, and not to the one that runs and goes on afterwards; on_stage is
-        not called."""
+        """Add the time of a `with` block to this stage, and not to the one that runs and goes on afterwards; on_stage
+        is not called."""
         start = time.perf_counter()
         yield
         spent = time.perf_counter() - start
@@ -199,6 +199,10 @@ class _Source:
     def rendered(self) -> Passes:
         """Passes of the eye with light as bright as the scene has it; copies, where that is not as it is seen."""
         return scaled_light(self.seen.passes, 1.0 / self.light_scale)
+
+    def for_users(self) -> _Source:
+        """Return the source without the passes that only the warp and the hole rules read: those that users get."""
+        return replace(self, seen=replace(self.seen, passes=without_internal_passes(self.seen.passes)))
 
 
 @dataclass(frozen=True)
@@ -254,7 +258,7 @@ def render_stereo_frame(
 
     watch.lap(Stage.WARP)
     warped = _warp_source(renderer, settings, source, findings, costs or TraceCosts(), watch)
-    tracing = warped.tracing
+    source, tracing = source.for_users(), warped.tracing
     if tracing.wants_pilot:
         watch.lap(Stage.PILOT)
         tracing.send_pilot()
@@ -268,6 +272,9 @@ def render_stereo_frame(
     watch.lap(Stage.COMPOSITE)
     target = tracing.target
     finished, lost_in_target = _without_lost(target, source, warped.reprojection, settings)
+    # The finished passes take their place: a denoiser needs memory for a large picture several times over.
+    for replaced in (target.passes, warped.reprojection.passes):
+        replaced.clear()
     if source.denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
         refined = target.any_of(Provenance.REFINED)
@@ -426,7 +433,7 @@ def _finished_frame(
     watch.lap()
     return StereoFrame(
         eyes={
-            settings.source: without_internal_passes(source.rendered),
+            settings.source: source.rendered,
             settings.target: without_internal_passes(finished),
         },
         reasons=reasons,

@@ -40,8 +40,8 @@ class FinishedTarget:
     """A completed target, as far as the prediction of another accuracy's cost needs it.
 
     better_holes (H, W) are those of the next better accuracy, None where that is `WHOLE`; fill is how the holes were
-    traced, planner tells how others would be. refinement is the tracing that probes asked for. needs_probes: whether an accuracy that promises something would
-    trace probes here. is_whole: whether all of the target was traced.
+    traced, planner tells how others would be. refinement is the tracing that probes asked for. needs_probes: whether an
+    accuracy that promises something would trace probes here. is_whole: whether all of the target was traced.
     """
 
     better_holes: NDArray[np.bool_] | None

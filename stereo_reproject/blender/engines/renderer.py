@@ -144,8 +144,7 @@ class BlenderRenderer:
             count_samples(self.scene)
         with self._noisy():
             rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
-        # Reading the file has taken a fifth of the memory by now.
-        give_back_freed()
+        give_back_freed()  # A fifth of all memory by now, of a large picture: reading the file has taken it.
         if limited:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
