@@ -1,9 +1,15 @@
 """The estimator for a denoised picture, which has a fiftieth of the probes' noise: errors show beside that.
 
-Three things together tell what one probe cannot. Slow changes have the same sign over many probes: they are told by
-the mean of those and taken away (see `bias`). The probes of all tiles are a small picture of the target, and that too
-can be denoised, with the same guides: what is left between it and the warped colours is an error, or a detail finer
-than a tile. And materials of which much is off for their contrast are off elsewhere for theirs.
+Most of a probe's noise is that of diffuse light, which looks the same from each eye and is warped rightly; what looks
+different is reflected and transmitted light, which has little noise where there is little of it. So a probe is heard in
+two ways, and with W the warped colour, T a trace, and V and v what of a trace and of the warped source is reflected or
+transmitted light, all after tone mapping,
+
+    T - W,          with the noise of all light of a trace, and
+    V - v,          with the noise of the reflected light alone, of the trace and of the source,
+
+have the same mean, what W is off by, where all that differs is such light. The mean of both is taken that has the least
+noise (control variates).
 """
 
 from __future__ import annotations
@@ -14,40 +20,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast, box_sum
-from ..images.denoising import Denoising, denoiser_inputs
+from ..images.denoising import Denoising
 from ..images.effects_pass import materials_of
-from ..images.metrics import squared_error, tone, untone
-from ..images.passes import COLOUR_PASS, NOISY_PASS, Passes
+from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged_channel, tone, untone
+from ..images.passes import NOISY_PASS
 from .bias import SourceNoise, bias_of
-from .evidence import ProbeTraces, SelectionEvidence, TileEvidence, measure_tiles
-from .probes import Probes, place_regular_probes
+from .evidence import DeliveredNoise, ProbeTraces, TileEvidence, delivered_noise, measure_tiles
+from .probes import Probes, place_random_probes
 from .target import Provenance, Target
 from .tuning import TUNING
 
 MIN_NOISE = 1e-12
-"""Variance that is added to the probes' own, so that a picture without noise divides by something."""
+"""Variance that is added to a divisor, so that a picture without noise divides by something."""
 
-
-@dataclass(frozen=True)
-class DenoisedEvidence:
-    """Evidence of the probes of a denoised picture.
-
-    colour (H, W, C) is the target's with its slow errors taken away. at_probes (N, 4) are the warped colours at the
-    probes to be compared with their traces, corrected by what the other probes tell and shifted as noise shifts a
-    trace. selection is what the probes' first traces tell, by which tiles are chosen.
-    """
-
-    colour: NDArray[np.float32]
-    at_probes: NDArray[np.float32]
-    selection: SelectionEvidence
+MAX_TONE = 0.999
+"""Greatest tone-mapped light that a trace is given: 1 would be infinite light."""
 
 
 @dataclass(frozen=True)
 class DenoisedEstimator:
     """The `Estimator` for a denoised picture.
 
-    contrast is that of the warped picture. noisy (H, W, 4) is the scene-linear colour that was warped from the source
-    before that was denoised.
+    contrast is that of the light in the warped picture that may look different from each eye, as far as it is known
+    apart. noisy (H, W, 4) is the scene-linear colour that was warped from the source before that was denoised.
     """
 
     contrast: Contrast
@@ -55,8 +50,9 @@ class DenoisedEstimator:
     denoising: Denoising
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return probes at the same place in each tile of `spacing` pixels: together they are a small picture."""
-        return place_regular_probes(warped, spacing=spacing, seed=seed)
+        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
+        is contrast."""
+        return place_random_probes(warped, spacing=spacing, seed=seed, contrast=self.contrast)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says.
@@ -64,135 +60,99 @@ class DenoisedEstimator:
         The noisy colour of warped pixels is moved as the denoised one is, so that traced pixels are denoised among
         neighbours of their own brightness.
         """
-        colour = target.colour.copy()
-        colour[probes.mask] = traces.warped
         materials = materials_of(target.passes)
+        target.colour[probes.mask] = traces.warped
+        _, once, again = traces.toned(traces.finite)
+        delivered = delivered_noise(once - again, probes.weight, self.denoising.remaining_noise)
         # A pilot's probes keep the warped colour too.
         warped = target.warped | target.any_of(Provenance.PROBE)
-        seen = self.analyse(probes, {**target.passes, COLOUR_PASS: colour}, warped, traces, materials)
-        # The traced pixels are to be denoised among neighbours that are as bright as theirs.
-        moved = np.where(target.warped[..., None], seen.colour - colour, 0.0)
-        noisy = np.maximum(target.passes[NOISY_PASS] + moved, 0.0).astype(np.float32)
-        target = replace(target, passes={**target.passes, COLOUR_PASS: seen.colour, NOISY_PASS: noisy})
+        heard = self._heard(target, probes, traces, delivered, warped)
+        kinds = np.zeros(warped.shape, np.intp) if materials is None else materials
+        _, a, b = heard.toned(heard.finite)
+        noise = SourceNoise.of_noisy(probes.neighbourhood_mean(_variance(a - b)))
+        bias = bias_of(probes, heard, self.contrast.signal, kinds, noise=noise)
+        before = target.colour.copy() if bias.added.any() else target.colour
+        bias.correct([target.colour], before, warped, kinds)
+        if bias.added.any():
+            # The traced pixels are to be denoised among neighbours that are as bright as theirs.
+            noisy = target.passes[NOISY_PASS]
+            moved = np.where(target.warped[..., None], target.colour - before, 0.0)
+            np.maximum(noisy + moved, 0.0, out=noisy)
         evidence = measure_tiles(
             probes,
             target.warped | probes.mask,
             self.contrast,
-            replace(traces, warped=seen.at_probes),
+            replace(heard, warped=bias.at_probes(traces.warped, without_own=True)),
             materials=materials,
-            remaining_noise=self.denoising.remaining_noise,
-            selection=seen.selection,
+            delivered=delivered,
         )
         return target, evidence
 
-    def analyse(
+    def _heard(
         self,
+        target: Target,
         probes: Probes,
-        passes: Passes,
-        warped: NDArray[np.bool_],
         traces: ProbeTraces,
-        materials: NDArray[np.integer] | None,
-    ) -> DenoisedEvidence:
-        """Return what the probes tell of a target whose pixels in `warped` (H, W) have the warped, denoised colour.
+        delivered: DeliveredNoise,
+        warped: NDArray[np.bool_],
+    ) -> ProbeTraces:
+        """Return the traces with the noise taken out of them that both hearings together can take out, and with the
+        share of their variance that the warped colours have.
 
-        passes are the target's; materials (H, W) is a number for what each pixel shows, None where it is not known.
+        warped (H, W) are the pixels whose colours come from the source.
         """
-        contrast, noisy = self.contrast.signal, self.noisy
-        kinds = np.zeros(warped.shape, np.intp) if materials is None else materials
-        noise_there = source_noise(probes, passes[COLOUR_PASS], noisy, warped)
-        bias = bias_of(probes, traces, contrast, kinds, noise=noise_there)
-        colour = bias.corrected(passes[COLOUR_PASS], warped, kinds)
-        both = traces.once, noisy[probes.rows, probes.columns]
-        target, source = _denoised_probes(probes, passes, both, self.denoising)
-        before = traces.warped
-        # A detail finer than a tile shows in one of the two, an error in both.
-        told = np.minimum(squared_error(target, bias.at_probes(before)), squared_error(target, bias.at_probes(source)))
-        noise = probes.neighbourhood_mean(squared_error(traces.once, traces.again)) + MIN_NOISE
-        # Most tiles are right: what they are told to be off by is the noise of the telling.
-        error = np.maximum(told - np.quantile(told / noise, TUNING.right_tiles_share) * noise, 0.0)
-        own = error * probes.tile_sum(warped)
-        by_material = _error_by_material(probes, error, np.where(warped, contrast, 0.0), kinds)
-        share = TUNING.own_probe_share
-        excess = share * own + (1.0 - share) * by_material
-        light = untone(tone(bias.at_probes(before, without_own=True)) + noise_there.shift).astype(np.float32)
-        expected = np.concatenate([light, before[:, 3:]], axis=-1)
-        return DenoisedEvidence(colour, expected, SelectionEvidence(excess, _seen_noise(probes, passes, warped)))
+        known = traces.finite
+        was = traces.warped if traces.uncorrected is None else traces.uncorrected
+        colour = tone(np.where(known[:, None], was, 0.0)).astype(np.float64)
+        _, *seen = traces.toned(known)
+        shift = source_noise_shift(probes, target.colour, self.noisy, warped)
+        mean = probes.neighbourhood_mean
+        all_light = [trace[:, :COLOUR_CHANNELS] - colour - shift for trace in seen]
+        share = np.ones(colour.shape[0])
+        kept = mean(delivered.variance)
+        heard, noise = all_light, mean(_variance(all_light[0] - all_light[1]))
+        if traces.reflected is not None:
+            # The slope of the tone mapping, at the colour.
+            slope = (1.0 - colour) ** 2
+            apart = traces.reflected
+            reflected = [slope * (light - apart.warped) for light in (apart.once, apart.again)]
+            of_reflected = mean(_variance(reflected[0] - reflected[1]))
+            rest = [whole - part for whole, part in zip(all_light, reflected, strict=True)]
+            of_rest = mean(_variance(rest[0] - rest[1]))
+            of_source = apart.variance_share * of_reflected
+            share = np.where(apart.tells, of_source / (of_source + of_rest + MIN_NOISE), 1.0)
+            heard = [part + share[:, None] * other for part, other in zip(reflected, rest, strict=True)]
+            kept = share**2 * kept + (1.0 - share) ** 2 * of_source
+            noise = of_reflected + share**2 * of_rest
+        light = [untone(np.clip(colour + off, 0.0, MAX_TONE)).astype(np.float32) for off in heard]
+        once, again = (
+            np.concatenate([colour, trace[:, COLOUR_CHANNELS:]], axis=-1)
+            for colour, trace in zip(light, (traces.once, traces.again), strict=True)
+        )
+        return replace(traces, once=once, again=again, variance_share=kept / (noise + MIN_NOISE))
 
 
-def source_noise(
+def _variance(difference: NDArray) -> NDArray[np.float64]:
+    """Return the variance (N,) that one of two values has, by their difference (N, C), as a mean over the channels."""
+    return channel_mean(difference**2) / 2.0
+
+
+def source_noise_shift(
     probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]
-) -> SourceNoise:
-    """Return the noise of the source's single pixels around each probe, by the difference of their noisy and denoised
-    colours.
+) -> NDArray[np.float64]:
+    """Return how much noise changes the mean brightness (N, 3) of single pixels around each probe, after `tone`. It is
+    negative: most samples of a dim corner are black and a few are bright, of which `tone` makes little.
 
     colour is denoised, noisy is not, both (H, W, C). Only the pixels of warped (H, W) that are no probes count: they
     have both colours from the source.
     """
     known = warped & ~probes.mask
-    change = np.where(known[..., None], tone(noisy).astype(np.float64) - tone(colour), 0.0)
     near = probes.rows, probes.columns
     side = TUNING.source_noise_reach_tiles * probes.spacing
     reach = side, side
     pixels = np.maximum(box_sum(known, reach)[near], 1.0)
-    shift = np.stack([box_sum(change[..., channel], reach)[near] / pixels for channel in range(3)], axis=-1)
-    squares = box_sum(np.mean(change**2, axis=-1), reach)[near] / pixels
-    return SourceNoise(shift, np.maximum(squares - np.mean(shift**2, axis=-1), 0.0))
-
-
-def _seen_noise(probes: Probes, passes: Passes, warped: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the variance (N,) of the source's noise close around each probe: of NOISY_PASS about the denoised colour.
-
-    Only the pixels of warped (H, W) that are no probes count. It is 0 where there is none.
-    """
-    warped = warped & ~probes.mask
-    squares = np.where(warped, squared_error(passes[NOISY_PASS], passes[COLOUR_PASS]), 0.0)
-    near = probes.rows, probes.columns
-    return box_sum(squares, TUNING.source_noise_reach_px)[near] / np.maximum(
-        box_sum(warped, TUNING.source_noise_reach_px)[near], 1.0
-    )
-
-
-def _denoised_probes(
-    probes: Probes, passes: Passes, colours: tuple[NDArray[np.float32], ...], denoising: Denoising
-) -> list[NDArray[np.float32]]:
-    """Return the probes' colours denoised, (N, 4) for each of the noisy `colours` (N, 4); alpha stays as it is.
-
-    For this, each of these is made into a small picture of one pixel a tile. Tiles without a probe, and the passes that
-    guide the denoiser, are filled from the target's `passes`.
-    """
-    height, width = probes.shape
-    rows, columns = (
-        np.minimum(np.arange(count) * probes.spacing + probes.spacing // 2, size - 1)
-        for count, size in zip(probes.tile_grid, (height, width), strict=True)
-    )
-    rows, columns = (places.copy() for places in np.meshgrid(rows, columns, indexing="ij"))
-    # A tile without a probe is traced throughout.
-    rows[probes.tiles], columns[probes.tiles] = probes.rows, probes.columns
-    small = {name: image[rows, columns] for name, image in denoiser_inputs(passes).items()}
-    pictures = []
-    for colour in colours:
-        noisy = small[NOISY_PASS].copy()
-        noisy[probes.tiles] = colour
-        pictures.append({**small, NOISY_PASS: noisy})
-    return [
-        np.concatenate([clean[probes.tiles], colour[:, 3:]], axis=-1)
-        for clean, colour in zip(denoising.denoise(pictures), colours, strict=True)
-    ]
-
-
-def _error_by_material(
-    probes: Probes, error: NDArray, contrast: NDArray, shown: NDArray[np.integer]
-) -> NDArray[np.float64]:
-    """Return the squared error (N,), summed over each tile, if its pixels were as wrong as their materials are at the
-    probes.
-
-    error (N,) is what was found at each probe. It is summed by material and divided by the contrast there; each pixel
-    of a tile then has its own contrast (H, W) times that of its material, shown (H, W). A material without a probe
-    counts as right.
-    """
-    of_probe = shown[probes.rows, probes.columns]
-    count = int(shown.max(initial=0)) + 1
-    at_probes = np.bincount(of_probe, weights=contrast[probes.rows, probes.columns], minlength=count)
-    off = np.bincount(of_probe, weights=error, minlength=count)
-    per_contrast = np.where(at_probes > 0.0, off / np.where(at_probes > 0.0, at_probes, 1.0), 0.0)
-    return probes.tile_sum(per_contrast[shown] * contrast)
+    shifts = []
+    for channel in range(COLOUR_CHANNELS):
+        change = judged_channel(noisy, channel) - judged_channel(colour, channel)
+        shifts.append(box_sum(np.where(known, change, np.float32(0.0)), reach)[near] / pixels)
+    return np.stack(shifts, axis=-1)

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..holes.reprojection import WarpedHoles
-from ..images.contrast import Contrast, contrast_of
+from ..images.bands import bands
+from ..images.contrast import contrast_of
 from ..images.denoising import Denoising
-from ..images.passes import COLOUR_PASS, NOISY_PASS
+from ..images.metrics import COLOUR_CHANNELS, tone, untone
+from ..images.passes import COLOUR_PASS, NOISY_PASS, VIEW_DEPENDENT_PASS, Passes
 from ..settings.accuracy import Accuracy
-from .denoised import DenoisedEstimator
+from .denoised import MAX_TONE, DenoisedEstimator
 from .evidence import ProbeTraces, TileEvidence
 from .noisy import NoisyEstimator
 from .probes import Probes
@@ -49,7 +51,21 @@ def estimator_of(
     holes = reprojection.reasons > 0
     if accuracy.promise is None or not probed or holes.all():
         return None
-    contrast: Contrast = contrast_of(reprojection.passes[COLOUR_PASS], ~holes)
+    passes = reprojection.passes
     if denoising is None:
-        return NoisyEstimator(contrast, reprojection.sampled)
-    return DenoisedEstimator(contrast, reprojection.passes[NOISY_PASS].copy(), denoising)
+        return NoisyEstimator(contrast_of(passes[COLOUR_PASS], ~holes), reprojection.sampled)
+    return DenoisedEstimator(contrast_of(light_that_differs(passes), ~holes), passes[NOISY_PASS].copy(), denoising)
+
+
+def light_that_differs(passes: Passes) -> NDArray[np.float32]:
+    """Return the scene-linear colour (H, W, 3 or 4) of all that may look different from each eye in a denoised picture,
+    as bright after tone mapping as its part of the whole colour: that of VIEW_DEPENDENT_PASS, or the whole colour
+    without that pass."""
+    colour = passes[COLOUR_PASS]
+    if VIEW_DEPENDENT_PASS not in passes:
+        return colour
+    result = np.empty((*colour.shape[:2], COLOUR_CHANNELS), np.float32)
+    for rows in bands(colour.shape[:2]):
+        slope = (1.0 - tone(colour[rows])) ** 2
+        result[rows] = untone(np.clip(slope * passes[VIEW_DEPENDENT_PASS][rows], 0.0, MAX_TONE))
+    return result

@@ -30,13 +30,30 @@ tiles of a picture without noise then differ by their number of pixels alone, an
 
 
 @dataclass(frozen=True)
+class ReflectedLight:
+    """Reflected and transmitted light of the probes' pixels (`passes.VIEW_DEPENDENT_PASS`), scene-linear (N, 3): as it
+    was warped, and as it was traced once and once again.
+
+    variance_share (N,) is the share of a pixel's variance that its lookup has kept. tells (N,) are the probes whose
+    pixels are known to look different from each eye in nothing else.
+    """
+
+    warped: NDArray
+    once: NDArray
+    again: NDArray
+    variance_share: NDArray
+    tells: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class ProbeTraces:
     """Scene-linear colours (N, >= 3) of the probes' pixels: as they were warped, and as they were traced once and once
     again.
 
-    A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the share of a
-    pixel's variance that the lookup has kept: 1 in a denoised picture. uncorrected (N, >= 3) are the warped colours as
-    they were before a pilot's slow errors were taken away; None where there was no pilot.
+    A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the
+    share of a trace's variance that the warped colour has. uncorrected (N, >= 3) are the warped colours as
+    they were before a pilot's slow errors were taken away; None where there was no pilot. reflected is the reflected
+    light alone, None where the renders do not tell it.
     """
 
     warped: NDArray
@@ -44,6 +61,7 @@ class ProbeTraces:
     again: NDArray
     variance_share: NDArray | float = 1.0
     uncorrected: NDArray | None = None
+    reflected: ReflectedLight | None = None
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -62,18 +80,6 @@ class ProbeTraces:
 
 
 @dataclass(frozen=True)
-class SelectionEvidence:
-    """Evidence of the first traces alone, by which tiles of a denoised picture are chosen.
-
-    excess (N,) is what each tile is expected to have; source_noise (N,) is in proportion to the variance of a traced
-    pixel, as the source shows it.
-    """
-
-    excess: NDArray[np.float64]
-    source_noise: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
 class TileEvidence:
     """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
@@ -83,9 +89,9 @@ class TileEvidence:
     variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
     pixels: number of the tile's warped pixels. contrast: their summed contrast, above 0, to which an unknown excess is
     taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
-    unknown. remaining_noise: variance of a denoised pixel over that of a traced one. The last two are for denoised
-    pictures, else None. selection: excess expected of each tile by the first traces alone, 0 in refined ones.
-    remaining_by_second: excess by the second traces alone.
+    unknown. remaining_noise: variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
+    told_noise: variance of what each trace of a denoised picture's probe tells, averaged over the probes around it; None
+    where nothing is denoised.
     """
 
     probes: Probes
@@ -100,8 +106,7 @@ class TileEvidence:
     frame_pixels: int
     materials: ShownMaterials | None = None
     remaining_noise: float = 1.0
-    selection: NDArray[np.float64] | None = None
-    remaining_by_second: NDArray[np.float64] | None = None
+    told_noise: NDArray[np.float64] | None = None
 
     @property
     def mean_noise(self) -> float:
@@ -144,46 +149,52 @@ def measure_tiles(
     traces: ProbeTraces,
     *,
     materials: NDArray[np.integer] | None = None,
-    remaining_noise: float = 1.0,
-    selection: SelectionEvidence | None = None,
+    delivered: DeliveredNoise | None = None,
 ) -> TileEvidence:
     """Return the evidence of the probes for the pixels of `warped` (H, W), among which the probes' own pixels must be.
 
     contrast is that of the warped picture. materials (H, W) is a number for the materials that each pixel shows, None
-    if unknown. remaining_noise is the variance of a denoised pixel over that of a traced one, 1 where nothing is
-    denoised. selection is the evidence of the first traces alone, if tiles are chosen by it; the error that is left is
-    then told by the second traces alone.
+    if unknown. delivered is the noise of a denoised picture; None where nothing is denoised, and the picture has that
+    of the traces.
     """
     w, a, b = traces.toned(traces.finite)
-    noise, remaining_noise = _delivered_noise(a - b, probes.weight, remaining_noise)
-    share = _heard_share(probes, noise)
+    told = channel_mean((a - b) ** 2) / 2.0
+    noise = told if delivered is None else delivered.variance
+    share = _heard_share(probes, told)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise + MIN_CONTRAST, 0.0)
     kept = traces.variance_share
-    excess = probes.weight * share * (channel_mean((w - a) * (w - b)) - kept * noise)
-    by_second = None if selection is None else _excess_by_second(probes, w - b, noise, selection, remaining_noise)
+    excess = probes.weight * share * (channel_mean((w - a) * (w - b)) - kept * told)
+    smoothed = 1.0 - kept if delivered is None else 0.0
     return TileEvidence(
         probes=probes,
         excess=excess,
         remaining=excess,
-        smoothed_noise=probes.weight * share * (1.0 - kept) * noise,
-        noise=share * noise,
+        smoothed_noise=probes.weight * share * smoothed * told,
+        noise=_heard_share(probes, noise) * noise,
         seen_noise=probes.tile_mean(contrast.noise, warped),
         pixels=probes.tile_sum(warped),
         contrast=probes.tile_sum(expected),
         refined=np.zeros(w.shape[0], bool),
         frame_pixels=warped.size,
         materials=None if materials is None else _materials_in(probes, materials, expected, excess),
-        remaining_noise=remaining_noise,
-        selection=None if selection is None else selection.excess,
-        remaining_by_second=None if by_second is None else probes.weight * by_second,
+        remaining_noise=1.0 if delivered is None else delivered.share,
+        told_noise=None if delivered is None else probes.neighbourhood_mean(told),
     )
 
 
-def _delivered_noise(
+@dataclass(frozen=True)
+class DeliveredNoise:
+    """Noise of a denoised picture at its probes: the variance (N,) of a pixel, and the share that it is of a traced
+    pixel's, of all probes together."""
+
+    variance: NDArray[np.float64]
+    share: float
+
+
+def delivered_noise(
     difference: NDArray[np.float64], weight: NDArray[np.float64], remaining_noise: float
-) -> tuple[NDArray[np.float64], float]:
-    """Return the variance (N,) that noise gives a pixel of the delivered picture, and the share of a traced pixel's
-    that this is, of all probes by their weight (N,).
+) -> DeliveredNoise:
+    """Return the noise that a denoised picture has at its probes, whose weights are weight (N,).
 
     difference (N, 3 or 4) is that of the two traces, as they are judged. Of light's noise, remaining_noise is left by
     the denoiser, which leaves all of alpha's.
@@ -193,24 +204,7 @@ def _delivered_noise(
     noise = remaining_noise * light + alpha
     if alpha.any():
         remaining_noise = float((weight * noise).sum() / (weight * (light + alpha)).sum())
-    return noise, remaining_noise
-
-
-def _excess_by_second(
-    probes: Probes, residual: NDArray, noise: NDArray[np.float64], selection: SelectionEvidence, remaining_noise: float
-) -> NDArray[np.float64]:
-    """Return the squared bias (N,) of a denoised picture's probes, by their second trace alone; residual (N, 3 or 4) is
-    the warped colour less the second, as both are judged.
-
-    A tile's own first trace, by which it was chosen or not, must have no part in this. So the noise that is subtracted
-    is that of the source around the probe, scaled to the mean of what all probes tell.
-    """
-    local = selection.source_noise
-    scale = (probes.weight * noise).sum() / max((probes.weight * local).sum(), 1e-30)
-    error = channel_mean(residual**2)
-    limit = TUNING.max_probe_noise_ratio
-    heard = np.minimum(1.0, limit * scale * local / remaining_noise / np.maximum(error, 1e-30))
-    return heard * error - (1.0 + 1.0 / remaining_noise) * scale * local
+    return DeliveredNoise(noise, remaining_noise)
 
 
 def _materials_in(
@@ -286,7 +280,6 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
     return replace(
         evidence,
-        selection=None if evidence.selection is None else np.where(refined, 0.0, evidence.selection),
         excess=np.where(refined, excess, evidence.excess),
         remaining=np.where(refined, evidence.remaining - taken, evidence.remaining),
         smoothed_noise=np.where(refined, 0.0, evidence.smoothed_noise),

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .evidence import TileEvidence
-from .tuning import TUNING
 
 CONFIDENCE_95_SIGMAS = 1.96
 """Standard errors on either side that hold 95 %."""
@@ -24,11 +23,8 @@ def expected_excess(evidence: TileEvidence, reach: int) -> Uncertain:
     """Return the expected excess (N,) of a pixel of each tile, with its standard error (N,), by all evidence but its
     own probe.
 
-    It is told by the tiles within `reach` and by those of the same materials; for a denoised picture as
-    `denoised_excess` says.
+    It is told by the tiles within `reach` and by those of the same materials.
     """
-    if evidence.selection is not None:
-        return denoised_excess(evidence, evidence.selection)
     return with_materials(evidence, neighbours_excess(evidence, reach))
 
 
@@ -59,23 +55,6 @@ def with_materials(evidence: TileEvidence, nearby: Uncertain) -> Uncertain:
     excess, error = nearby
     expected, more = evidence.materials.expected(excess * evidence.pixels)
     return expected / evidence.pixels, np.hypot(error, more / evidence.pixels)
-
-
-def denoised_excess(evidence: TileEvidence, selection: NDArray[np.float64]) -> Uncertain:
-    """Return the excess (N,) of a pixel of each tile of a denoised picture, with its standard error (N,).
-
-    It is what the denoised probes tell, selection (N,) for whole tiles, scaled down where all traces together allow
-    less; or what the traces of other tiles tell, where that is more and beyond chance.
-    """
-    total, doubt = remaining_excess(evidence, np.zeros(0, np.intp))
-    allowed = max(float(total[-1] + doubt[-1]), 0.0) * evidence.frame_noise
-    scale = min(1.0, allowed / max(float(selection.sum()), 1e-30))
-    expected = scale * selection / evidence.pixels
-    tuning = TUNING
-    for reach in (tuning.frame_reach_tiles, tuning.tile_reach_tiles):
-        by_traces, error = with_materials(evidence, neighbours_excess(evidence, reach))
-        expected = np.maximum(expected, np.where(by_traces > CONFIDENCE_95_SIGMAS * error, by_traces, 0.0))
-    return expected, tuning.denoised_relative_error * expected
 
 
 def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncertain:

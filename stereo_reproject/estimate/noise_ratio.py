@@ -61,11 +61,6 @@ def estimate(evidence: TileEvidence) -> Estimate:
     """Return the frame's two ratios with their intervals; tiles that were refined count as traced."""
     if not evidence.frame_noise:
         return AS_RENDERED
-    if evidence.remaining_by_second is not None:
-        # Tiles were chosen by what their own first trace told.
-        evidence = replace(
-            evidence, remaining=np.where(evidence.refined, evidence.remaining, evidence.remaining_by_second)
-        )
     chance = _own_noise(evidence, evidence.refined)
     beyond_render = replace(evidence, remaining=evidence.remaining_beyond_render)
     return Estimate(*(end for told in (beyond_render, evidence) for end in _ratio(told, chance)))

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from ..holes.reprojection import WarpedHoles
 from ..images.denoising import Denoising
-from ..images.passes import COLOUR_PASS, Passes, filtered
+from ..images.effects import IN_REFLECTED_LIGHT, SEEN_DIFFERENTLY
+from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of, flagged
+from ..images.lookup import variance_share
+from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, filtered
 from ..images.seen_light import scaled_light
 from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy
@@ -19,9 +22,10 @@ from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
 from ..trace.requests import Tracer, TraceRequest
 from .estimator import Estimator, estimator_of
-from .evidence import ProbeTraces, RefinedTiles, TileEvidence, with_refined
+from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
+from .probes import Probes
 from .refinement import choose_tiles, outlier_tiles
 from .target import Provenance, Target
 from .tuning import TUNING
@@ -264,13 +268,33 @@ class ProbedTracing:
         share = self._variance_share[probes.mask]
         uncorrected = None if self._uncorrected is None else self._uncorrected[probes.mask]
         warped = self.target.colour[probes.mask]
-        traces = ProbeTraces(warped, once[COLOUR_PASS], again[COLOUR_PASS], share, uncorrected)
+        apart = self._reflected_light(probes, once, again)
+        traces = ProbeTraces(warped, once[COLOUR_PASS], again[COLOUR_PASS], share, uncorrected, apart)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
         self.target.put(pixels, first)
         self.target.put(probes.mask, means)
         target = self.target.flagged(probes.mask, Provenance.PROBE)
         self.target, evidence = self._estimator.measure(target, probes, traces)
         return evidence
+
+    def _reflected_light(self, probes: Probes, once: Passes, again: Passes) -> ReflectedLight | None:
+        """Return the reflected light of the probes, whose traces' passes (N, C) are once and again; None where the
+        renders do not tell it. To be called before the traces are put into the target."""
+        passes = self.target.passes
+        if VIEW_DEPENDENT_PASS not in passes or VIEW_DEPENDENT_PASS not in once:
+            return None
+        warp, place = self._warped.reprojection.warp, (probes.rows, probes.columns)
+        effects = effects_of(passes)[place]
+        warped, *traced = (
+            np.nan_to_num(image.astype(np.float64), posinf=0.0, neginf=0.0)
+            for image in (passes[VIEW_DEPENDENT_PASS][place], once[VIEW_DEPENDENT_PASS], again[VIEW_DEPENDENT_PASS])
+        )
+        return ReflectedLight(
+            warped,
+            *traced,
+            variance_share=variance_share(warp.x[place][None], warp.y[place][None])[0],
+            tells=(effects != UNKNOWN_EFFECTS) & ~flagged(effects, SEEN_DIFFERENTLY & ~IN_REFLECTED_LIGHT),
+        )
 
 
 def _mean_of_finite(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -41,13 +41,6 @@ class EstimateTuning:
     """Times the noise around it that a probe's excess must be before its tile is traced for that alone. Measured on
     eight scenes at 480 x 270 with 64 samples: 10 traces 0.2 to 1.8 points more, most of them for fireflies, and lowers
     the honest ratio by 0.004 in the mean; without the rule, tiles in glass are left that are seen."""
-    mostly_traced_share: float = 0.5
-    """Share of a material's tiles in a denoised frame from which all of them are traced: an error that is nearly
-    everywhere, as in a mirror, is also where the picture is too faint for probes, and traced parts of it show. By
-    hand."""
-    denoised_relative_error: float = 0.5
-    """Standard error of the excess that denoised probes tell of a tile, as a share of it. Measured on denoised scenes,
-    roughly."""
     min_noise_share: float = 0.01
     """Share of the frame's mean noise that a tile has at least when its error is held against it. By hand: less is not
     seen."""
@@ -71,13 +64,6 @@ class EstimateTuning:
     mapping."""
 
     # Denoised pictures
-    own_probe_share: float = 0.5
-    """Share of a tile's expected error that its own denoised probe tells; the rest is told by its material. By hand."""
-    right_tiles_share: float = 0.75
-    """Share of a denoised frame's tiles that are taken to be right. By hand, from scenes with mirrors: fewer were
-    wrong."""
-    source_noise_reach_px: tuple[int, int] = (4, 4)
-    """Pixels, down and across, over which the source's noise is averaged."""
     source_noise_reach_tiles: int = 2
     """Tiles each way over which all pixels tell the noise of the probes."""
 

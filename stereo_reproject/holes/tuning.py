@@ -51,6 +51,11 @@ class HoleTuning:
     unseen_detail_share: float = 0.5
     """Detail, over the noise that nobody sees by the accuracy in use, that may be lost in a lookup, noise or not. By
     measurement on a still life, bathroom and classroom: docs/accuracy.md."""
+    denoised_detail_ratio: float = 16.0
+    """Second difference of a denoised picture's colours, over the noise that nobody sees by the accuracy in use, from
+    which its detail is traced. By measurement on living-room, classroom and bathroom: docs/production.md."""
+    denoised_detail_reach_pixels: tuple[int, int] = (1, 1)
+    """Pixels, down and across, over which these differences are averaged."""
 
     # Thin things.
     thin_step_pixels: float = 0.1

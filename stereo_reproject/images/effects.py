@@ -55,6 +55,9 @@ SEEN_DIFFERENTLY = (
 WHOLE_FRAME_EFFECTS = Effect.DEPTH_OF_FIELD | Effect.MOTION_BLUR | Effect.VOLUME
 """Effects that no material shows: any pixel may have them."""
 
+IN_REFLECTED_LIGHT = Effect.GLOSSY | Effect.TRANSMISSION
+"""Effects of which all that looks different from each eye is reflected or transmitted light."""
+
 _PROBED = "probes measure how wrong its warped pixels are, the worst tiles are traced (draft: all is warped)"
 """Words of reports that the handling of many effects ends with."""
 
@@ -144,6 +147,13 @@ class EffectsPlan:
             if finding.called_for:
                 result |= finding.effect
         return result
+
+    @property
+    def differs_in_reflected_light(self) -> bool:
+        """True where what looks different from each eye is mostly reflected or transmitted light, so that it is worth
+        being told apart; single materials may have other effects, but not the whole frame."""
+        elsewhere = WHOLE_FRAME_EFFECTS | Effect.CATCHER
+        return bool(self.called_for & IN_REFLECTED_LIGHT) and not self.called_for & elsewhere
 
     @property
     def view_dependent(self) -> tuple[str, ...]:

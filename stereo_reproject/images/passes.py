@@ -37,6 +37,10 @@ ALBEDO_PASS = ".Guiding Albedo"
 NORMAL_PASS = ".Guiding Normal"
 """Normal (H, W, 3) that guides the denoiser."""
 
+VIEW_DEPENDENT_PASS = ".View Dependent"
+"""Part (H, W, 3) of the scene-linear colour that may look different from each eye, of a picture that is denoised: light
+that was reflected by gloss, transmitted, or scattered by a volume. It is as noisy as it was traced."""
+
 LENGTH_PASS = ".Ray Length"
 """Length (H, W, 1) of a pixel's rays in scene units, in a source that is denoised or may show flat mirrors.
 
@@ -56,7 +60,16 @@ ROUGHNESS_PASS = ".Roughness"
 SOURCE_ONLY_PASSES = (LENGTH_PASS, REFLECTANCE_PASS, SURFACE_NORMAL_PASS, ROUGHNESS_PASS)
 """Passes that describe what the source sees and are never warped into the target."""
 
-INTERNAL_PASSES = (EFFECTS_PASS, MATERIAL_PASS, MASKED_PASS, NOISY_PASS, ALBEDO_PASS, NORMAL_PASS, *SOURCE_ONLY_PASSES)
+INTERNAL_PASSES = (
+    EFFECTS_PASS,
+    MATERIAL_PASS,
+    MASKED_PASS,
+    NOISY_PASS,
+    ALBEDO_PASS,
+    NORMAL_PASS,
+    VIEW_DEPENDENT_PASS,
+    *SOURCE_ONLY_PASSES,
+)
 """Passes that are dropped before a picture is written: users never get them."""
 
 _CRYPTOMATTE = re.compile(r"(Crypto(?:Object|Material|Asset))[0-9]{2}")
@@ -100,6 +113,7 @@ _MIRRORED_PASSES = frozenset(
     {
         COLOUR_PASS,
         NOISY_PASS,
+        VIEW_DEPENDENT_PASS,
         ALBEDO_PASS,
         NORMAL_PASS,
         "Noisy Image",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .metrics import COLOUR_CHANNELS
-from .passes import NOISY_PASS, Passes, is_light
+from .passes import NOISY_PASS, VIEW_DEPENDENT_PASS, Passes, is_light
 from .tuning import TUNING
 
 MIDDLE_GREY = 0.18
@@ -72,11 +72,12 @@ def scaled_colour(colour: NDArray[np.float32], scale: float) -> NDArray[np.float
 
 
 def scaled_light(passes: Passes, scale: float) -> Passes:
-    """Return the passes (..., C) with all light multiplied by `scale`: the passes of `is_light`, and the noisy colour.
+    """Return the passes (..., C) with all light multiplied by `scale`: the passes of `is_light`, and those of the light
+    as it was traced in a denoised picture.
 
     Other passes, and all of them for a scale of 1, are those that were given.
     """
     return {
-        name: scaled_colour(image, scale) if is_light(name) or name == NOISY_PASS else image
+        name: scaled_colour(image, scale) if is_light(name) or name in (NOISY_PASS, VIEW_DEPENDENT_PASS) else image
         for name, image in passes.items()
     }

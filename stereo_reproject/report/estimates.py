@@ -53,7 +53,7 @@ def estimate_report(refinement: Refinement, accuracy: Accuracy) -> EstimateRepor
     probed = None if refinement.whole else evidence
     worst = 1.0 if probed is None else worst_tiles(probed)
     promised = accuracy.tile_limit if accuracy.promises_worst_tiles else None
-    kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.selection is None)
+    kept = _kept(estimate, accuracy.promise, sure=probed is None or probed.told_noise is None)
     return EstimateReport(
         noise_ratio=estimate.noise_ratio,
         low=_finite(estimate.low),

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from stereo_reproject.errors import BadInputError
-from stereo_reproject.images.glossy_mask import glossy_mask
 from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.images.reflected_light import glossy_mask
 from stereo_reproject.report.label_places import nearest, place_labels
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from stereo_reproject.tradeoff.cases import (

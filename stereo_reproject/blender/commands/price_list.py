@@ -24,9 +24,9 @@ import numpy as np
 
 from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
-from ...images.glossy_mask import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, glossy_mask, light_pass_names
 from ...images.passes import MASKED_PASS, Passes, deepest
 from ...images.reasons import Reason
+from ...images.reflected_light import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, glossy_mask, light_pass_names
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...report.as_json import as_json

@@ -1,10 +1,19 @@
-"""Passes about the way of a pixel's rays, for thin things and mirrors: `SOURCE_ONLY_PASSES` in `images/passes`."""
+"""Passes about the way of a pixel's rays: for thin things and mirrors, and for the part of the light that looks different
+from each eye."""
 
 from __future__ import annotations
 
 import bpy
 
-from ...images.passes import LENGTH_PASS, REFLECTANCE_PASS, ROUGHNESS_PASS, SURFACE_NORMAL_PASS, Passes
+from ...images.passes import (
+    LENGTH_PASS,
+    REFLECTANCE_PASS,
+    ROUGHNESS_PASS,
+    SURFACE_NORMAL_PASS,
+    VIEW_DEPENDENT_PASS,
+    Passes,
+)
+from ...images.reflected_light import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, light_pass_names, reflected_light
 from ..scene.working import rendered_layer
 from .denoise import DEPTH, GUIDES
 
@@ -14,7 +23,17 @@ NORMAL, ROUGHNESS = "Normal", "Denoising Roughness"
 GUIDES_SWITCH = "denoising_store_passes"
 """Property of a view layer's Cycles settings that has the passes written that guide a denoiser."""
 
-SWITCHES = {GUIDES_SWITCH: GUIDES, "use_pass_glossy_color": (GLOSSY_COLOUR,), "use_pass_normal": (NORMAL,)}
+LIGHT_SWITCHES = {
+    f"use_pass_{kind}_{part}": light_pass_names(kind, part)
+    for kind in LIGHT_PASS_PREFIXES
+    for part in LIGHT_PASS_SUFFIXES
+}
+"""Properties of a view layer that switch on the passes of reflected and transmitted light, with the names of each."""
+
+MIRROR_SWITCHES = (GUIDES_SWITCH, "use_pass_glossy_color", "use_pass_normal")
+"""Properties that switch on the passes by which the images in flat mirrors are found."""
+
+SWITCHES = {GUIDES_SWITCH: GUIDES, "use_pass_normal": (NORMAL,), **LIGHT_SWITCHES}
 """Properties of a view layer or of its Cycles settings, and the passes that they switch on."""
 
 ADDED_PREFIX = "stereo_reproject_"
@@ -23,22 +42,28 @@ ADDED_PREFIX = "stereo_reproject_"
 
 class RayPasses:
     """Passes that a working scene is rendered with besides those that its user asks for: those that guide a denoiser,
-    for a picture that is `denoised`, and those that tell of the ways of rays.
+    for a picture that is `denoised`, those that tell of the ways of rays, and those of reflected and transmitted light.
 
-    Making the object switches them on, `of` picks those about rays out of a render, and `without_added` takes out all
-    that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be found. A
-    noisy picture has passes about rays only there: without, it has no LENGTH_PASS, by which things thinner than a pixel
-    are found too.
+    Making the object switches them on, `of` and `view_dependent` pick ours out of a render, and `without_added` takes
+    out all that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be
+    found. A noisy picture has passes about rays only there: without, it has no LENGTH_PASS, by which things thinner
+    than a pixel are found too. by_component: True where VIEW_DEPENDENT_PASS is wanted.
     """
 
-    def __init__(self, scene: bpy.types.Scene, *, denoised: bool, mirrors: bool) -> None:
+    def __init__(self, scene: bpy.types.Scene, *, denoised: bool, mirrors: bool, by_component: bool) -> None:
         layer = rendered_layer(scene)
         # Without, a ray's length is the depth of what it meets first, and says nothing of a mirror.
         follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
         mirrors = mirrors and follows
         self._tells = follows and (denoised or mirrors)
+        self._by_component = by_component
+        wanted = {GUIDES_SWITCH} if denoised else set()
+        wanted |= set(MIRROR_SWITCHES) if mirrors else set()
+        wanted |= set(LIGHT_SWITCHES) if by_component else set()
         # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
-        for switch in SWITCHES if mirrors else (GUIDES_SWITCH,) if denoised else ():
+        for switch in SWITCHES:
+            if switch not in wanted:
+                continue
             owner = layer.cycles if switch == GUIDES_SWITCH else layer
             if not getattr(owner, switch):
                 layer[ADDED_PREFIX + switch] = True
@@ -59,6 +84,12 @@ class RayPasses:
             ROUGHNESS_PASS: ROUGHNESS,
         }
         return {name: rendered[theirs] for name, theirs in ours.items() if theirs in rendered}
+
+    def view_dependent(self, rendered: Passes) -> Passes:
+        """Return VIEW_DEPENDENT_PASS (..., 3) of a render's passes (..., C), by its name; nothing where it is not
+        wanted.
+        """
+        return {VIEW_DEPENDENT_PASS: reflected_light(rendered)} if self._by_component else {}
 
     def without_added(self, passes: Passes) -> Passes:
         """Return the passes without those that were switched on here and that the user did not ask for."""

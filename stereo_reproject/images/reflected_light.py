@@ -1,8 +1,7 @@
-"""Mask of the pixels on which light was reflected or let through, a plain guess at what looks different from each eye.
+"""Light that gloss has reflected or a surface has let through, by the light passes of a render.
 
-It is for comparison only: `tradeoff` traces these pixels instead of the ones that probes find. It is made from the
-source's light passes. A surface that a Transparent BSDF makes transparent leaves no trace in them: it shows as alpha,
-and only where the film is transparent.
+It is the part of a picture that looks different from each eye. A surface that a Transparent BSDF makes transparent
+leaves no trace in these passes: it shows as alpha, and only where the film is transparent.
 """
 
 from __future__ import annotations
@@ -31,17 +30,29 @@ def light_pass_names(kind: str, part: str) -> tuple[str, ...]:
     return tuple(start + end for start, end in zip(LIGHT_PASS_PREFIXES[kind], LIGHT_PASS_SUFFIXES[part], strict=True))
 
 
+def reflected_light(passes: Passes) -> NDArray[np.float32]:
+    """Return the light (..., 3) that gloss has reflected or a surface has let through: the sum of the direct and the
+    indirect light of both kinds, times its colour, scene-linear.
+
+    passes (..., C) are those of a render. Raises KeyError where they lack a light pass.
+    """
+    total = np.zeros((*passes[COLOUR_PASS].shape[:-1], 3), np.float32)
+    for kind in LIGHT_PASS_PREFIXES:
+        direct, indirect, tint = (_light_pass(passes, kind, part)[..., :3] for part in LIGHT_PASS_SUFFIXES)
+        total += tint * (direct + indirect)
+    return total
+
+
 def glossy_mask(source: Passes) -> NDArray[np.float32]:
-    """Return a mask (H, W, 1) of pixels that show glossy or transmitted light: 1 there, 0 elsewhere.
+    """Return a mask (H, W, 1) of pixels that show glossy or transmitted light, 1 there and 0 elsewhere: a plain guess
+    at what looks different from each eye, for comparison only. `tradeoff` traces these pixels in place of those that
+    probes find.
 
     A pixel counts where such light is more than `min_glossy_light_share` of its own, or its alpha is neither 0 nor 1.
     Raises KeyError when the source lacks a light pass.
     """
     colour = source[COLOUR_PASS]
-    shiny = np.zeros(colour.shape[:2], np.float64)
-    for kind in LIGHT_PASS_PREFIXES:
-        direct, indirect, tint = (_light_pass(source, kind, part) for part in LIGHT_PASS_SUFFIXES)
-        shiny += _brightness(tint * (direct + indirect))
+    shiny = _brightness(reflected_light(source))
     partial = (colour[..., 3] > 0.0) & (colour[..., 3] < 1.0)
     masked = (shiny > TUNING.min_glossy_light_share * _brightness(colour)) | partial
     return masked[..., None].astype(np.float32)
