@@ -265,7 +265,8 @@ def full_gain_of(scene: bpy.types.Scene) -> float | None:
     if result.report is None or result.delivery is None or not result.delivery.preview:
         return None
     found = result.inspection
-    if found is not None and is_current(scene, found):
+    # Without a sketch nothing is known of the seconds, and the gain is a guess.
+    if found is not None and found["predicted"]["total_seconds"] is not None and is_current(scene, found):
         gain = found["predicted"]["gain"]
         return 0.5 * (gain["low"] + gain["high"])
     region = frame_region(scene.render)

@@ -33,7 +33,7 @@ class SourceNoise:
 
     shift: NDArray[np.float64]
     variance: NDArray[np.float64]
-    in_warp: float = 0.0
+    in_warp: NDArray[np.float64] | float = 0.0
 
     @classmethod
     def of_noisy(cls, variance: NDArray[np.float64]) -> SourceNoise:

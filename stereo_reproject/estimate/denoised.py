@@ -33,20 +33,16 @@ from .tuning import TUNING
 MIN_NOISE = 1e-12
 """Variance that is added to a divisor, so that a picture without noise divides by something."""
 
-MAX_TONE = 0.999
-"""Greatest tone-mapped light that a trace is given: 1 would be infinite light."""
-
 
 @dataclass(frozen=True)
 class DenoisedEstimator:
     """The `Estimator` for a denoised picture.
 
     contrast is that of the light in the warped picture that may look different from each eye, as far as it is known
-    apart. noisy (H, W, 4) is the scene-linear colour that was warped from the source before that was denoised.
+    apart.
     """
 
     contrast: Contrast
-    noisy: NDArray[np.float32]
     denoising: Denoising
 
     def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
@@ -63,13 +59,12 @@ class DenoisedEstimator:
         materials = materials_of(target.passes)
         target.colour[probes.mask] = traces.warped
         _, once, again = traces.toned(traces.finite)
-        delivered = delivered_noise(once - again, probes.weight, self.denoising.remaining_noise)
+        source = source_noise(probes, target.colour, target.passes[NOISY_PASS], target.warped)
+        delivered = delivered_noise(once - again, probes.weight, self.denoising.remaining_noise, seen=source.variance)
+        heard, noise = self._heard(probes, traces, delivered, source)
         # A pilot's probes keep the warped colour too.
         warped = target.warped | target.any_of(Provenance.PROBE)
-        heard = self._heard(target, probes, traces, delivered, warped)
         kinds = np.zeros(warped.shape, np.intp) if materials is None else materials
-        _, a, b = heard.toned(heard.finite)
-        noise = SourceNoise.of_noisy(probes.neighbourhood_mean(_variance(a - b)))
         bias = bias_of(probes, heard, self.contrast.signal, kinds, noise=noise)
         before = target.colour.copy() if bias.added.any() else target.colour
         bias.correct([target.colour], before, warped, kinds)
@@ -89,47 +84,47 @@ class DenoisedEstimator:
         return target, evidence
 
     def _heard(
-        self,
-        target: Target,
-        probes: Probes,
-        traces: ProbeTraces,
-        delivered: DeliveredNoise,
-        warped: NDArray[np.bool_],
-    ) -> ProbeTraces:
+        self, probes: Probes, traces: ProbeTraces, delivered: DeliveredNoise, source: SourceNoise
+    ) -> tuple[ProbeTraces, SourceNoise]:
         """Return the traces with the noise taken out of them that both hearings together can take out, and with the
-        share of their variance that the warped colours have.
+        share of their variance that the warped colours have; and the noise that they then have.
 
-        warped (H, W) are the pixels whose colours come from the source.
+        source is the noise of all light in the source's single pixels.
         """
         known = traces.finite
         was = traces.warped if traces.uncorrected is None else traces.uncorrected
         colour = tone(np.where(known[:, None], was, 0.0)).astype(np.float64)
         _, *seen = traces.toned(known)
-        shift = source_noise_shift(probes, target.colour, self.noisy, warped)
         mean = probes.neighbourhood_mean
-        all_light = [trace[:, :COLOUR_CHANNELS] - colour - shift for trace in seen]
+        all_light = [trace[:, :COLOUR_CHANNELS] - colour - source.shift for trace in seen]
+        # The denoiser leaves alpha's noise, which both the warped and the traced pixels have.
+        of_alpha = mean(_variance(seen[0][:, COLOUR_CHANNELS:] - seen[1][:, COLOUR_CHANNELS:]))
         share = np.ones(colour.shape[0])
-        kept = mean(delivered.variance)
+        kept = mean(delivered.variance) - of_alpha
         heard, noise = all_light, mean(_variance(all_light[0] - all_light[1]))
         if traces.reflected is not None:
-            # The slope of the tone mapping, at the colour.
-            slope = (1.0 - colour) ** 2
             apart = traces.reflected
-            reflected = [slope * (light - apart.warped) for light in (apart.once, apart.again)]
+            # The rest of the light, so that one bright spark weighs no more than after the tone mapping of all light.
+            around = np.stack([mean(channel) for channel in apart.warped.T], axis=-1)
+            rest = np.maximum(untone(colour) - around, 0.0)
+            source_toned = tone(rest + apart.warped)
+            reflected = [tone(rest + light).astype(np.float64) - source_toned for light in (apart.once, apart.again)]
             of_reflected = mean(_variance(reflected[0] - reflected[1]))
-            rest = [whole - part for whole, part in zip(all_light, reflected, strict=True)]
-            of_rest = mean(_variance(rest[0] - rest[1]))
+            others = [whole - part for whole, part in zip(all_light, reflected, strict=True)]
+            of_rest = mean(_variance(others[0] - others[1]))
             of_source = apart.variance_share * of_reflected
             share = np.where(apart.tells, of_source / (of_source + of_rest + MIN_NOISE), 1.0)
-            heard = [part + share[:, None] * other for part, other in zip(reflected, rest, strict=True)]
+            heard = [part + share[:, None] * other for part, other in zip(reflected, others, strict=True)]
             kept = share**2 * kept + (1.0 - share) ** 2 * of_source
-            noise = of_reflected + share**2 * of_rest
-        light = [untone(np.clip(colour + off, 0.0, MAX_TONE)).astype(np.float32) for off in heard]
-        once, again = (
-            np.concatenate([colour, trace[:, COLOUR_CHANNELS:]], axis=-1)
-            for colour, trace in zip(light, (traces.once, traces.again), strict=True)
-        )
-        return replace(traces, once=once, again=again, variance_share=kept / (noise + MIN_NOISE))
+            noise = mean(_variance(heard[0] - heard[1]))
+        both = [
+            np.concatenate([colour + off, trace[:, COLOUR_CHANNELS:]], axis=-1)
+            for off, trace in zip(heard, seen, strict=True)
+        ]
+        kept = (kept + of_alpha) / (noise + of_alpha + MIN_NOISE)
+        # A few probes may all have been spared what makes others bright: the source's pixels around tell of it too.
+        left = SourceNoise(np.zeros_like(colour), np.maximum(noise, share**2 * source.variance), in_warp=kept)
+        return replace(traces, heard=(both[0], both[1]), variance_share=kept), left
 
 
 def _variance(difference: NDArray) -> NDArray[np.float64]:
@@ -137,11 +132,11 @@ def _variance(difference: NDArray) -> NDArray[np.float64]:
     return channel_mean(difference**2) / 2.0
 
 
-def source_noise_shift(
+def source_noise(
     probes: Probes, colour: NDArray[np.float32], noisy: NDArray[np.float32], warped: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Return how much noise changes the mean brightness (N, 3) of single pixels around each probe, after `tone`. It is
-    negative: most samples of a dim corner are black and a few are bright, of which `tone` makes little.
+) -> SourceNoise:
+    """Return the noise of the source's single pixels around each probe, by the difference of their noisy and denoised
+    colours.
 
     colour is denoised, noisy is not, both (H, W, C). Only the pixels of warped (H, W) that are no probes count: they
     have both colours from the source.
@@ -151,8 +146,12 @@ def source_noise_shift(
     side = TUNING.source_noise_reach_tiles * probes.spacing
     reach = side, side
     pixels = np.maximum(box_sum(known, reach)[near], 1.0)
-    shifts = []
+    squares, shifts = np.zeros(known.shape, np.float32), []
     for channel in range(COLOUR_CHANNELS):
         change = judged_channel(noisy, channel) - judged_channel(colour, channel)
-        shifts.append(box_sum(np.where(known, change, np.float32(0.0)), reach)[near] / pixels)
-    return np.stack(shifts, axis=-1)
+        change[~known] = 0.0
+        shifts.append(box_sum(change, reach)[near] / pixels)
+        squares += change**2 / COLOUR_CHANNELS
+    shift = np.stack(shifts, axis=-1)
+    variance = box_sum(squares, reach)[near] / pixels - np.mean(shift**2, axis=-1)
+    return SourceNoise(shift, np.maximum(variance, 0.0))

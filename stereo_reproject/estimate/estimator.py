@@ -11,14 +11,18 @@ from ..holes.reprojection import WarpedHoles
 from ..images.bands import bands
 from ..images.contrast import contrast_of
 from ..images.denoising import Denoising
+from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.metrics import COLOUR_CHANNELS, tone, untone
-from ..images.passes import COLOUR_PASS, NOISY_PASS, VIEW_DEPENDENT_PASS, Passes
+from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
 from ..settings.accuracy import Accuracy
-from .denoised import MAX_TONE, DenoisedEstimator
+from .denoised import DenoisedEstimator
 from .evidence import ProbeTraces, TileEvidence
 from .noisy import NoisyEstimator
 from .probes import Probes
 from .target import Target
+
+MAX_TONE = 0.999
+"""Greatest tone-mapped light of a part of a picture: 1 would be infinite light."""
 
 
 class Estimator(Protocol):
@@ -54,18 +58,20 @@ def estimator_of(
     passes = reprojection.passes
     if denoising is None:
         return NoisyEstimator(contrast_of(passes[COLOUR_PASS], ~holes), reprojection.sampled)
-    return DenoisedEstimator(contrast_of(light_that_differs(passes), ~holes), passes[NOISY_PASS].copy(), denoising)
+    return DenoisedEstimator(contrast_of(light_that_differs(passes), ~holes), denoising)
 
 
 def light_that_differs(passes: Passes) -> NDArray[np.float32]:
     """Return the scene-linear colour (H, W, 3 or 4) of all that may look different from each eye in a denoised picture,
     as bright after tone mapping as its part of the whole colour: that of VIEW_DEPENDENT_PASS, or the whole colour
-    without that pass."""
+    without that pass and where more than that may differ."""
     colour = passes[COLOUR_PASS]
     if VIEW_DEPENDENT_PASS not in passes:
         return colour
+    effects = effects_of(passes)
     result = np.empty((*colour.shape[:2], COLOUR_CHANNELS), np.float32)
     for rows in bands(colour.shape[:2]):
-        slope = (1.0 - tone(colour[rows])) ** 2
-        result[rows] = untone(np.clip(slope * passes[VIEW_DEPENDENT_PASS][rows], 0.0, MAX_TONE))
+        toned = tone(colour[rows])
+        part = np.clip((1.0 - toned) ** 2 * passes[VIEW_DEPENDENT_PASS][rows], 0.0, MAX_TONE)
+        result[rows] = untone(np.where(differ_in_reflected_light(effects[rows])[..., None], part, toned))
     return result

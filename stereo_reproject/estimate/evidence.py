@@ -7,8 +7,8 @@ of a pixel's variance that the lookup keeps (`images.lookup.variance_share`),
     noise  = (a - b)^2 / 2       has the mean   var(a), the variance of one traced pixel,
     excess = error - c noise     has the mean   bias^2: what is wrong, however little noise is left.
 
-So noise that the lookup has smoothed away is no merit that a wrong pixel could be excused with. In a denoised picture c
-is 1: the noise that is left is smooth, and a lookup between pixels takes nothing from it.
+So noise that the lookup has smoothed away is no merit that a wrong pixel could be excused with. In a denoised picture a
+and b are what `denoised` hears of the traces, and c is the share of their variance that the warped colour has too.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class ProbeTraces:
     A probe with NaN or infinity in any of them tells nothing. variance_share, (N,) or one for all, is the
     share of a trace's variance that the warped colour has. uncorrected (N, >= 3) are the warped colours as
     they were before a pilot's slow errors were taken away; None where there was no pilot. reflected is the reflected
-    light alone, None where the renders do not tell it.
+    light alone, None where the renders do not tell it. heard are what the two traces tell, (N, 3 or 4) each as they are
+    judged, where that is not their colours themselves.
     """
 
     warped: NDArray
@@ -62,6 +63,7 @@ class ProbeTraces:
     variance_share: NDArray | float = 1.0
     uncorrected: NDArray | None = None
     reflected: ReflectedLight | None = None
+    heard: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -71,11 +73,13 @@ class ProbeTraces:
 
     def toned(self, known: NDArray[np.bool_]) -> tuple[NDArray[np.float64], ...]:
         """Return the three colours, (N, 4) with alpha or (N, 3) without, as `metrics.judged` has them: warped, once,
-        again. They are 0 where `known` (N,) is not set."""
+        again; of the latter two what is heard. They are 0 where `known` (N,) is not set."""
         w, a, b = (
             judged(np.where(known[:, None], colour, 0.0)).astype(np.float64)
             for colour in (self.warped, self.once, self.again)
         )
+        if self.heard is not None:
+            a, b = (np.where(known[:, None], trace, 0.0) for trace in self.heard)
         return w, a, b
 
 
@@ -90,8 +94,8 @@ class TileEvidence:
     pixels: number of the tile's warped pixels. contrast: their summed contrast, above 0, to which an unknown excess is
     taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
     unknown. remaining_noise: variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
-    told_noise: variance of what each trace of a denoised picture's probe tells, averaged over the probes around it; None
-    where nothing is denoised.
+    told_noise: variance of what each trace of a denoised picture's probe tells, averaged over the probes around it;
+    None where nothing is denoised.
     """
 
     probes: Probes
@@ -171,7 +175,7 @@ def measure_tiles(
         remaining=excess,
         smoothed_noise=probes.weight * share * smoothed * told,
         noise=_heard_share(probes, noise) * noise,
-        seen_noise=probes.tile_mean(contrast.noise, warped),
+        seen_noise=probes.tile_mean(contrast.noise, warped) if delivered is None else delivered.seen,
         pixels=probes.tile_sum(warped),
         contrast=probes.tile_sum(expected),
         refined=np.zeros(w.shape[0], bool),
@@ -185,16 +189,18 @@ def measure_tiles(
 @dataclass(frozen=True)
 class DeliveredNoise:
     """Noise of a denoised picture at its probes: the variance (N,) of a pixel, and the share that it is of a traced
-    pixel's, of all probes together."""
+    pixel's, of all probes together. seen (N,) is in proportion to it, as the source's pixels around show it."""
 
     variance: NDArray[np.float64]
     share: float
+    seen: NDArray[np.float64]
 
 
 def delivered_noise(
-    difference: NDArray[np.float64], weight: NDArray[np.float64], remaining_noise: float
+    difference: NDArray[np.float64], weight: NDArray[np.float64], remaining_noise: float, *, seen: NDArray[np.float64]
 ) -> DeliveredNoise:
-    """Return the noise that a denoised picture has at its probes, whose weights are weight (N,).
+    """Return the noise that a denoised picture has at its probes, whose weights are weight (N,); seen (N,) is as in
+    `DeliveredNoise`.
 
     difference (N, 3 or 4) is that of the two traces, as they are judged. Of light's noise, remaining_noise is left by
     the denoiser, which leaves all of alpha's.
@@ -204,7 +210,7 @@ def delivered_noise(
     noise = remaining_noise * light + alpha
     if alpha.any():
         remaining_noise = float((weight * noise).sum() / (weight * (light + alpha)).sum())
-    return DeliveredNoise(noise, remaining_noise)
+    return DeliveredNoise(noise, remaining_noise, seen)
 
 
 def _materials_in(

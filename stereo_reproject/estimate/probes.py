@@ -123,34 +123,18 @@ def place_random_probes(
     return _first_of_tiles(warped, rank, spacing, chance)
 
 
-def place_regular_probes(warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-    """Return one probe for each tile of `spacing` pixels, at nearly the same place in all tiles, drawn by the seed.
-
-    It is the pixel of `warped` (H, W) nearest to that place; a tile without any has no probe. Together the probes are a
-    small picture, which can be denoised.
-    """
-    place = np.random.default_rng(seed).integers(0, spacing, 2)
-    down, across = (np.arange(size) % spacing - at for size, at in zip(warped.shape, place, strict=True))
-
-    def rank(rows: slice) -> NDArray[np.float64]:
-        nearness = -(down[rows, None] ** 2 + across**2).astype(np.float64)
-        return np.where(warped[rows], nearness, -np.inf)
-
-    return _first_of_tiles(warped, rank, spacing)
-
-
 def _first_of_tiles(
     warped: NDArray[np.bool_],
     rank: Callable[[slice], NDArray[np.float64]],
     spacing: int,
-    chance: Callable[[NDArray[np.intp], NDArray[np.intp]], NDArray[np.float64]] | None = None,
+    chance: Callable[[NDArray[np.intp], NDArray[np.intp]], NDArray[np.float64]],
 ) -> Probes:
     """Return one probe for each tile of `spacing` pixels: that of its pixels which has the highest rank, of several the
     first row by row.
 
     rank gives the ranks (h, W) of a slice of rows, and is asked for each row of tiles once, from top to bottom. Pixels
     not set in `warped` (H, W) have -inf. A probe stands for one over the chance, by rows and columns (N,), with which
-    its pixel was drawn; None: for all of its tile's set pixels.
+    its pixel was drawn.
     """
     height, width = warped.shape
     across = -(-width // spacing)
@@ -167,8 +151,7 @@ def _first_of_tiles(
     rows, columns = (np.concatenate(parts) for parts in zip(*places, strict=True))
     in_order = np.lexsort((columns, rows))
     rows, columns = rows[in_order], columns[in_order]
-    pixels = _tile_sums(warped, spacing)[rows // spacing, columns // spacing]
-    return Probes(rows, columns, pixels if chance is None else 1.0 / chance(rows, columns), spacing, (height, width))
+    return Probes(rows, columns, 1.0 / chance(rows, columns), spacing, (height, width))
 
 
 def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArray:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..holes.reprojection import WarpedHoles
 from ..images.denoising import Denoising
-from ..images.effects import IN_REFLECTED_LIGHT, SEEN_DIFFERENTLY
-from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of, flagged
+from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.lookup import variance_share
 from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, filtered
 from ..images.seen_light import scaled_light
@@ -40,8 +39,7 @@ class Refinement:
 
     pixels (H, W) are these; fill is the render in which they were traced, None without any. estimate is that of the
     frame's ratios, None where there were no probes, and no_estimate then says why. evidence is that of the probes, None
-    without any. whole: all of the target was traced in the end, and so it is as good as rendered. can_promise is False
-    where probes cannot tell anything, so that only a full render could promise more.
+    without any. whole: all of the target was traced in the end, and so it is as good as rendered.
     """
 
     pixels: NDArray[np.bool_]
@@ -50,7 +48,6 @@ class Refinement:
     evidence: TileEvidence | None = field(default=None, repr=False)
     whole: bool = False
     no_estimate: str = PROMISES_NOTHING
-    can_promise: bool = True
 
 
 @dataclass(frozen=True)
@@ -283,8 +280,8 @@ class ProbedTracing:
         passes = self.target.passes
         if VIEW_DEPENDENT_PASS not in passes or VIEW_DEPENDENT_PASS not in once:
             return None
-        warp, place = self._warped.reprojection.warp, (probes.rows, probes.columns)
-        effects = effects_of(passes)[place]
+        place = probes.rows, probes.columns
+        x, y = self._warped.reprojection.places(place)
         warped, *traced = (
             np.nan_to_num(image.astype(np.float64), posinf=0.0, neginf=0.0)
             for image in (passes[VIEW_DEPENDENT_PASS][place], once[VIEW_DEPENDENT_PASS], again[VIEW_DEPENDENT_PASS])
@@ -292,8 +289,9 @@ class ProbedTracing:
         return ReflectedLight(
             warped,
             *traced,
-            variance_share=variance_share(warp.x[place][None], warp.y[place][None])[0],
-            tells=(effects != UNKNOWN_EFFECTS) & ~flagged(effects, SEEN_DIFFERENTLY & ~IN_REFLECTED_LIGHT),
+            # As `warp.composite` looks the pass up, if nobody asked for another lookup.
+            variance_share=variance_share(x[None], y[None])[0],
+            tells=differ_in_reflected_light(effects_of(passes)[place]),
         )
 
 

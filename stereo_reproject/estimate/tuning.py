@@ -57,8 +57,7 @@ class EstimateTuning:
     hand, on pictures without any error: there next to nothing is corrected."""
     bias_contrast_share: float = 0.5
     """Share of the contrast around a probe that it may be off by without that being slow: an edge that is half a pixel
-    aside. Probes of a denoised picture lie in one place of each tile, and along an edge all are off to one side. By
-    hand."""
+    aside. Along an edge, all probes that meet it are off to one side. By hand."""
     max_bias_factor: float = 2.0
     """Times brighter or darker that a correction may make a colour: bright ones are a hair from white after tone
     mapping."""

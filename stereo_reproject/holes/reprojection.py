@@ -118,15 +118,20 @@ class SourceSamples:
         place is rows and columns (N,) of the target pixels. In those that show a flat mirror, the place is that of the
         image that it shows.
         """
-        x, y = self.warp.x[place], self.warp.y[place]
-        if self.mirrors is not None:
-            shown, images = self.mirrors
-            x, y = np.where(shown[place], images.x[place], x), np.where(shown[place], images.y[place], y)
+        x, y = self.places(place)
         rows, columns = (
             np.clip(np.nan_to_num(at), 0, size - 1).astype(np.intp)
             for at, size in zip((y, x), self.colour.shape, strict=False)
         )
         return self.colour[rows, columns]
+
+    def places(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> tuple[NDArray, NDArray]:
+        """Return the positions x, y (N,), in pixels of the source, that N target pixels show. place is as for `at`."""
+        x, y = self.warp.x[place], self.warp.y[place]
+        if self.mirrors is None:
+            return x, y
+        shown, images = self.mirrors
+        return np.where(shown[place], images.x[place], x), np.where(shown[place], images.y[place], y)
 
 
 @dataclass(frozen=True)
@@ -228,6 +233,13 @@ class WarpedHoles:
         """
         number = self.warp.source[place]
         return np.stack([samples.at(place) for samples in self.samples])[number, np.arange(number.size)]
+
+    def places(self, place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> tuple[NDArray, NDArray]:
+        """Return the positions x, y (N,), in pixels, that N target pixels show, each in its own source; place is as for
+        `sampled`."""
+        number = self.warp.source[place]
+        x, y = np.stack([samples.places(place) for samples in self.samples])[number, :, np.arange(number.size)].T
+        return x, y
 
 
 def reproject(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bands import bands
-from .effects import Effect
+from .effects import IN_REFLECTED_LIGHT, SEEN_DIFFERENTLY, Effect
 from .passes import COLOUR_PASS, EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
 from .tuning import TUNING
 
@@ -137,6 +137,12 @@ def shows(passes: Passes, effect: Effect) -> NDArray[np.bool_]:
         for rows in bands(result.shape):
             result[rows] = flagged(passes[EFFECTS_PASS][rows][..., 0].astype(np.int32), effect)
     return result
+
+
+def differ_in_reflected_light(flags: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return (...) the pixels whose `Effect` flags (...) are known and say that nothing but reflected and transmitted
+    light may look different from each eye."""
+    return (flags != UNKNOWN_EFFECTS) & ~flagged(flags, SEEN_DIFFERENTLY & ~IN_REFLECTED_LIGHT)
 
 
 def flagged(flags: NDArray[np.int32], effect: Effect) -> NDArray[np.bool_]:

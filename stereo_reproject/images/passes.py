@@ -39,7 +39,7 @@ NORMAL_PASS = ".Guiding Normal"
 
 VIEW_DEPENDENT_PASS = ".View Dependent"
 """Part (H, W, 3) of the scene-linear colour that may look different from each eye, of a picture that is denoised: light
-that was reflected by gloss, transmitted, or scattered by a volume. It is as noisy as it was traced."""
+that was reflected by gloss or transmitted. It is as noisy as it was traced."""
 
 LENGTH_PASS = ".Ray Length"
 """Length (H, W, 1) of a pixel's rays in scene units, in a source that is denoised or may show flat mirrors.

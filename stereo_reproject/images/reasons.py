@@ -26,7 +26,7 @@ class Reason(IntFlag):
     DEFOCUS = 64
     """An edge that is out of focus."""
     DETAIL = 128
-    """Detail so fine that a lookup between pixels blurs it."""
+    """Detail so fine that a lookup between pixels blurs it, or that a denoiser leaves otherwise in each eye."""
     REFINED = 256
     """A tile that the probes found to be worse than was promised."""
     PROBE = 512

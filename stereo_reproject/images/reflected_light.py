@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .passes import COLOUR_PASS, Passes
+from .passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
 from .tuning import TUNING
 
 LIGHT_PASS_PREFIXES = {
@@ -34,8 +34,11 @@ def reflected_light(passes: Passes) -> NDArray[np.float32]:
     """Return the light (..., 3) that gloss has reflected or a surface has let through: the sum of the direct and the
     indirect light of both kinds, times its colour, scene-linear.
 
-    passes (..., C) are those of a render. Raises KeyError where they lack a light pass.
+    passes (..., C) are those of a render. Where they have VIEW_DEPENDENT_PASS already, that is returned. Raises
+    KeyError where they lack a light pass.
     """
+    if VIEW_DEPENDENT_PASS in passes:
+        return passes[VIEW_DEPENDENT_PASS]
     total = np.zeros((*passes[COLOUR_PASS].shape[:-1], 3), np.float32)
     for kind in LIGHT_PASS_PREFIXES:
         direct, indirect, tint = (_light_pass(passes, kind, part)[..., :3] for part in LIGHT_PASS_SUFFIXES)

@@ -130,7 +130,7 @@ class MatchedTracing:
         whole = self._accuracy.promise is not None and bool(self.target.traced.all())
         nothing = np.zeros_like(self._holes)
         told = AS_RENDERED if whole else None
-        return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES, can_promise=self.can_promise)
+        return Refinement(nothing, estimate=told, whole=whole, no_estimate=NO_PROBES)
 
     def _traced(self, method: str, pixels: NDArray[np.bool_]) -> Passes:
         """Return the passes (N, C) of pixels (H, W) of the target, traced by this fill method and neither matched nor

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.images.metrics import tone, untone
-from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, NOISY_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import disparity_per_nearness
@@ -24,7 +24,9 @@ def stripes(columns, contrast):
     return np.broadcast_to(wave, SIZE[::-1])[..., None].repeat(3, axis=2)
 
 
-def striped_wall(contrast, *, moved_px, noise=0.0, accuracy="balanced", colour_interpolation="adaptive"):
+def striped_wall(
+    contrast, *, moved_px, noise=0.0, accuracy="balanced", colour_interpolation="adaptive", denoised=False
+):
     """A wall as the target sees it, `moved_px` pixels aside: its pixels traced for detail, and its error (H, W)."""
     eyes = stereo_rig(SIZE, mode="parallel", ipd=0.06)
     depth = disparity_per_nearness(eyes["left"], eyes["right"]) / moved_px
@@ -33,6 +35,8 @@ def striped_wall(contrast, *, moved_px, noise=0.0, accuracy="balanced", colour_i
     colour = np.ones((*SIZE[::-1], 4), np.float32)
     colour[..., :3] = untone(np.clip(toned, 0.01, 0.99))
     passes = {COLOUR_PASS: colour, DEPTH_PASS: np.full((*SIZE[::-1], 1), depth, np.float32)}
+    if denoised:
+        passes[NOISY_PASS] = colour
     result = reproject_pair(
         passes,
         eyes["left"],
@@ -82,3 +86,17 @@ def test_a_lookup_that_was_asked_for_is_left_as_it_is():
     for how in ("linear", "cubic"):
         traced, _ = striped_wall(0.1, moved_px=2.5, colour_interpolation=how)
         assert not traced.any()
+
+
+@pytest.mark.parametrize(
+    ("contrast", "accuracy", "traced"),
+    [(0.1, "balanced", True), (0.05, "balanced", False), (0.05, "high", True), (0.025, "exact", True)],
+)
+def test_in_a_denoised_picture_detail_is_told_by_how_the_colour_bends(contrast, accuracy, traced):
+    found, _ = striped_wall(contrast, moved_px=2.5, accuracy=accuracy, colour_interpolation="cubic", denoised=True)
+    assert found.all() if traced else not found.any()
+
+
+def test_in_a_denoised_picture_a_draft_leaves_detail_as_it_is():
+    found, _ = striped_wall(0.2, moved_px=2.5, accuracy="draft", colour_interpolation="cubic", denoised=True)
+    assert not found.any()

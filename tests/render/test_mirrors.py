@@ -69,8 +69,8 @@ def mirror_in_wall(tmp_path, *, size=SIZE, samples=32, interocular=0.2, poster_t
     return scene
 
 
-def pair(scene, folder, **settings):
-    settings = StereoSettings(fill="packed", scene=SceneOverrides(seed=1), **settings)
+def pair(scene, folder, *, seed=1, **settings):
+    settings = StereoSettings(fill="packed", scene=SceneOverrides(seed=seed), **settings)
     folder.mkdir()
     with working_scene(scene, settings.scene) as working:
         return render_stereo_frame(BlenderRenderer(working, folder), settings)
@@ -92,11 +92,14 @@ def in_mirror(width, height):
 
 def test_what_a_mirror_shows_is_carried_by_its_image(scene, tmp_path, monkeypatch):
     truth, inner = render_plain(scene, tmp_path, seed=11, views=("right",))["right"][COLOUR_PASS], in_mirror(*SIZE)
-    frame = pair(scene, tmp_path / "images")
+    # In so small a picture a single probe may have half of the mirror traced, or nothing of it.
+    frames = [pair(scene, tmp_path / f"images {seed}", seed=seed) for seed in (1, 2, 3)]
     monkeypatch.setattr(reprojection, "images_in_mirrors", lambda *_, **__: None)
     by_surface = pair(scene, tmp_path / "surface")
-    assert frame.traced[inner].mean() < 0.5 * by_surface.traced[inner].mean()
-    assert np.sqrt(squared_error(frame.eyes["right"][COLOUR_PASS], truth)[inner].mean()) < UNSEEN
+    traced = np.median([frame.traced[inner].mean() for frame in frames])
+    assert traced < 0.5 * by_surface.traced[inner].mean()
+    for frame in frames:
+        assert np.sqrt(squared_error(frame.eyes["right"][COLOUR_PASS], truth)[inner].mean()) < UNSEEN
 
 
 @pytest.mark.parametrize("source", ["left", "right"])

@@ -24,7 +24,7 @@ from .portal_camera import PORTAL_CAMERA
 from .render import Rendered, render_views
 
 CAMERAS = {camera.name: camera for camera in (OSL_CAMERA, PORTAL_CAMERA)}
-"""Packed cameras by name, the preferred ones first: what the OSL camera cannot trace are fewer and simpler cases."""
+"""Packed cameras by name, the preferred ones first: there are fewer cases that the OSL camera cannot trace."""
 
 PACKED_SETTINGS = frozenset(
     (*(f"render.{name}" for name in PACKED_RENDER_SETTINGS), *(f"cycles.{name}" for name in UNSHARED_NOISE))

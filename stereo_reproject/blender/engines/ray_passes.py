@@ -1,10 +1,11 @@
-"""Passes about the way of a pixel's rays: for thin things and mirrors, and for the part of the light that looks different
-from each eye."""
+"""Passes about the way of a pixel's rays: for thin things and mirrors, and for light that looks different from each
+eye."""
 
 from __future__ import annotations
 
 import bpy
 
+from ...images.effects import EffectsPlan
 from ...images.passes import (
     LENGTH_PASS,
     REFLECTANCE_PASS,
@@ -14,7 +15,7 @@ from ...images.passes import (
     Passes,
 )
 from ...images.reflected_light import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, light_pass_names, reflected_light
-from ..scene.working import rendered_layer
+from ..scene.working import CYCLES, rendered_layer
 from .denoise import DEPTH, GUIDES
 
 GLOSSY_COLOUR = "Glossy Color" if bpy.app.version >= (5, 0, 0) else "GlossCol"
@@ -44,22 +45,23 @@ class RayPasses:
     """Passes that a working scene is rendered with besides those that its user asks for: those that guide a denoiser,
     for a picture that is `denoised`, those that tell of the ways of rays, and those of reflected and transmitted light.
 
-    Making the object switches them on, `of` and `view_dependent` pick ours out of a render, and `without_added` takes
-    out all that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be
+    Making the object switches them on, `of` picks those about rays out of a render, and `without_added` takes out
+    all that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be
     found. A noisy picture has passes about rays only there: without, it has no LENGTH_PASS, by which things thinner
-    than a pixel are found too. by_component: True where VIEW_DEPENDENT_PASS is wanted.
+    than a pixel are found too. plan says whether reflected light is worth being told apart, which a denoised picture
+    alone has.
     """
 
-    def __init__(self, scene: bpy.types.Scene, *, denoised: bool, mirrors: bool, by_component: bool) -> None:
+    def __init__(self, scene: bpy.types.Scene, plan: EffectsPlan, *, denoised: bool, mirrors: bool) -> None:
         layer = rendered_layer(scene)
         # Without, a ray's length is the depth of what it meets first, and says nothing of a mirror.
         follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
         mirrors = mirrors and follows
         self._tells = follows and (denoised or mirrors)
-        self._by_component = by_component
+        self._by_component = denoised and scene.render.engine == CYCLES and plan.differs_in_reflected_light
         wanted = {GUIDES_SWITCH} if denoised else set()
         wanted |= set(MIRROR_SWITCHES) if mirrors else set()
-        wanted |= set(LIGHT_SWITCHES) if by_component else set()
+        wanted |= set(LIGHT_SWITCHES) if self._by_component else set()
         # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
         for switch in SWITCHES:
             if switch not in wanted:
@@ -85,12 +87,9 @@ class RayPasses:
         }
         return {name: rendered[theirs] for name, theirs in ours.items() if theirs in rendered}
 
-    def view_dependent(self, rendered: Passes) -> Passes:
-        """Return VIEW_DEPENDENT_PASS (..., 3) of a render's passes (..., C), by its name; nothing where it is not
-        wanted.
-        """
-        return {VIEW_DEPENDENT_PASS: reflected_light(rendered)} if self._by_component else {}
-
     def without_added(self, passes: Passes) -> Passes:
-        """Return the passes without those that were switched on here and that the user did not ask for."""
-        return {name: image for name, image in passes.items() if name not in self._added}
+        """Return the passes (..., C) without those that were switched on here and that the user did not ask for, and
+        with VIEW_DEPENDENT_PASS (..., 3) where it is wanted.
+        """
+        kept = {name: image for name, image in passes.items() if name not in self._added}
+        return {**kept, VIEW_DEPENDENT_PASS: reflected_light(passes)} if self._by_component else kept

@@ -98,14 +98,7 @@ class BlenderRenderer:
         self.denoise: Denoise | None = None
         if denoises(scene):
             self.denoise = lambda pictures: denoise_pictures(scene, pictures, folder)
-        self._rays = RayPasses(
-            scene,
-            denoised=self.denoise is not None,
-            mirrors=self._may_see_mirrors(eyes),
-            by_component=self.denoise is not None
-            and scene.render.engine == CYCLES
-            and self.plan.differs_in_reflected_light,
-        )
+        self._rays = RayPasses(scene, self.plan, denoised=bool(self.denoise), mirrors=self._may_see_mirrors(eyes))
         self._traces = 0
         self.trace_renders: list[TraceRender] = []
         """Measurements of the renders that traced pixels of this frame, in their order."""
@@ -138,8 +131,7 @@ class BlenderRenderer:
         needs.
         """
         passes = without_added_positions(self.scene, passes)
-        ours = self._rays.view_dependent(passes)
-        return self._rays.without_added(passes if self.denoise is None else guided_by(passes)) | ours
+        return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
 
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. If anything may look different from each eye,

@@ -54,9 +54,9 @@ def uploaded(values: NDArray[np.float32], size: tuple[int, int], *, lanes: int =
 
 def downloaded(texture: gpu.types.GPUTexture) -> NDArray:
     """Return the values of a texture, (height, width) or (height, width, 4), as float32 or uint32 as it holds them.
-    They are not copied. Textures of signed integers cannot be read.
+    They are a copy, which may be written to. Textures of signed integers cannot be read.
     """
-    return np.asarray(texture.read())
+    return np.array(texture.read())
 
 
 @dataclass
