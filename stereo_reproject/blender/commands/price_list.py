@@ -26,7 +26,7 @@ from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
 from ...images.passes import MASKED_PASS, Passes, deepest
 from ...images.reasons import Reason
-from ...images.reflected_light import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, glossy_mask, light_pass_names
+from ...images.reflected_light import glossy_mask
 from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...report.as_json import as_json
@@ -46,6 +46,7 @@ from ...tradeoff.cases import (
 )
 from ...tradeoff.charts import draw_charts
 from ...views.camera import Camera
+from ..engines.ray_passes import LIGHT_SWITCHES
 from ..engines.renderer import BlenderRenderer
 from ..scene.warnings import first_layer_alone, scene_warnings
 from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
@@ -258,12 +259,7 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
     were off before, and are switched off afterwards.
     """
     layer = rendered_layer(scene)
-    switches = {
-        f"use_pass_{kind}_{part}": light_pass_names(kind, part)
-        for kind in LIGHT_PASS_PREFIXES
-        for part in LIGHT_PASS_SUFFIXES
-    }
-    off = {switch: names for switch, names in switches.items() if not getattr(layer, switch)}
+    off = {switch: names for switch, names in LIGHT_SWITCHES.items() if not getattr(layer, switch)}
     try:
         for switch in off:
             setattr(layer, switch, True)
