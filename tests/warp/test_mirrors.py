@@ -239,10 +239,10 @@ def test_a_single_sample_in_a_mirror_is_of_its_image(view):
     source = seen(eyes[view])
     result = carried(source, eyes, view)
     place = np.nonzero(result.views[0].mirrors.shown & (result.reasons == 0))
-    sampled, looked_up = result.sampled(place), result.passes[COLOUR_PASS][place]
+    sampled, looked_up = result.answered().sampled(place), result.passes[COLOUR_PASS][place]
     row = {tuple(colour) for colour in source[COLOUR_PASS].reshape(-1, sampled.shape[-1])}
     assert all(tuple(colour) in row for colour in sampled)
-    at_surface = replace(result, views=(replace(result.views[0], mirrors=None),)).sampled(place)
+    at_surface = replace(result, views=(replace(result.views[0], mirrors=None),)).answered().sampled(place)
     errors = [np.abs(colours - looked_up)[..., :3].mean() for colours in (sampled, at_surface)]
     assert errors[0] < 0.3 * errors[1]
 

@@ -165,7 +165,7 @@ def test_samples_and_what_is_no_number_are_those_of_the_pixel_s_own_source():
     target, sources = sources_of("turned")
     result = reproject(sources, target, BALANCED)
     place = np.nonzero(result.warp.covered)
-    np.testing.assert_array_equal(result.sampled(place)[:, 0], result.warp.source[place] + 1.0)
+    np.testing.assert_array_equal(result.answered().sampled(place)[:, 0], result.warp.source[place] + 1.0)
     everywhere = [np.ones(SIZE[::-1], bool), np.zeros(SIZE[::-1], bool)]
     for lost in (everywhere, everywhere[::-1]):
         number = int(lost[1].any())
