@@ -20,7 +20,7 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -216,13 +216,15 @@ def scenes_parser(description: str) -> argparse.ArgumentParser:
     return parser
 
 
-def parse_scenes(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The options, with all scenes where none is named."""
+def parse_scenes(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None, known: Collection[str] = SCENES
+) -> argparse.Namespace:
+    """The options, with all known scenes where none is named."""
     options = parser.parse_args(arguments)
-    options.names = options.names or list(SCENES)
-    unknown = [name for name in options.names if name not in SCENES]
+    options.names = options.names or list(known)
+    unknown = [name for name in options.names if name not in known]
     if unknown:
-        parser.error(f"unknown scene {unknown[0]!r}: known are {', '.join(SCENES)}")
+        parser.error(f"unknown scene {unknown[0]!r}: known are {', '.join(known)}")
     return options
 
 

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
-from tests.bench.coverage import own_output
+from tests.bench.coverage import own_output, parse_scenes
 from tests.bench.coverage import scenes_parser as bench_parser
 from tests.bench.performance.plan import EYES
 
@@ -246,12 +246,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--accuracy", choices=ACCURACIES, default="balanced")
     parser.add_argument("--denoise", action="store_true")
     parser.add_argument("--passes", action="store_true")
-    options = parser.parse_args(arguments)
-    options.names = options.names or list(EYES)
-    unknown = [name for name in options.names if name not in EYES]
-    if unknown:
-        parser.error(f"unknown scene {unknown[0]!r}: known are {', '.join(EYES)}")
-    return options
+    return parse_scenes(parser, arguments, EYES)
 
 
 if __name__ == "__main__":

@@ -63,9 +63,7 @@ class RayPasses:
         wanted |= set(MIRROR_SWITCHES) if mirrors else set()
         wanted |= set(LIGHT_SWITCHES) if self._by_component else set()
         # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
-        for switch in SWITCHES:
-            if switch not in wanted:
-                continue
+        for switch in wanted:
             owner = layer.cycles if switch == GUIDES_SWITCH else layer
             if not getattr(owner, switch):
                 layer[ADDED_PREFIX + switch] = True
