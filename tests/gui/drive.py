@@ -1,28 +1,38 @@
-"""Runs inside a Blender with a window, started with --enable-event-simulate: installs the zip and uses it as an artist
-does, with mouse and keyboard. `-- ZIP FOLDER [PERCENT SAMPLES]`: FOLDER takes the screenshots and facts.json, the
-numbers are the preview's. Not a test itself."""
+"""Runs inside a Blender with a window: installs the zip and uses it as an artist does, with mouse and keyboard.
+`-- ZIP FOLDER [PERCENT SAMPLES]`: see drive_common; the numbers are the preview's. Not a test itself."""
 
 import importlib
-import json
-import os
-import shutil
-import subprocess
 import sys
-import time
-import traceback
 from pathlib import Path
 
 import bpy
 
-ARGUMENTS = sys.argv[sys.argv.index("--") + 1 :]
-ZIP, FOLDER = map(Path, ARGUMENTS[:2])
-PREVIEW = [int(number) for number in ARGUMENTS[2:]]
-MODULE = "bl_ext.user_default.stereo_reproject"
-LIMIT = 240.0
-"""Seconds after which something that is waited for will never come."""
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from drive_common import (
+    FOLDER,
+    MODULE,
+    MORE,
+    area_of,
+    click,
+    facts,
+    find_button,
+    go,
+    jobs,
+    press,
+    redrawn,
+    region_of,
+    results,
+    run_steps,
+    scroll,
+    set_up,
+    shoot,
+    show_sidebar,
+    turns,
+    until,
+    window,
+)
 
-MAX_FOREIGN_REDRAWS = 10
-"""How often Blender has drawn what is to be drawn, at least: more often than anything takes to settle."""
+PREVIEW = [int(number) for number in MORE]
 
 BUTTONS = {
     "preview": "stereo_reproject_image(preview=True)",
@@ -31,106 +41,8 @@ BUTTONS = {
 }
 """The render buttons, by what each runs."""
 
-facts: dict = {"steps": []}
 seen: dict = {}
 """What later steps compare with."""
-turns = {"count": 0}
-"""How often Blender has come back to its events."""
-
-
-class StuckError(Exception):
-    pass
-
-
-def window():
-    return bpy.context.window_manager.windows[0]
-
-
-def area_of(kind):
-    return next((area for area in window().screen.areas if area.type == kind), None)
-
-
-def region_of(kind, region_type):
-    return next(region for region in area_of(kind).regions if region.type == region_type)
-
-
-def jobs():
-    return importlib.import_module(f"{MODULE}.operators.jobs")
-
-
-def results():
-    return importlib.import_module(f"{MODULE}.operators.results").result_of(bpy.context.scene)
-
-
-def shoot(name):
-    """What the screen shows; Blender's own screenshot is black where a driver in software draws it."""
-    path = FOLDER / f"{name}.png"
-    if shutil.which("import"):
-        subprocess.run(["import", "-window", "root", f"png:{path}"], check=True)
-    else:
-        with bpy.context.temp_override(window=window()):
-            bpy.ops.screen.screenshot(filepath=str(path))
-
-
-def move(x, y):
-    window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=int(x), y=int(y))
-
-
-def press(key, **modifiers):
-    where = facts["mouse"]
-    for value in ("PRESS", "RELEASE"):
-        window().event_simulate(type=key, value=value, x=where[0], y=where[1], **modifiers)
-
-
-def go(x, y):
-    facts["mouse"] = (int(x), int(y))
-    move(x, y)
-
-
-def until(condition, what):
-    start = time.monotonic()
-    while not condition():
-        if time.monotonic() - start > LIMIT:
-            raise StuckError(what)
-        yield 0.2
-
-
-def redrawn():
-    """However slow that is: Blender draws each time after its events."""
-    since = turns["count"]
-    yield from until(lambda: turns["count"] - since > MAX_FOREIGN_REDRAWS, "the window stood still")
-
-
-def scroll(kind, region_type, wheel):
-    """To the end of a region's panels."""
-    region = region_of(kind, region_type)
-    go(region.x + 0.5 * region.width, region.y + 0.5 * region.height)
-    for _ in range(40):
-        press(wheel)
-    yield 1.0
-
-
-def find_button(kind, region_type, command):
-    """Where the button is that runs `command`: Ctrl+C over a button copies what it runs."""
-    manager = bpy.context.window_manager
-    region = region_of(kind, region_type)
-    for share in (0.25, 0.75):
-        for y in range(region.y + region.height - 8, region.y + 4, -9):
-            manager.clipboard = ""
-            go(region.x + share * region.width, y)
-            yield 0.02
-            press("C", ctrl=True)
-            yield 0.02
-            if command in manager.clipboard:
-                facts["button"] = facts["mouse"]
-                return
-    raise StuckError(f"no button for {command}")
-
-
-def click(kind, region_type, command):
-    yield from find_button(kind, region_type, command)
-    press("LEFTMOUSE")
-    yield 0.3
 
 
 def values():
@@ -148,28 +60,7 @@ def values():
     return found
 
 
-def install():
-    with bpy.context.temp_override(window=window(), area=window().screen.areas[0]):
-        bpy.ops.extensions.package_install_files(filepath=str(ZIP), repo="user_default", enable_on_install=True)
-    facts["registered"] = hasattr(bpy.types.Scene, "stereo_reproject")
-
-
-def show_sidebar(kind, category):
-    area = area_of(kind)
-    area.spaces.active.show_region_ui = True
-    yield 1.0
-    region_of(kind, "UI").active_panel_category = category
-    yield 1.0
-
-
-def set_up():
-    bpy.context.preferences.view.show_splash = False
-    bpy.context.preferences.view.render_display_type = "AREA"
-    facts["mouse"] = (window().width // 2, window().height // 2)
-    press("ESC")
-    yield 0.5
-    install()
-    yield 1.0
+def look_at_the_file():
     import _cycles
 
     facts["osl"] = bool(_cycles.with_osl)
@@ -368,6 +259,7 @@ def switch_off_under_way():
 
 STEPS = (
     set_up,
+    look_at_the_file,
     look_at_the_panels,
     check_the_scene,
     cancel_with_escape,
@@ -384,34 +276,4 @@ STEPS = (
 )
 
 
-def scenario():
-    for step in STEPS:
-        facts["steps"].append(step.__name__)
-        yield from step()
-
-
-def end():
-    (FOLDER / "facts.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
-    sys.stdout.flush()
-    os._exit(0)
-
-
-def tick(steps=scenario()):  # noqa: B008 - one scenario for the whole run
-    try:
-        return next(steps)
-    except StopIteration:
-        facts["finished"] = True
-    except Exception as error:  # noqa: BLE001 - whatever it is, the test is to say it
-        traceback.print_exc()
-        facts["error"] = f"{type(error).__name__}: {error}"
-        shoot("error")
-    return end()
-
-
-def count():
-    turns["count"] += 1
-    return 0.05
-
-
-bpy.app.timers.register(count, first_interval=3.0)
-bpy.app.timers.register(tick, first_interval=3.0)
+run_steps(STEPS)

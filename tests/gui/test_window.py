@@ -1,34 +1,20 @@
 """The extension in a real window: installed from its zip, pressed, cancelled, looked at.
 
-BLENDER_WINDOW names the command that starts such a Blender, to which options are added: `blender`, `xvfb-run blender`,
-or whatever makes a window where there is none. Without it these tests are skipped. What they see is left in
-build/gui, pictures included. GUI_SCENE names another .blend than the Cornell box, GUI_PREVIEW its preview's percentage
-and samples.
+It needs BLENDER_WINDOW, see tests/gui/window. What is seen is left in build/gui/drive, pictures included. GUI_PREVIEW
+names the preview's percentage and samples.
 """
 
-import json
 import os
-import shlex
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-SCENE = Path(os.environ.get("GUI_SCENE", ROOT / "demo" / "cornell-box" / "cornell-box.blend"))
-COMMAND = os.environ.get("BLENDER_WINDOW", "")
+from tests.gui.window import SEEN as DRIVERS
+from tests.gui.window import drive, needs_a_window
+
 PREVIEW = os.environ.get("GUI_PREVIEW", "").split()
-SEEN = ROOT / "build" / "gui"
-"""Below the checkout: a Blender in a container of its own may see nothing else."""
-
-SECONDS = 540.0
-"""Far more than the whole takes, some 60 seconds."""
-
-PLATFORMS = {"linux": "linux_x64", "win32": "windows_x64", "darwin": "macos_arm64"}
+SEEN = DRIVERS / "drive"
 
 SAME_MASK, SAME_COLOUR = 5e-4, 1e-3
 """What is promised of the GPU and numpy: the share of pixels that differ in the mask, and how far colours may."""
@@ -41,28 +27,13 @@ MAX_ABOVE_BUTTONS_PX = 120
 
 PICTURES = ["panel", "output", "checked", "running", "cancelled", "preview", "result", "holes"]
 
-pytestmark = pytest.mark.skipif(not COMMAND, reason="no BLENDER_WINDOW, which names a Blender with a window")
+pytestmark = needs_a_window
 
 
 @pytest.fixture(scope="module")
 def facts():
     """What the driver has seen."""
-    shutil.rmtree(SEEN, ignore_errors=True)
-    SEEN.mkdir(parents=True)
-    subprocess.run([sys.executable, ROOT / ".ci" / "extension.py", "--output", SEEN], check=True, timeout=SECONDS)
-    (archive,) = SEEN.glob(f"*-{PLATFORMS[sys.platform]}.zip")
-    scene = shutil.copy(SCENE, SEEN)
-    options = ["--factory-startup", "--enable-event-simulate", scene, "--python", ROOT / "tests" / "gui" / "drive.py"]
-    command = [*shlex.split(COMMAND), *options, "--", archive, SEEN, *PREVIEW]
-    finished = subprocess.run(
-        list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=SECONDS, check=False
-    )
-    said = SEEN / "facts.json"
-    assert said.exists(), finished.stdout[-4000:] + finished.stderr[-4000:]
-    found = json.loads(said.read_text(encoding="utf-8"))
-    assert found.get("finished"), (found, finished.stdout[-4000:])
-    assert "Traceback" not in finished.stdout + finished.stderr, finished.stdout[-4000:]
-    return found
+    return drive("drive.py", *PREVIEW)
 
 
 def test_the_zip_is_installed(facts):
