@@ -78,17 +78,6 @@ class Bias:
         factor = _factor(colour[..., :3], self.without_own if without_own else self.added)
         return np.concatenate([colour[..., :3] * factor, colour[..., 3:]], axis=-1)
 
-    def corrected(
-        self, colour: NDArray[np.float32], pixels: NDArray[np.bool_], shown: NDArray[np.integer]
-    ) -> NDArray[np.float32]:
-        """Return a copy of the scene-linear colour (H, W, >= 3) in which `pixels` (H, W) are corrected.
-
-        shown (H, W) is the number of the material that each pixel shows.
-        """
-        result = colour.copy()
-        self.correct([result], result, pixels, shown)
-        return result
-
     @property
     def reached(self) -> NDArray[np.bool_]:
         """Pixels (H, W) of the tiles that have a correction and of those around them: nothing else is corrected."""

@@ -26,7 +26,7 @@ from ..images.metrics import COLOUR_CHANNELS, channel_mean, judged_channel, tone
 from ..images.passes import NOISY_PASS
 from .bias import SourceNoise, bias_of
 from .evidence import DeliveredNoise, ProbeTraces, TileEvidence, delivered_noise, measure_tiles
-from .probes import Probes, place_random_probes
+from .probes import Probes
 from .target import Provenance, Target
 from .tuning import TUNING
 
@@ -44,11 +44,6 @@ class DenoisedEstimator:
 
     contrast: Contrast
     denoising: Denoising
-
-    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
-        is contrast."""
-        return place_random_probes(warped, spacing=spacing, seed=seed, contrast=self.contrast)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..holes.reprojection import WarpedHoles
 from ..images.bands import bands
-from ..images.contrast import contrast_of
+from ..images.contrast import Contrast, contrast_of
 from ..images.denoising import Denoising
 from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.metrics import COLOUR_CHANNELS, tone, untone
@@ -26,14 +26,11 @@ MAX_TONE = 0.999
 
 
 class Estimator(Protocol):
-    """Places probes in a target, and tells from their traces how wrong its warped pixels are."""
+    """Tells from the traces of a target's probes how wrong its warped pixels are."""
 
-    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels that has any pixel of `warped` (H, W), placed at such a
-        pixel.
-
-        seed is that of the random places.
-        """
+    @property
+    def contrast(self) -> Contrast:
+        """Contrast of the warped light in which an error would show: probes are rather placed where there is much."""
         ...
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:

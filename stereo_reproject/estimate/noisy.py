@@ -13,7 +13,7 @@ from ..images.effects_pass import materials_of
 from ..images.passes import is_light
 from .bias import SourceNoise, bias_of
 from .evidence import ProbeTraces, TileEvidence, measure_tiles
-from .probes import Probes, place_random_probes
+from .probes import Probes
 from .target import Target
 
 
@@ -27,11 +27,6 @@ class NoisyEstimator:
 
     contrast: Contrast
     single_samples: Callable[[tuple[NDArray[np.intp], NDArray[np.intp]]], NDArray[np.float32]]
-
-    def place(self, warped: NDArray[np.bool_], *, spacing: int, seed: int) -> Probes:
-        """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W), rather where there
-        is contrast."""
-        return place_random_probes(warped, spacing=spacing, seed=seed, contrast=self.contrast)
 
     def measure(self, target: Target, probes: Probes, traces: ProbeTraces) -> tuple[Target, TileEvidence]:
         """Return the target with its slow errors corrected, and the evidence of its tiles, as `Estimator` says."""

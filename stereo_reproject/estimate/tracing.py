@@ -24,7 +24,7 @@ from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
-from .probes import Probes
+from .probes import Probes, place_random_probes
 from .refinement import choose_tiles, outlier_tiles
 from .target import Provenance, Target
 from .tuning import TUNING
@@ -254,8 +254,9 @@ class ProbedTracing:
         The target gets these pixels, its probes flagged, and is corrected by what they tell. A probe's pixel becomes
         the mean of its two traces. spacing is the side of the tiles that have a probe each, seed that of their places.
         """
-        assert self._estimator is not None
-        probes = self._estimator.place(self.target.warped, spacing=spacing, seed=seed)
+        estimator = self._estimator
+        assert estimator is not None
+        probes = place_random_probes(self.target.warped, spacing=spacing, seed=seed, contrast=estimator.contrast)
         pixels = holes | probes.mask
         traced = self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))
         count = int(pixels.sum())
@@ -271,7 +272,7 @@ class ProbedTracing:
         self.target.put(pixels, first)
         self.target.put(probes.mask, means)
         target = self.target.flagged(probes.mask, Provenance.PROBE)
-        self.target, evidence = self._estimator.measure(target, probes, traces)
+        self.target, evidence = estimator.measure(target, probes, traces)
         return evidence
 
     def _reflected_light(self, probes: Probes, once: Passes, again: Passes) -> ReflectedLight | None:

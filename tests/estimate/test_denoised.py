@@ -10,6 +10,7 @@ from stereo_reproject.estimate.denoised import DenoisedEstimator
 from stereo_reproject.estimate.estimator import light_that_differs
 from stereo_reproject.estimate.evidence import ProbeTraces, ReflectedLight
 from stereo_reproject.estimate.noise_ratio import estimate
+from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.estimate.refinement import choose_tiles
 from stereo_reproject.estimate.target import Provenance, Target
 from stereo_reproject.images.contrast import contrast_of
@@ -71,7 +72,8 @@ class Frame:
         passes = {name: image.copy() for name, image in self.passes.items()}
         target, uncorrected = Target.of_warp("right", passes, np.zeros(SIZE, np.uint16)), None
         for spacing in spacings:
-            probes = estimator.place(target.warped, spacing=spacing, seed=int(self.rng.integers(1 << 30)))
+            seed = int(self.rng.integers(1 << 30))
+            probes = place_random_probes(target.warped, spacing=spacing, seed=seed, contrast=contrast)
             place = probes.rows, probes.columns
             (once, first), (again, second) = self.traced(probes.mask), self.traced(probes.mask)
             apart = None
