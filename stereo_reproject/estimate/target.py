@@ -68,14 +68,15 @@ class Target:
         """
         return ~self.any_of(Provenance.HOLE | Provenance.REFINED)
 
-    def variance_share(self, warped: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return (H, W) the variance of each pixel of a noisy picture, as a share of that of a plain render's pixel.
+    def variance_share(self, warped: NDArray[np.float32], *, averages_probes: bool) -> NDArray[np.float32]:
+        """Return (H, W) the variance of each pixel, as a share of that of a plain render's pixel.
 
-        A pixel that comes from the warp has the share that is given for it, `warped` (H, W); a traced one has 1, and a
-        probe, which is the mean of two traces, has 0.5.
+        A pixel that comes from the warp has the share that is given for it, `warped` (H, W), and a traced one has 1. A
+        probe has 0.5 where its pixel is the mean of its two traces in the end (averages_probes), and else 1.
         """
         share = np.where(self.warped, warped, np.float32(1.0))
-        share[self.any_of(Provenance.PROBE)] = 0.5
+        if averages_probes:
+            share[self.any_of(Provenance.PROBE)] = 0.5
         return share
 
     def any_of(self, flags: Provenance) -> NDArray[np.bool_]:

@@ -73,10 +73,15 @@ class WarpedTarget:
     @property
     def variance_share(self) -> NDArray[np.float32]:
         """Share (H, W) of a plain render's variance that each pixel has once it is warped: 1 in a denoised picture,
-        whose noise is smooth."""
+        whose noise is smooth, so that a lookup between pixels takes nothing from it."""
         if self.denoising is not None:
             return np.ones(self.reprojection.reasons.shape, np.float32)
         return self.reprojection.variance_share
+
+    def variance_share_of(self, target: Target) -> NDArray[np.float32]:
+        """Return (H, W) the variance of each pixel of this target, completed, as a share of that of a plain
+        render's."""
+        return target.variance_share(self.variance_share, averages_probes=self.denoising is None)
 
 
 class TargetTracing(Protocol):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..images.exr import CRYPTOMATTE_ATTRIBUTE_PREFIX
 from ..images.passes import Passes
-from .frame import StereoFrame
+from .stereo_frame import StereoFrame
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..images.effects import EffectsPlan
-from ..pipeline.frame import StereoFrame, traced_fractions
+from ..pipeline.stereo_frame import StereoFrame, traced_fractions
 from ..pipeline.stereo_pair import StereoPair
 from ..settings.accuracy import accuracy_of
 from ..settings.frame import StereoSettings

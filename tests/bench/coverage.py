@@ -119,7 +119,8 @@ def measure_run(
     name: str, working: Any, folder: Path, references: References, accuracy: str, seed: int, fill: str
 ) -> Run:
     from stereo_reproject.blender.engines.renderer import BlenderRenderer
-    from stereo_reproject.pipeline.frame import colour, render_stereo_frame
+    from stereo_reproject.pipeline.frame import render_stereo_frame
+    from stereo_reproject.pipeline.stereo_frame import colour
 
     settings = StereoSettings(accuracy=accuracy, fill=fill)
     working.cycles.seed = seed
@@ -143,7 +144,7 @@ def make_references(name: str, working: Any, folder: Path, options: argparse.Nam
 
     from stereo_reproject.blender.engines.render import render_views
     from stereo_reproject.images.seen_light import display_scale
-    from stereo_reproject.pipeline.frame import colour
+    from stereo_reproject.pipeline.stereo_frame import colour
     from stereo_reproject.warp.composite import replace_non_finite
 
     renders = max(math.ceil(options.reference_samples / options.samples), 2 * GROUPS)

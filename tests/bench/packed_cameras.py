@@ -102,7 +102,7 @@ def measure(name: str, options: argparse.Namespace) -> Measured:
     from stereo_reproject.blender.engines.render import render_views
     from stereo_reproject.blender.scene.working import open_blend, rendered_layer, working_scene
     from stereo_reproject.images.seen_light import display_scale
-    from stereo_reproject.pipeline.frame import colour
+    from stereo_reproject.pipeline.stereo_frame import colour
     from stereo_reproject.warp.composite import replace_non_finite
 
     interocular, convergence = EYES[name]
@@ -146,7 +146,8 @@ def _turn(
     with_passes: bool,
 ) -> Turn:
     from stereo_reproject.blender.commands.compare import flips
-    from stereo_reproject.pipeline.frame import colour, render_stereo_frame
+    from stereo_reproject.pipeline.frame import render_stereo_frame
+    from stereo_reproject.pipeline.stereo_frame import colour
 
     frame = render_stereo_frame(renderer, settings)
     eye = frame.eyes[settings.target]

@@ -147,7 +147,7 @@ class Scene:
         _, _, reference, again = self._shifted(seed)
         ours = target.colour
         renders = ours, reference, again
-        honest = honest_ratio(*renders, target.variance_share(self.warped.variance_share))
+        honest = honest_ratio(*renders, target.variance_share(self.warped.variance_share, averages_probes=True))
         truth = honest, noise_ratio(*renders), worst_tiles(*renders), wrong_tiles(*renders)
         return Outcome(self.name, knob.name, value, seed, float(np.mean(target.traced)), *truth, estimate)
 

@@ -162,5 +162,7 @@ def test_what_is_wrong_by_less_than_a_display_step_is_not_wrong():
 def test_the_shares_of_a_target_are_those_of_where_its_pixels_are_from():
     provenance = np.array([[0, Provenance.HOLE, Provenance.PROBE, Provenance.REFINED]], np.uint8)
     provenance = np.concatenate([provenance, [[0, 0, Provenance.PROBE | Provenance.REFINED, 0]]])
-    share = Target("right", {}, provenance).variance_share(np.full(provenance.shape, 0.7, np.float32))
-    np.testing.assert_array_equal(share, np.float32([[0.7, 1.0, 0.5, 1.0], [0.7, 0.7, 0.5, 0.7]]))
+    target, warped = Target("right", {}, provenance), np.full(provenance.shape, 0.7, np.float32)
+    for averages, probe in ((True, 0.5), (False, 1.0)):
+        share = target.variance_share(warped, averages_probes=averages)
+        np.testing.assert_array_equal(share, np.float32([[0.7, 1.0, probe, 1.0], [0.7, 0.7, probe, 0.7]]))

@@ -15,9 +15,11 @@ from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.metrics import honest_ratio, noise_ratio, worst_tiles
 from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS, NORMAL_PASS
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.pipeline.frame import Stopwatch, render_stereo_frame, traced_fractions
+from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.pipeline.matched_tracing import MatchedTracing
 from stereo_reproject.pipeline.shared_findings import SharedFindings
+from stereo_reproject.pipeline.stereo_frame import traced_fractions
+from stereo_reproject.pipeline.stopwatch import Stopwatch
 from stereo_reproject.settings.accuracy import Accuracy
 from stereo_reproject.settings.frame import StereoSettings
 from stereo_reproject.settings.tuning import TUNING
@@ -79,7 +81,7 @@ BOX_REACH = 1.5
 
 @dataclass
 class Caster:
-    """A renderer that the pipeline can ask, after `pipeline.frame.Renderer`; it remembers what it was asked."""
+    """A renderer that the pipeline can ask, after `pipeline.renderer.Renderer`; it remembers what it was asked."""
 
     world: World
     cameras: dict
@@ -521,7 +523,7 @@ def test_a_fill_is_chosen_knowing_how_deep_the_scene_is(world):
 
 def test_stages_are_told_as_they_begin_and_timed():
     told = []
-    frame = render_stereo_frame(caster(), settings(), on_stage=told.append)
+    frame = render_stereo_frame(caster(), settings(), watch=Stopwatch(told.append))
     assert told == ["source", "warp", "fill", "refine", "composite", "account"]
     assert set(frame.seconds) == {*told, "total"}
     assert frame.seconds["total"] == pytest.approx(sum(frame.seconds[stage] for stage in told[:-1]))

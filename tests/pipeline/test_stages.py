@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from stereo_reproject.pipeline.frame import Stopwatch
 from stereo_reproject.pipeline.stages import Stage, in_order, label_of, words_of
+from stereo_reproject.pipeline.stopwatch import Stopwatch
 
 
 def test_stages_are_listed_in_the_order_of_a_run():

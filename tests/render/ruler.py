@@ -13,7 +13,8 @@ from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.rig import stereo_cameras
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.metrics import tone
-from stereo_reproject.pipeline.frame import StereoFrame, render_stereo_frame
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.stereo_frame import StereoFrame
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from stereo_reproject.views.camera import Camera
 from tests.blender.toolbox import colour, evaluated_camera, px_from_world, render_plain

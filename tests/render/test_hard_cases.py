@@ -12,7 +12,7 @@ import pytest
 
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import COLOUR_PASS
-from stereo_reproject.pipeline.frame import StereoFrame
+from stereo_reproject.pipeline.stereo_frame import StereoFrame
 from stereo_reproject.settings.accuracy import SETTINGS
 from tests.blender.toolbox import colour
 from tests.render import hard_scenes

@@ -13,7 +13,8 @@ from stereo_reproject.blender.commands.inspection import inspect_scene
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import open_blend, working_scene
 from stereo_reproject.images.effects import Effect
-from stereo_reproject.pipeline.frame import render_stereo_frame, traced_fractions
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.stereo_frame import traced_fractions
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import empty_scene, mirror_before_wall
 

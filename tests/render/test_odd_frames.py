@@ -6,7 +6,8 @@ import pytest
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
-from stereo_reproject.pipeline.frame import render_stereo_frame, traced_fractions
+from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.stereo_frame import traced_fractions
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import Material, add_camera, add_plane, colour, diffuse, empty_scene, set_background
 from tests.render import hard_scenes

@@ -8,7 +8,7 @@ from stereo_reproject.blender.api import StereoSettings, render_frame
 from stereo_reproject.blender.gpu import warp as gpu_warp
 from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.holes.reprojection import reproject
-from stereo_reproject.pipeline import frame as pipeline
+from stereo_reproject.pipeline import warping
 from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.views.view import View
@@ -56,7 +56,7 @@ def rendered(blend, folder, interocular, convergence):
     )
     scene = open_blend(blend)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "reproject", taken)
+        patch.setattr(warping, "reproject", taken)
         with pytest.raises(WarpedError):
             render_frame(folder, StereoSettings(warp="numpy", scene=overrides), scene=scene)
     return handed[0]

@@ -10,8 +10,8 @@ from stereo_reproject.images.effects import Effect, EffectsPlan, Finding
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.matching.matching import Correction
 from stereo_reproject.pipeline.effect_costs import EffectCost
-from stereo_reproject.pipeline.frame import StereoFrame
 from stereo_reproject.pipeline.next_accuracy import NextAccuracy
+from stereo_reproject.pipeline.stereo_frame import StereoFrame
 from stereo_reproject.pipeline.stereo_pair import StereoPair
 from stereo_reproject.trace.costs import TraceCosts
 from stereo_reproject.trace.fill import FillChoice, SourceCost

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...images.metrics import bias_sigmas, honest_ratio, noise_ratio, rmse, worst_tiles, wrong_tiles
 from ...images.seen_light import MIDDLE_GREY, display_scale, scaled_colour
-from ...pipeline.frame import colour
+from ...pipeline.stereo_frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import ABSENT, Absent
 from ...report.frame_report import CompareReport

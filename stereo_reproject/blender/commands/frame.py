@@ -21,10 +21,12 @@ from ...images.ranges import range_warnings
 from ...images.seen_light import scaled_colour
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import DIFFERENCE, pair_files
-from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame
+from ...pipeline.frame import render_stereo_frame
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import Stage
+from ...pipeline.stereo_frame import StereoFrame, colour
 from ...pipeline.stereo_pair import StereoPair
+from ...pipeline.stopwatch import Stopwatch
 from ...report.as_json import ABSENT, as_json
 from ...report.estimates import estimate_map
 from ...report.frame_report import FrameReport, MemoryReport, ParallaxReport

@@ -15,9 +15,9 @@ from ...images.exr import VIEWS, write_eye
 from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
-from ...pipeline.frame import colour
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import RENDERING, Stage
+from ...pipeline.stereo_frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import as_json
 from ...sequence.fingerprints import Fingerprints, digest

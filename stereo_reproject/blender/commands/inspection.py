@@ -19,7 +19,6 @@ from ...images.effects import SEEN_DIFFERENTLY, Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, Passes, deepest
 from ...images.seen_light import display_scale, scaled_light
-from ...pipeline.frame import interpolations_of
 from ...pipeline.prediction import (
     Sketch,
     effect_shares,
@@ -32,6 +31,7 @@ from ...pipeline.prediction import (
     sketch_accuracy,
 )
 from ...pipeline.stages import Stage
+from ...pipeline.warping import interpolations_of
 from ...report.as_json import as_json
 from ...report.header import ReportHeader
 from ...report.inspection import INSPECTION_SCHEMA, effects_rows

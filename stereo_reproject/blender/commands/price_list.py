@@ -27,8 +27,10 @@ from ...files import write_json
 from ...images.passes import MASKED_PASS, Passes, deepest
 from ...images.reasons import Reason
 from ...images.reflected_light import glossy_mask
-from ...pipeline.frame import StereoFrame, Stopwatch, colour, render_stereo_frame, traced_fractions
+from ...pipeline.frame import render_stereo_frame
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
+from ...pipeline.stereo_frame import StereoFrame, colour, traced_fractions
+from ...pipeline.stopwatch import Stopwatch
 from ...report.as_json import as_json
 from ...report.chart_canvas import check_charts
 from ...settings.frame import StereoSettings

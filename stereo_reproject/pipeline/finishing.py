@@ -1,0 +1,143 @@
+"""The finished frame: the target's passes as users get them, and the account of how they came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..estimate.target import Provenance, Target
+from ..estimate.tracing import Refinement
+from ..images.denoising import Denoising, denoise_target
+from ..images.effects import Effect
+from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
+from ..images.passes import Passes, without_internal_passes
+from ..images.reasons import Reason
+from ..images.seen_light import scaled_light
+from ..trace.fill import FillChoice
+from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
+from .effect_costs import EffectCost, effect_costs
+from .next_accuracy import FinishedTarget, NextAccuracy, cost_of
+from .source import Source
+from .stages import OUTSIDE_TOTAL
+from .stereo_frame import StereoFrame
+from .task import FrameTask
+from .warping import WarpedSource, interpolations_of
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The target after it was warped and traced, with all that did it and their results."""
+
+    source: Source
+    warped: WarpedSource
+    fill: FillChoice
+    refinement: Refinement
+
+    @property
+    def target(self) -> Target:
+        """The target itself."""
+        return self.warped.tracing.target
+
+
+@dataclass(frozen=True)
+class FinishedPasses:
+    """The target's passes as they are in the end, with 0 for what was no number; lost is the number of pixels that had
+    any such value."""
+
+    passes: Passes
+    lost: int
+
+
+def composited(task: FrameTask, done: Completed) -> FinishedPasses:
+    """Return the target's passes with 0 for values that are no number, and light as bright again as the scene has it.
+
+    Values also count as lost that were looked up where the source's own were no number. The passes of `done` are let
+    go: a denoiser needs memory for a large picture several times over.
+    """
+    target, source, reprojection = done.target, done.source, done.warped.target.reprojection
+    finished, _ = replace_non_finite(target.passes)
+    dark = not_numbers(target.passes)
+    interpolation, _ = interpolations_of(task.settings.interpolation, denoised=False)
+    for name, pixels in spoilt([source.lost], reprojection.warp, interpolation=interpolation).items():
+        warped = pixels & ~target.traced
+        if name in finished and warped.any():
+            finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])
+            dark[name] = warped | dark.get(name, False)
+    result = FinishedPasses(scaled_light(finished, 1.0 / source.light_scale), count_pixels(dark))
+    for replaced in (target.passes, reprojection.passes):
+        replaced.clear()
+    return result
+
+
+def denoised(done: Completed, finished: FinishedPasses, denoising: Denoising) -> FinishedPasses:
+    """Return the target's finished passes with the colour of its traced pixels denoised."""
+    target = done.target
+    refined = target.any_of(Provenance.REFINED)
+    passes = denoise_target(finished.passes, target.keeps_warped_colour, denoising, refined=refined)
+    return replace(finished, passes=passes)
+
+
+def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -> StereoFrame:
+    """Return the finished frame, with the account of what each effect cost, which is not in the total seconds."""
+    source, warped, target = done.source, done.warped, done.target
+    reprojection, account = warped.target.reprojection, _account_of(task, done, finished.passes)
+    names = task.settings.source, task.settings.target
+    task.watch.lap()
+    return StereoFrame(
+        eyes=dict(zip(names, (source.rendered, without_internal_passes(finished.passes)), strict=True)),
+        reasons=account.reasons,
+        traced=target.traced,
+        variance_share=warped.target.variance_share_of(target),
+        grid=reprojection.grid,
+        fill=done.fill,
+        refinement=done.refinement,
+        pilot_share=warped.tracing.pilot_share,
+        seconds={**task.watch.seconds, "total": account.total_seconds},
+        source_cost=source.cost,
+        trace_costs=warped.target.planner.costs,
+        effect_costs=account.effect_costs,
+        next_accuracy=account.next_accuracy,
+        invalid_pixels=dict(zip(names, (count_pixels(source.lost), finished.lost), strict=True)),
+        metadata=dict(task.renderer.metadata),
+        correction=warped.tracing.correction,
+        warped_by=reprojection.warped_by,
+        gpu=warped.gpu if reprojection.warped_by == "gpu" else None,
+        light_scale=source.light_scale,
+    )
+
+
+@dataclass(frozen=True)
+class _Account:
+    """The account of a finished frame: its seconds so far, the target's `Reason` flags (H, W), the cost of each effect,
+    and that of the next better accuracy."""
+
+    total_seconds: float
+    reasons: NDArray[np.uint16]
+    effect_costs: dict[Effect, EffectCost]
+    next_accuracy: NextAccuracy
+
+
+def _account_of(task: FrameTask, done: Completed, finished: Passes) -> _Account:
+    """Return the account of a frame whose target has these finished passes."""
+    warped, refinement, target = done.warped, done.refinement, done.target
+    total = sum(seconds for stage, seconds in task.watch.seconds.items() if stage not in OUTSIDE_TOTAL)
+    seconds = {**task.watch.seconds, "total": total}
+    reprojection, planner = warped.target.reprojection, warped.target.planner
+    reasons = _all_reasons(reprojection.reasons, target)
+    shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN_EFFECTS)
+    evidence = None if refinement.whole else refinement.evidence
+    spent = effect_costs(task.renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
+    whole, probed = bool(target.traced.all()), warped.target.needs_probes
+    completed = FinishedTarget(warped.better_holes, planner, done.fill, refinement, probed, is_whole=whole)
+    return _Account(total, reasons, spent, cost_of(warped.better, completed, seconds))
+
+
+def _all_reasons(reasons: NDArray[np.uint16], target: Target) -> NDArray[np.uint16]:
+    """Return the warp's reasons (H, W), with PROBE and REFINED added for the target's probes and refined tiles."""
+    result = reasons.copy()
+    probes = target.any_of(Provenance.PROBE)
+    result[probes] |= Reason.PROBE.bit
+    result[target.any_of(Provenance.REFINED) & ~probes] |= Reason.REFINED.bit
+    return result

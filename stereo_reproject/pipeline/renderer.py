@@ -1,0 +1,68 @@
+"""The renderer that the pipeline asks for pictures, as a protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+from numpy.typing import NDArray
+
+from ..estimate.tracing import TargetTracing, WarpedTarget
+from ..images.denoising import Denoise
+from ..images.effects import EffectsPlan
+from ..images.passes import Passes
+from ..trace.costs import TraceCosts
+from ..trace.fill import SourceCost
+from ..trace.planner import FillPlanner
+from ..trace.requests import TraceRequest
+from ..views.camera import Camera
+from ..views.frustum import Lens
+from ..views.motion import Moving
+from ..warp.warper import Warper
+
+
+class Renderer(Protocol):
+    """Protocol of an object that renders one scene for the pipeline.
+
+    `stereo_reproject.blender.engines.renderer` has the one that ships; tests have others, without Blender.
+    """
+
+    cameras: Mapping[str, Camera]
+    """Cameras by view name."""
+    plan: EffectsPlan
+    """Effects that the scene calls for; where none of them may look different from each eye, no probe is traced."""
+    lens: Lens
+    """Lens of both eyes."""
+    gpu: Callable[[], Warper | None]
+    """Finds a GPU that can warp."""
+    volumes: Sequence[NDArray]
+    """Corners (8, 3) in the world of a box around each volume, infinite for one that may be anywhere."""
+    seed: int
+    """Seed of the scene's noise; the places of the probes follow from it."""
+    motion: Mapping[str, Moving] | None
+    """Motion of each eye in the frames around this one; None where no pass asks for it."""
+    metadata: Mapping[str, str]
+    """Texts of Blender's that belong to the passes rendered so far, as they stand in a file's header."""
+    denoise: Denoise | None
+    """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
+
+    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+        """Render the source eye, which is the view of this name; return its passes, whole and not denoised, and its
+        cost."""
+        ...
+
+    def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:
+        """Return by fill method the reason, in words, why it cannot be used for this scene, or None where it can.
+
+        deepest is the greatest depth that the source sees, in scene units; 0 as long as that is not known.
+        """
+        ...
+
+    def measured_costs(self, planner: FillPlanner, request: TraceRequest) -> TraceCosts:
+        """Return the costs of tracing once these pixels were traced only to measure them, as
+        `calibration.CostMeasurer` says. Asked of an animation's first frame alone."""
+        ...
+
+    def tracing_of(self, warped: WarpedTarget) -> TargetTracing:
+        """Return what completes a warped target: with probes, or by another engine that is matched to the source's."""
+        ...

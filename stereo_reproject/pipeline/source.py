@@ -1,0 +1,87 @@
+"""The source eye: rendered, cleaned and denoised, ready to be warped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..images.denoising import Denoising, denoise_source, remaining_noise
+from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
+from ..images.seen_light import display_scale, scaled_light
+from ..settings.accuracy import Accuracy, for_denoised, for_size
+from ..trace.fill import SourceCost
+from ..warp.composite import not_numbers, replace_non_finite
+from ..warp.rendered_view import RenderedView
+from .stages import Stage
+from .task import FrameTask
+
+
+@dataclass(frozen=True)
+class Source:
+    """The rendered source eye, ready to be warped.
+
+    seen has its passes, with the denoised colour where the scene denoises, and with their light multiplied by
+    light_scale, by which it is warped and judged. lost has masks (H, W), by pass, of the pixels that were
+    no number, where seen has 0. denoising is None where the scene does not denoise. accuracy is that of the frame,
+    adapted to its size and to denoising.
+    """
+
+    seen: RenderedView
+    light_scale: float
+    lost: Mapping[str, NDArray[np.bool_]]
+    denoising: Denoising | None
+    accuracy: Accuracy
+
+    @property
+    def cost(self) -> SourceCost:
+        """Measured cost of the source render."""
+        assert self.seen.cost is not None
+        return self.seen.cost
+
+    @property
+    def rendered(self) -> Passes:
+        """Passes of the eye with light as bright as the scene has it; copies, where that is not as it is seen."""
+        return scaled_light(self.seen.passes, 1.0 / self.light_scale)
+
+    def for_users(self) -> Source:
+        """Return the source without the passes that only the warp and the hole rules read: those that users get."""
+        return replace(self, seen=replace(self.seen, passes=without_internal_passes(self.seen.passes)))
+
+
+def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
+    """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
+
+    accuracy is that of the frame, for a picture of `SettingsTuning.unscaled_picture_px`. Stages begin on the task's
+    watch. The light is scaled to be judged as it is seen.
+    """
+    renderer, watch, target = task.renderer, task.watch, task.target.camera
+    accuracy = for_size(accuracy, target.width * target.height)
+
+    watch.lap(Stage.SOURCE)
+    passes, cost = renderer.render_source(task.settings.source)
+    lost = not_numbers(passes)
+    passes, invalid = replace_non_finite(passes)
+    denoising = None
+    if renderer.denoise is not None:
+        watch.lap(Stage.DENOISE_SOURCE)
+        denoising, accuracy = Denoising(renderer.denoise), for_denoised(accuracy)
+        passes = denoise_source(passes, denoising)
+        cost = replace(cost, denoise_seconds=watch.seconds_so_far)
+
+    scale = display_scale(passes[COLOUR_PASS])
+    seen = RenderedView(task.source, scaled_light(passes, scale), invalid, cost)
+    del passes
+    if denoising is not None and task.may_differ and accuracy.promise is not None:
+        denoising = _measured(denoising, seen.passes, task)
+    return Source(seen, scale, lost, denoising, accuracy)
+
+
+def _measured(denoising: Denoising, passes: Passes, task: FrameTask) -> Denoising:
+    """Return the denoiser with the noise that it leaves in these passes, measured or found by another frame: the
+    probes' estimate needs it."""
+    find = partial(remaining_noise, passes, denoising.denoise)
+    return replace(denoising, remaining_noise=task.findings.remaining_noise(find))

@@ -1,0 +1,121 @@
+"""The source warped into the target, with what plans and does the tracing of its holes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..estimate.tracing import TargetTracing, WarpedTarget
+from ..holes.classifier import Optics
+from ..holes.reprojection import Reprojection, reproject
+from ..images.passes import deepest
+from ..trace.costs import TraceCosts
+from ..trace.fill import check_fill
+from ..trace.planner import FillPlanner
+from ..warp.options import WarpOptions
+from ..warp.stage import choose_warper, seconds_taken
+from ..warp.warper import NUMPY, Warper
+from .calibration import calibrated_costs, worth_measuring
+from .next_accuracy import WHOLE, holes_of, next_better
+from .source import Source
+from .stages import Stage
+from .task import FrameTask
+
+
+@dataclass(frozen=True)
+class WarpedSource:
+    """The source warped into the target, ready to be traced: the holes, and what plans and does the tracing.
+
+    gpu is the name of the GPU that was chosen to warp, None for NumPy. better is the name of the next better accuracy,
+    and better_holes (H, W) are the holes that it would have, None where that is a full render.
+    """
+
+    target: WarpedTarget
+    tracing: TargetTracing
+    gpu: str | None
+    better: str
+    better_holes: NDArray[np.bool_] | None
+
+
+def warp_source(task: FrameTask, source: Source) -> WarpedSource:
+    """Return the source warped into the target, with what plans and does its tracing.
+
+    All that only tells the holes takes three times as much memory, and is let go here. So the holes of the next better
+    accuracy are found now, though they belong to the account of the finished frame.
+    """
+    reprojection, gpu = _reprojected(task, source)
+    planner = _planner_of(task, source, reprojection)
+    target = WarpedTarget(
+        task.settings.target,
+        reprojection.answered(),
+        planner,
+        source.accuracy,
+        source.denoising,
+        task.may_differ,
+        task.renderer.seed,
+        source.light_scale,
+    )
+    tracing = task.renderer.tracing_of(target)
+    better = next_better(source.accuracy) if tracing.can_promise else WHOLE
+    with task.watch.aside(Stage.ACCOUNT):
+        better_holes = holes_of(better, reprojection, denoised=source.denoising is not None)
+    return WarpedSource(target, tracing, gpu, better, better_holes)
+
+
+def _reprojected(task: FrameTask, source: Source) -> tuple[Reprojection, str | None]:
+    """Return the source warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
+    renderer, settings, target = task.renderer, task.settings, task.target
+    interpolations = interpolations_of(settings.interpolation, denoised=source.denoising is not None)
+    warp = partial(
+        reproject,
+        [source.seen],
+        target,
+        source.accuracy,
+        optics=Optics(renderer.lens, renderer.volumes),
+        options=WarpOptions(settings.grid_threshold, *interpolations),
+    )
+
+    def is_faster(gpu: Warper) -> bool:
+        return task.findings.gpu_is_faster(lambda: seconds_taken(run, gpu) < seconds_taken(run, NUMPY))
+
+    def run(warper: Warper) -> object:
+        return warp(warper=warper).reasons
+
+    warper = choose_warper(settings.warp, target.camera.width * target.camera.height, renderer.gpu, is_faster)
+    return warp(warper=warper), warper.device
+
+
+def _planner_of(task: FrameTask, source: Source, reprojection: Reprojection) -> FillPlanner:
+    """Return the planner of the frame's traces, which knows the costs of tracing, or measures them first.
+
+    Raises BadInputError where the fill method that was asked for cannot be used for what the source shows.
+    """
+    renderer, settings = task.renderer, task.settings
+    blockers = renderer.fill_blockers(deepest(source.seen.passes))
+    check_fill(settings.fill, blockers)
+    # Only now is it certain by which packed camera pixels are traced, each of which has costs of its own.
+    costs = task.known_costs()
+    planner = FillPlanner(settings.fill, task.findings.cost(source.cost), blockers, costs)
+
+    def measure() -> TraceCosts:
+        holes = reprojection.reasons > 0
+        if not worth_measuring(planner, holes):
+            return costs
+        task.watch.lap(Stage.PILOT)
+        return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
+
+    return replace(planner, costs=task.findings.trace_costs(costs, measure))
+
+
+def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:
+    """Return two interpolations for a warp: that of most passes, and that of the colour.
+
+    asked is one of the settings' names; for "auto" they are linear, but for the colour cubic in a denoised picture and
+    adaptive in a noisy one.
+    """
+    if asked != "auto":
+        return asked, asked
+    return "linear", "cubic" if denoised else "adaptive"
