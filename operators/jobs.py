@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import bpy
 
+from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
 from ..stereo_reproject.blender.scene.rig import check_camera
-from ..stereo_reproject.blender.scene.working import camera_at, check_engine, check_layers
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.jobs.progress import clock
 from ..stereo_reproject.pipeline.stages import words_of

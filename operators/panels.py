@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
-from ..stereo_reproject.blender.scene.working import CYCLES, EEVEE
+from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
 from ..stereo_reproject.report.verdict import accuracy_name, duration
 from .details import Details
 from .drawing import draw_buttons, draw_outcome, paragraph

@@ -12,8 +12,9 @@ from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result
 from ..stereo_reproject.blender.scene.denoiser import has_denoiser
+from ..stereo_reproject.blender.scene.rendered import CYCLES, layers_to_render
 from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
-from ..stereo_reproject.blender.scene.working import CYCLES, MIN_SIDE_PX, layers_to_render
+from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress

@@ -16,7 +16,8 @@ import bpy
 
 from ..stereo_reproject.blender.commands.processes import UNSAVED, module_in_blender, save_copy
 from ..stereo_reproject.blender.scene.devices import devices_in_use
-from ..stereo_reproject.blender.scene.working import layers_to_render, scene_key
+from ..stereo_reproject.blender.scene.rendered import layers_to_render
+from ..stereo_reproject.blender.scene.working import scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.jobs.progress import Progress

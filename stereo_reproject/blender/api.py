@@ -30,8 +30,9 @@ from .commands.frame import render_files
 from .commands.inspection import inspect_scene
 from .commands.processes import save_copy
 from .output.animation_output import existing_as_set
+from .scene.rendered import layers_to_render
 from .scene.warnings import warnings_ahead
-from .scene.working import layers_to_render, scene_key
+from .scene.working import scene_key
 
 __all__ = (
     "BadInputError",

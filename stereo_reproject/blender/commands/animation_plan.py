@@ -22,7 +22,8 @@ from ...settings.frame import SceneOverrides, StereoSettings
 from ..output.animation_output import Output
 from ..output.frame_writer import holes_name
 from ..scene.fingerprint import scene_fingerprints
-from ..scene.working import changed, scene_frames
+from ..scene.rendered import scene_frames
+from ..scene.working import changed
 
 ANNOUNCED_FRAMES = 20_000
 """Number of frames from which the user is told that they are planned, since that takes seconds."""

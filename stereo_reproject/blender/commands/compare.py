@@ -23,7 +23,8 @@ from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
 from ..output.delivery import deliver_side_by_side
 from ..output.pictures import read_png
-from ..scene.working import CYCLES, rendered_layer, working_scene
+from ..scene.rendered import CYCLES
+from ..scene.working import rendered_layer, working_scene
 
 REFERENCE_SEED_OFFSET = 3_000_017
 """Added to the scene's seed for multiview: noise that ours has must not be measured as agreement."""

@@ -41,9 +41,10 @@ from ..output.delivery import deliver_composited, deliver_side_by_side
 from ..output.output_paths import check_file_outputs
 from ..output.pictures import write_difference, write_estimate, write_grid, write_holes
 from ..scene.compositor import is_composited
+from ..scene.rendered import CYCLES, check_layers
 from ..scene.rig import frame_region
 from ..scene.warnings import scene_warnings
-from ..scene.working import CYCLES, WorkingScenes, check_layers, evaluated
+from ..scene.working import WorkingScenes, evaluated
 from .compare import compare_with_multiview
 from .known_costs import known_costs, learn_costs
 

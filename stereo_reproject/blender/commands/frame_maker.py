@@ -30,7 +30,8 @@ from ...settings.frame import StereoSettings
 from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
 from ..output.pictures import write_hole_mask
-from ..scene.working import WorkingScenes, camera_at
+from ..scene.rendered import camera_at
+from ..scene.working import WorkingScenes
 from .compare import compare_with_multiview
 from .frame import render_pair, value_warnings
 from .processes import module_in_blender

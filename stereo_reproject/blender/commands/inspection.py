@@ -47,9 +47,10 @@ from ...warp.rendered_view import RenderedView
 from ..engines.eevee import renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import without_time_limit
+from ..scene.rendered import CYCLES
 from ..scene.rig import frame_region
 from ..scene.warnings import first_layer_alone, scene_warnings
-from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
+from ..scene.working import make_small, rendered_layer, working_scene
 from .frame import parallax_report, report_header
 from .known_costs import known_costs
 

@@ -50,8 +50,9 @@ from ...tradeoff.charts import draw_charts
 from ...views.camera import Camera
 from ..engines.ray_passes import LIGHT_SWITCHES
 from ..engines.renderer import BlenderRenderer
+from ..scene.rendered import CYCLES
 from ..scene.warnings import first_layer_alone, scene_warnings
-from ..scene.working import CYCLES, make_small, rendered_layer, working_scene
+from ..scene.working import make_small, rendered_layer, working_scene
 from .compare import MultiviewReference, render_reference
 from .frame import report_header
 from .known_costs import known_costs

@@ -21,7 +21,8 @@ from ...trace.requests import TraceRequest
 from ...views.camera import ray_length_per_depth
 from ..scene.denoiser import has_denoiser
 from ..scene.engine_support import engine_warnings, unmatched_materials
-from ..scene.working import CYCLES, rendered_layer
+from ..scene.rendered import CYCLES
+from ..scene.working import rendered_layer
 from .denoise import ALBEDO, NORMAL, denoise_pictures
 from .mask_card import trace_card
 from .packed_views import without_added_positions

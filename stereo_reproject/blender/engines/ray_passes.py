@@ -15,7 +15,8 @@ from ...images.passes import (
     Passes,
 )
 from ...images.reflected_light import LIGHT_PASS_PREFIXES, LIGHT_PASS_SUFFIXES, light_pass_names, reflected_light
-from ..scene.working import CYCLES, rendered_layer
+from ..scene.rendered import CYCLES
+from ..scene.working import rendered_layer
 from .denoise import DEPTH, GUIDES
 
 GLOSSY_COLOUR = "Glossy Color" if bpy.app.version >= (5, 0, 0) else "GlossCol"

@@ -13,7 +13,8 @@ import bpy
 from ...errors import BadInputError, StereoReprojectError
 from ...images.exr import read_render
 from ...images.passes import Passes
-from ..scene.working import CYCLES, changed, rendered_layer
+from ..scene.rendered import CYCLES
+from ..scene.working import changed, rendered_layer
 
 
 @dataclass(frozen=True)

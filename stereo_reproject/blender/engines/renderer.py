@@ -32,9 +32,10 @@ from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
 from ..scene.denoiser import denoises
 from ..scene.effects import plan_effects
 from ..scene.motion import eyes_in_motion, vector_pass_asked_for
+from ..scene.rendered import CYCLES
 from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, mirror_boxes, volume_boxes
-from ..scene.working import CYCLES, changed, evaluated, rendered_layer
+from ..scene.working import changed, evaluated, rendered_layer
 from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_camera import PackedCamera

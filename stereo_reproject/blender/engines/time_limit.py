@@ -17,8 +17,9 @@ import numpy as np
 from ...images.passes import Passes, cryptomatte_of
 from ...images.sample_count import sample_count
 from ..scene.cryptomatte import switch_on_cryptomatte
+from ..scene.rendered import CYCLES
 from ..scene.rig import frame_region
-from ..scene.working import CYCLES, changed, rendered_layer
+from ..scene.working import changed, rendered_layer
 from .render import Rendered, cycles_seconds
 
 COUNTS = "Debug Sample Count"

@@ -20,7 +20,7 @@ from ...sequence.journal import Journal
 from ...sequence.listing import Listing
 from ...sequence.report import report_path
 from ...settings.animation import AnimationSettings
-from ..scene.working import scene_frames
+from ..scene.rendered import scene_frames
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie

@@ -23,8 +23,9 @@ from ...images.passes import COLOUR_PASS, Passes, pass_letters, to_blender
 from ..engines.render import call_render, output_path, written_to
 from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
 from ..scene.effects import is_animated
+from ..scene.rendered import camera_at, main_layer
 from ..scene.stand_ins import new_names, renamed_metadata, stand_ins
-from ..scene.working import camera_at, changed, main_layer, return_to_own_frame, stand_at
+from ..scene.working import changed, return_to_own_frame, stand_at
 from .image_settings import copy_settings, side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png

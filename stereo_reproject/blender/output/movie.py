@@ -16,7 +16,7 @@ from ...delivery.stereo_mode import write_stereo_mode_of
 from ...errors import BadInputError, StereoReprojectError
 from ...files import made_in
 from ...images.exr import VIEWS, read_colours
-from ..scene.working import main_layer
+from ..scene.rendered import main_layer
 from .delivery import deliver_movie
 from .image_settings import format_kept
 from .layouts import LINEAR, display_values

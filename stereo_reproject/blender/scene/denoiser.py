@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .working import CYCLES, rendered_layer
+from .rendered import CYCLES
+from .working import rendered_layer
 
 
 def denoises(scene: bpy.types.Scene) -> bool:

@@ -12,9 +12,10 @@ from ...images.effects import EEVEE_HANDLING, HANDLING, NOT_CALLED_FOR, SEEN_DIF
 from .denoiser import denoises
 from .instancing import brought_along
 from .materials import Shadings, world_shading
+from .rendered import CYCLES, layers_to_render
 from .rig import stereo_cameras
 from .visible import STRANDS, Seen, aperture_radius, visible_objects
-from .working import CYCLES, evaluated, is_kept, layers_to_render, rendered_layer
+from .working import evaluated, is_kept, rendered_layer
 
 DEFAULT_SURFACE = "default_surface"
 """Cycles' name for the material of an object that has none."""

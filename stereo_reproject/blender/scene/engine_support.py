@@ -13,9 +13,10 @@ from ...images.effects import Effect
 from ...views.camera import Camera
 from .materials import Shadings, uses_nodes
 from .node_trees import is_fed, upstream
+from .rendered import CYCLES
 from .rig import stereo_cameras
 from .visible import Seen, visible_objects
-from .working import CYCLES, evaluated, rendered_layer
+from .working import evaluated, rendered_layer
 
 EEVEE_TARGET = "EEVEE"
 

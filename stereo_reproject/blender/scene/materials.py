@@ -9,7 +9,7 @@ import bpy
 from ...images.effects import Effect
 from ...warp.tuning import TUNING as WARP_TUNING
 from .node_trees import WORLD_OUTPUTS, Groups, constant, depends_on_camera, is_constant, is_fed, origin, upstream
-from .working import CYCLES
+from .rendered import CYCLES
 
 MAX_CAUSTIC_ROUGHNESS = 0.25
 """Roughness below which a surface is taken to throw caustics."""

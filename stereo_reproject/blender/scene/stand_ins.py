@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import bpy
 
-from .working import camera_at
+from .rendered import camera_at
 
 
 def new_names(rendered: Sequence[str], then: Sequence[str], now: Sequence[str]) -> dict[str, str]:

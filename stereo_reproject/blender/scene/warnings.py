@@ -13,8 +13,9 @@ from .denoiser import has_denoiser
 from .engine_support import engine_warnings
 from .instancing import brought_along
 from .missing import missing_files, missing_libraries
+from .rendered import CYCLES, EEVEE, check_layers, layers_to_render
 from .rig import frame_region
-from .working import CYCLES, EEVEE, changed, check_layers, layers_to_render, working_scene
+from .working import changed, working_scene
 
 PLAIN = SceneOverrides()
 

@@ -13,15 +13,11 @@ import bpy
 
 from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
-from .rig import MODES, check_camera, frame_region
-
-CYCLES = "CYCLES"
-EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
+from .rendered import camera_at, check_layers, engine_of
+from .rig import check_camera, frame_region
+from .setting_up import DRIVEN_SEED, apply_overrides, set_up
 
 Block = TypeVar("Block", bound=bpy.types.ID)
-
-DRIVEN_SEED = "stereo_reproject_seed"
-"""A working scene's property that has the driver of its seed."""
 
 KEPT_OBJECT = "stereo_reproject_kept_object"
 """Property of a working camera that names an object of ours in its scene: it is removed together with the scene, since
@@ -56,39 +52,6 @@ def scene_key(scene: bpy.types.Scene) -> tuple[str, str | None]:
     return scene.name, scene.library.name if scene.library else None
 
 
-def check_engine(scene: bpy.types.Scene) -> None:
-    """Raise BadInputError unless the scene renders with Cycles or EEVEE."""
-    if scene.render.engine != CYCLES and scene.render.engine not in EEVEE:
-        raise BadInputError(
-            f"scene {scene.name!r} renders with {scene.render.engine}: set Cycles or EEVEE in Render properties"
-        )
-
-
-def scene_frames(scene: bpy.types.Scene) -> range:
-    """Return the frames that Blender would render as an animation. Raises BadInputError when there are none."""
-    frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-    if not frames:
-        raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
-    return frames
-
-
-def layers_to_render(scene: bpy.types.Scene) -> list[str]:
-    """Return the names of the view layers that Blender renders, in the scene's order; there may be none. Render Single
-    Layer is a setting of windows: without one it is ignored, as by Blender itself.
-    """
-    if scene.render.use_single_layer and not bpy.app.background and bpy.context.scene == scene:
-        return [bpy.context.view_layer.name]
-    return [layer.name for layer in scene.view_layers if layer.use]
-
-
-def check_layers(scene: bpy.types.Scene) -> list[str]:
-    """Return the view layers that Blender renders, in the scene's order. Raises BadInputError without any."""
-    layers = layers_to_render(scene)
-    if not layers:
-        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
-    return layers
-
-
 @contextmanager
 def working_scene(
     scene: bpy.types.Scene, overrides: SceneOverrides, *, layer: str | None = None
@@ -99,7 +62,7 @@ def working_scene(
     overrides replace settings of the scene, its frame among them. The copy renders one view layer: the first of
     `layers_to_render`, or the one named. Raises BadInputError when the scene cannot be rendered as a pair.
     """
-    engine = _engine(scene, overrides)
+    engine = engine_of(scene, overrides)
     # As Blender has it, a frame that is asked for by its number has no subframe.
     frame, subframe = _standing(scene) if overrides.frame is None else (overrides.frame, 0.0)
     camera = check_camera(camera_at(scene, frame))
@@ -117,8 +80,8 @@ def working_scene(
         copy.collection.objects.link(eye)
         copy.camera = eye
         copy.render.engine = engine
-        _set_up(copy, rendered)
-        _apply(copy, eye.data, overrides)
+        set_up(copy, rendered)
+        apply_overrides(copy, eye.data, overrides)
         _check_region(copy.render)
         move_to(copy, frame, subframe=subframe)
         yield copy
@@ -180,27 +143,6 @@ class WorkingScenes:
         return working
 
 
-def _engine(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
-    """Return Blender's name of the engine that is to render the scene. Raises BadInputError where engine or settings
-    cannot be used.
-    """
-    if overrides.source_engine is None:
-        check_engine(scene)
-        engine = scene.render.engine
-    else:
-        # EEVEE's name is not the same in every Blender.
-        eevee = EEVEE[1] if bpy.app.version < (5, 0) else EEVEE[0]
-        engine = CYCLES if overrides.source_engine == "cycles" else eevee
-    if engine == CYCLES and scene.cycles.use_sample_subset and scene.cycles.sample_offset > 0:
-        raise BadInputError(
-            f"scene {scene.name!r} renders its samples from number {scene.cycles.sample_offset} on, and Cycles gives"
-            " depth with the first alone: set Sample Subset's Offset to 0"
-        )
-    if overrides.denoise and engine != CYCLES:
-        raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
-    return engine
-
-
 def evaluated(item: Block, scene: bpy.types.Scene) -> Block:
     """Return a datablock as it is in the present frame of a working scene: animated, driven and constrained."""
     layer = rendered_layer(scene)
@@ -233,11 +175,6 @@ def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 def is_kept(block: bpy.types.ID) -> bool:
     """Return whether a datablock belongs to the object of ours in a working scene, which is in no plain render."""
     return KEPT_OBJECT in block
-
-
-def main_layer(scene: bpy.types.Scene) -> str:
-    """Return the name of the first view layer that is used for rendering; the first of all where none is."""
-    return next((layer.name for layer in scene.view_layers if layer.use), scene.view_layers[0].name)
 
 
 def focus_distance(scene: bpy.types.Scene) -> float:
@@ -297,94 +234,6 @@ def _check_region(render: bpy.types.RenderSettings) -> None:
             f"{region.width} x {region.height} pixels are to be rendered: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are"
             " needed; check resolution, percentage and render border"
         )
-
-
-def camera_at(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
-    """Return the camera that Blender renders a frame with: one that a timeline marker binds, or else the scene's. None
-    where there is neither.
-    """
-    return _camera_by_marker(scene, frame) or scene.camera
-
-
-def _camera_by_marker(scene: bpy.types.Scene, frame: int) -> bpy.types.Object | None:
-    """Return the camera that a timeline marker binds at a frame, as Blender switches cameras: by the last marker up to
-    it, or else by the first. None where no marker binds one.
-    """
-    bound = [marker for marker in scene.timeline_markers if marker.camera and not marker.camera.hide_render]
-    if not bound:
-        return None
-    passed = [marker for marker in bound if marker.frame <= frame]
-    return max(passed, key=lambda m: m.frame).camera if passed else min(bound, key=lambda m: m.frame).camera
-
-
-def _set_up(scene: bpy.types.Scene, layer: str) -> None:
-    """Set a working scene up to render one view layer for stereo: with colour and depth, and without compositor or
-    sequencer.
-    """
-    render = scene.render
-    render.use_persistent_data = True
-    render.use_compositing = False
-    render.use_sequencer = False
-    render.use_stamp = False
-    render.use_single_layer = False
-    render.use_freestyle = False
-    render.use_crop_to_border = render.use_border
-    render.use_multiview = True
-    render.views_format = "STEREO_3D"
-    for view in render.views:
-        view.use = view.name in ("left", "right")
-    for view_layer in scene.view_layers:
-        view_layer.use = view_layer.name == layer
-    scene.view_layers[layer].use_pass_combined = True
-    scene.view_layers[layer].use_pass_z = True
-
-
-def _apply_to_cycles(scene: bpy.types.Scene, overrides: SceneOverrides) -> None:
-    """Set seed and denoising of a working scene that Cycles renders as the overrides say."""
-    _take_over_seed(scene)
-    if overrides.seed is not None:
-        scene.pop(DRIVEN_SEED, None)
-        scene.cycles.seed = overrides.seed
-    if overrides.denoise is not None:
-        scene.cycles.use_denoising = overrides.denoise
-        for layer in scene.view_layers:
-            layer.cycles.use_denoising = overrides.denoise
-
-
-def _take_over_seed(scene: bpy.types.Scene) -> None:
-    """Move a driver of the scene's seed to another property, from which `move_to` reads it: each render of a frame
-    needs a seed of its own, which the driver would overwrite.
-    """
-    drivers = scene.animation_data.drivers if scene.animation_data else ()
-    driver = next((curve for curve in drivers if curve.data_path == "cycles.seed"), None)
-    if driver is not None:
-        scene[DRIVEN_SEED] = 0
-        scene.animation_data.drivers.from_existing(src_driver=driver).data_path = f'["{DRIVEN_SEED}"]'
-        scene.driver_remove("cycles.seed")
-
-
-def _apply(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides: SceneOverrides) -> None:
-    """Set a working scene and its camera's stereo settings as the overrides say."""
-    if overrides.size is not None:
-        scene.render.resolution_x, scene.render.resolution_y = overrides.size
-        scene.render.resolution_percentage = 100
-    if overrides.samples is not None:
-        if scene.render.engine == CYCLES:
-            scene.cycles.samples = overrides.samples
-            for layer in scene.view_layers:
-                # A layer's own number would win.
-                layer.samples = 0
-        else:
-            scene.eevee.taa_render_samples = overrides.samples
-    if scene.render.engine == CYCLES:
-        _apply_to_cycles(scene, overrides)
-    stereo = camera.stereo
-    if overrides.interocular_distance is not None:
-        stereo.interocular_distance = overrides.interocular_distance
-    if overrides.convergence_distance is not None:
-        stereo.convergence_distance = overrides.convergence_distance
-    if overrides.convergence_mode is not None:
-        stereo.convergence_mode = MODES[overrides.convergence_mode]
 
 
 def _remove(scene_name: str, object_name: str, camera_name: str) -> None:
