@@ -46,6 +46,12 @@ class Renderer(Protocol):
     denoise: Denoise | None
     """The scene's denoiser; None where it has none. All renders then have the passes that `images.denoising` needs."""
 
+    @property
+    def packed_by(self) -> str:
+        """Name of the packed camera that traces the scene, by the depth that `fill_blockers` was told last; each has
+        costs of its own."""
+        ...
+
     def render_source(self, view: str) -> tuple[Passes, SourceCost]:
         """Render the source eye, which is the view of this name; return its passes, whole and not denoised, and its
         cost."""

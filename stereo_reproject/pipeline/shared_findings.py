@@ -20,11 +20,18 @@ class SharedFindings:
         frame."""
         return found
 
-    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:  # noqa: ARG002
+    def trace_costs(
+        self,
+        known: TraceCosts,
+        measure: Callable[[], TraceCosts],  # noqa: ARG002
+        *,
+        packed_by: str,  # noqa: ARG002
+    ) -> TraceCosts:
         """Return the costs of tracing by which fill methods are to be chosen: for a frame on its own `known`, those
         that this user has measured, or that are assumed.
 
-        For animations `measure` measures them on this frame where nothing was measured yet.
+        For animations `measure` measures them on this frame where nothing was measured yet. packed_by is the name of
+        the packed camera, which has costs of its own.
         """
         return known
 

@@ -107,7 +107,7 @@ def _planner_of(task: FrameTask, source: Source, reprojection: Reprojection) -> 
         task.watch.lap(Stage.PILOT)
         return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
 
-    return replace(planner, costs=task.findings.trace_costs(costs, measure))
+    return replace(planner, costs=task.findings.trace_costs(costs, measure, packed_by=renderer.packed_by))
 
 
 def interpolations_of(asked: str, *, denoised: bool) -> tuple[str, str]:

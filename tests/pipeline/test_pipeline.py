@@ -96,6 +96,7 @@ class Caster:
     gpu: object = staticmethod(lambda: None)
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
     other_engine: bool = False
+    packed_by: str = "osl"
 
     def picture(self, view, seed):
         passes = self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)

@@ -143,17 +143,17 @@ def _render_layer(
             settings,
             watch=watch,
             findings=findings,
-            known_costs=lambda: known_costs(working, renderer.packed.name),
+            known_costs=lambda: known_costs(working, renderer.packed_by),
         )
         if learns:
-            learn_costs(working, renderer.packed.name, frame.source_cost, renderer.trace_renders)
+            learn_costs(working, renderer.packed_by, frame.source_cost, renderer.trace_renders)
         limited = has_time_limit(renderer.scene)
         facts = LayerFacts(
             header=header,
             plan=renderer.plan,
             parallax=parallax_report(renderer, frame.eyes[settings.source], frame_region(working.render).full_width),
             warnings=tuple(renderer.warnings),
-            packed_by=renderer.packed.name,
+            packed_by=renderer.packed_by,
             time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
             samples_rendered=renderer.samples_rendered if limited else ABSENT,
         )

@@ -90,11 +90,11 @@ class AgreedFindings(SharedFindings):
         known = self._agree(self._of_layer, asdict(found))
         return SourceCost(**known) if known.keys() == asdict(found).keys() else found
 
-    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts]) -> TraceCosts:
-        """Return the agreed costs of tracing. If there are none yet, `known` become them, those of this machine; or
-        where they are just assumed, those that `measure` returns.
+    def trace_costs(self, known: TraceCosts, measure: Callable[[], TraceCosts], *, packed_by: str) -> TraceCosts:
+        """Return the agreed costs of tracing by this packed camera. If there are none yet, `known` become them, those
+        of this machine; or where they are just assumed, those that `measure` returns.
         """
-        key = f"{self._of_layer}-costs"
+        key = f"{self._of_layer}-costs-{packed_by}"
         agreed = costs_of(self._journal.agreed.read(key), AGREED)
         if agreed is None:
             found = measure() if known.source == ASSUMED else known

@@ -300,7 +300,7 @@ def _make(
         case.settings(settings),
         watch=watch,
         accuracy=case.accuracy,
-        known_costs=lambda: known_costs(renderer.scene, renderer.packed.name),
+        known_costs=lambda: known_costs(renderer.scene, renderer.packed_by),
     )
     seconds = _seconds(frame, shared)
     fractions = traced_fractions(frame)

@@ -174,6 +174,11 @@ class BlenderRenderer:
         """The packed camera that traces the scene, by the depths that `fill_blockers` was told last."""
         return self._packed_cameras.chosen(self.traced_scene, self._deepest)
 
+    @property
+    def packed_by(self) -> str:
+        """Name of that camera, by which its costs are known."""
+        return self.packed.name
+
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         """Return for each fill method but "full" why the scene cannot be traced by it, in words, or None if it can.
         deepest is the greatest finite depth that was seen, in scene units; 0 before anything was rendered.

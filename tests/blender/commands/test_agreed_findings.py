@@ -20,6 +20,10 @@ def never():
     raise AssertionError("it has been measured already")
 
 
+def agreed_costs(findings, known, measure, packed_by="osl"):
+    return findings.trace_costs(known, measure, packed_by=packed_by)
+
+
 @pytest.fixture
 def findings(tmp_path):
     """As a run has it that has just started on the frames in the folder."""
@@ -66,31 +70,39 @@ def test_it_is_kept_apart_from_what_else_is_found(findings):
 def test_all_choose_by_the_costs_of_the_first(findings):
     first, other = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED), TraceCosts(source=MEASURED)
     agreed = replace(first, source=AGREED)
-    assert findings("first").trace_costs(first, never) == agreed
-    assert findings("second").trace_costs(other, never) == agreed
-    assert findings("third", block=7).trace_costs(ASSUMED_COSTS, never) == agreed
-    assert findings("first", layer="Another").trace_costs(other, never) == replace(other, source=AGREED)
+    assert agreed_costs(findings("first"), first, never) == agreed
+    assert agreed_costs(findings("second"), other, never) == agreed
+    assert agreed_costs(findings("third", block=7), ASSUMED_COSTS, never) == agreed
+    assert agreed_costs(findings("first", layer="Another"), other, never) == replace(other, source=AGREED)
+
+
+def test_each_packed_camera_has_agreed_costs_of_its_own(findings):
+    """One frame of an animation may be traced by another camera than the next, where its scene is deeper, say."""
+    of_osl, of_portal = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED), TraceCosts(3.0, 0.25, 0.5, 0.125, MEASURED)
+    for _ in range(2):
+        assert agreed_costs(findings("first"), of_osl, never, "osl").packed_pixel_cost == 1.5
+        assert agreed_costs(findings("second"), of_portal, never, "portal").packed_pixel_cost == 3.0
 
 
 def test_costs_that_nobody_knows_are_measured_by_the_first(findings):
     first = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED)
     agreed = replace(first, source=AGREED)
-    assert findings("first").trace_costs(ASSUMED_COSTS, lambda: first) == agreed
-    assert findings("second").trace_costs(ASSUMED_COSTS, never) == agreed
+    assert agreed_costs(findings("first"), ASSUMED_COSTS, lambda: first) == agreed
+    assert agreed_costs(findings("second"), ASSUMED_COSTS, never) == agreed
 
 
 def test_of_two_that_measure_costs_at_once_one_is_heard(findings):
     first, other = TraceCosts(1.5, 0.25, 0.5, 0.125, MEASURED), TraceCosts(source=MEASURED)
 
     def meanwhile():
-        findings("second").trace_costs(first, never)
+        agreed_costs(findings("second"), first, never)
         return other
 
-    assert findings("first").trace_costs(ASSUMED_COSTS, meanwhile) == replace(first, source=AGREED)
+    assert agreed_costs(findings("first"), ASSUMED_COSTS, meanwhile) == replace(first, source=AGREED)
 
 
 def test_agreed_costs_are_kept_apart_from_the_source_s(findings):
     cost = SourceCost(20.0, 1.0)
     assert findings("first").cost(cost) == cost
-    assert findings("first").trace_costs(ASSUMED_COSTS, lambda: ASSUMED_COSTS).numbers == ASSUMED_COSTS.numbers
+    assert agreed_costs(findings("first"), ASSUMED_COSTS, lambda: ASSUMED_COSTS).numbers == ASSUMED_COSTS.numbers
     assert findings("second").cost(SourceCost(30.0, 2.0)) == cost
