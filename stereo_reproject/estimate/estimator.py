@@ -14,15 +14,13 @@ from ..images.denoising import Denoising
 from ..images.effects_pass import differ_in_reflected_light, effects_of
 from ..images.metrics import COLOUR_CHANNELS, tone, untone
 from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
+from ..images.reflected_light import MAX_TONE
 from ..settings.accuracy import Accuracy
 from .denoised import DenoisedEstimator
 from .evidence import ProbeTraces, TileEvidence
 from .noisy import NoisyEstimator
 from .probes import Probes
 from .target import Target
-
-MAX_TONE = 0.999
-"""Greatest tone-mapped light of a part of a picture: 1 would be infinite light."""
 
 
 class Estimator(Protocol):

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .contrast import box_sum
+from .metrics import COLOUR_CHANNELS, channel_mean, tone, untone
 from .passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
 from .tuning import TUNING
 
@@ -17,6 +19,12 @@ LIGHT_PASS_PREFIXES = {
     "transmission": ("Trans", "Transmission "),
 }
 """Beginnings of the passes' names by kind of light: up to Blender 4.5, and from 5.0 on."""
+
+MAX_TONE = 0.999
+"""Greatest tone-mapped light of a part of a picture: 1 would be infinite light."""
+
+BESIDE = tuple((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0))
+"""Steps, down and across, from a pixel to the eight beside it."""
 
 LIGHT_PASS_SUFFIXES = {"direct": ("Dir", "Direct"), "indirect": ("Ind", "Indirect"), "color": ("Col", "Color")}
 """Ends of those names by part of the light: up to Blender 4.5, and from 5.0 on."""
@@ -44,6 +52,64 @@ def reflected_light(passes: Passes) -> NDArray[np.float32]:
         direct, indirect, tint = (_light_pass(passes, kind, part)[..., :3] for part in LIGHT_PASS_SUFFIXES)
         total += tint * (direct + indirect)
     return total
+
+
+def without_sparks(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return scene-linear light (H, W, 3) in which each spark has the mean of the pixels beside it, and what it loses
+    is spread over the pixels around, so that their mean stays what it was, after `metrics.tone`. Light without any
+    spark is returned as it is.
+
+    A spark is a single pixel that is brighter, after `metrics.tone`, than the brightest pixel beside it by at least
+    `min_spark_sigmas` standard deviations of the pixels around. It is chance: one sample in thousands that has met a
+    lamp. An error that is seen has more pixels.
+    """
+    toned = tone(light)
+    brightness = channel_mean(toned)
+    above = brightness - _brightest_beside(brightness)
+    sparks = np.nonzero((above > 0.0) & (above > TUNING.min_spark_sigmas * _spread_around(brightness)))
+    if not sparks[0].size:
+        return light
+    lost = np.zeros_like(toned)
+    lost[sparks] = toned[sparks] - _mean_beside(toned, sparks)
+    toned -= lost
+    reach = TUNING.spark_loss_reach_px, TUNING.spark_loss_reach_px
+    pixels = box_sum(np.ones(brightness.shape, np.uint8), reach)
+    for channel in range(COLOUR_CHANNELS):
+        toned[..., channel] += box_sum(lost[..., channel] / pixels, reach)
+    return untone(np.minimum(toned, MAX_TONE)).astype(np.float32)
+
+
+def _brightest_beside(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the largest (H, W) of the up to eight values of an image (H, W) that are beside each pixel; the pixel's
+    own where it has none beside it."""
+    height, width = image.shape
+    padded = np.pad(image, 1, constant_values=-np.inf)
+    result = np.full_like(image, -np.inf)
+    for down, right in BESIDE:
+        np.maximum(result, padded[1 + down : 1 + down + height, 1 + right : 1 + right + width], out=result)
+    return np.where(np.isinf(result), image, result)
+
+
+def _spread_around(image: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the standard deviation (H, W) of the pixels of an image (H, W) around each pixel, its own left out."""
+    reach = TUNING.spark_reach_px, TUNING.spark_reach_px
+    own = image.astype(np.float64)
+    count = np.maximum(box_sum(np.ones(image.shape, np.uint8), reach) - 1.0, 1.0)
+    mean, square = ((box_sum(values, reach) - values) / count for values in (own, own**2))
+    return np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def _mean_beside(light: NDArray[np.float32], place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.floating]:
+    """Return the mean (N, C) of the up to eight pixels of the light (H, W, C) that are beside each of N pixels, whose
+    rows and columns (N,) are given."""
+    total, count = np.zeros((place[0].size, light.shape[-1])), np.zeros((place[0].size, 1))
+    for offsets in BESIDE:
+        inside = np.ones(place[0].size, bool)
+        for at, offset, size in zip(place, offsets, light.shape, strict=False):
+            inside &= (at + offset >= 0) & (at + offset < size)
+        total[inside] += light[tuple(at[inside] + offset for at, offset in zip(place, offsets, strict=True))]
+        count[inside] += 1.0
+    return total / np.maximum(count, 1.0)
 
 
 def glossy_mask(source: Passes) -> NDArray[np.float32]:

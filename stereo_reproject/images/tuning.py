@@ -62,6 +62,19 @@ class ImagesTuning:
     min_material_coverage: float = 0.1
     """Share of a pixel that a material must cover to count as shown there. By hand: less is hardly seen."""
 
+    # Sparks in reflected light
+    spark_reach_px: int = 4
+    """Pixels each way whose brightness tells how far above its neighbours a single pixel may be. By hand: 80 pixels
+    tell their own spread, and one of them that is another spark does not hide the first."""
+    min_spark_sigmas: float = 5.0
+    """Standard deviations of the pixels around, after tone mapping, by which a single pixel must be brighter than the
+    brightest beside it to be a spark. By hand: its square is `EstimateTuning.max_probe_noise_ratio`, for sparks in
+    traces. No more than one pixel in 25 can stand out so far (Chebyshev's inequality), and so light that is nothing but
+    sparks keeps them."""
+    spark_loss_reach_px: int = 16
+    """Pixels each way over which the light of a spark is spread. By hand: of a single spark no pixel gets more than a
+    thousandth of white, which nobody sees; of many they get what is missing."""
+
     # Mask of glossy pixels, for comparison
     min_glossy_light_share: float = 0.1
     """Share of a pixel's light that must be glossy or transmitted for the pixel to be masked: a tenth, as

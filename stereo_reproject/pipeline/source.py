@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.denoising import Denoising, denoise_source, remaining_noise
-from ..images.passes import COLOUR_PASS, Passes, without_internal_passes
+from ..images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes, without_internal_passes
+from ..images.reflected_light import without_sparks
 from ..images.seen_light import display_scale, scaled_light
 from ..settings.accuracy import Accuracy, for_denoised, for_size
 from ..trace.fill import SourceCost
@@ -56,7 +57,7 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
     """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
 
     accuracy is that of the frame, for a picture of `SettingsTuning.unscaled_picture_px`. Stages begin on the task's
-    watch. The light is scaled to be judged as it is seen.
+    watch. The light is scaled to be judged as it is seen; reflected light, by which probes are read, loses its sparks.
     """
     renderer, watch, target = task.renderer, task.watch, task.target.camera
     accuracy = for_size(accuracy, target.width * target.height)
@@ -73,7 +74,10 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
 
     scale = display_scale(passes[COLOUR_PASS])
-    seen = RenderedView(task.source, scaled_light(passes, scale), invalid, cost)
+    passes = scaled_light(passes, scale)
+    if VIEW_DEPENDENT_PASS in passes:
+        passes = {**passes, VIEW_DEPENDENT_PASS: without_sparks(passes[VIEW_DEPENDENT_PASS])}
+    seen = RenderedView(task.source, passes, invalid, cost)
     del passes
     if denoising is not None and task.may_differ and accuracy.promise is not None:
         denoising = _measured(denoising, seen.passes, task)

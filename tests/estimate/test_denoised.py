@@ -17,6 +17,7 @@ from stereo_reproject.images.contrast import contrast_of
 from stereo_reproject.images.denoising import Denoising
 from stereo_reproject.images.metrics import tone
 from stereo_reproject.images.passes import COLOUR_PASS, MATERIAL_PASS, NOISY_PASS, VIEW_DEPENDENT_PASS
+from stereo_reproject.images.reflected_light import without_sparks
 from tests.estimate.colours import opaque
 
 SIZE = (240, 360)
@@ -104,6 +105,20 @@ def test_what_is_wrong_is_found_and_little_else_is_traced():
     wrong[MIRROR] = True
     assert np.mean(pixels[wrong]) > 0.8
     assert np.mean(pixels[~wrong]) < 0.05
+
+
+@pytest.mark.parametrize("brightness", [0.3, 1e4])
+def test_sparks_in_the_source_s_reflected_light_have_nothing_traced(brightness):
+    """A probe that meets one would say that its whole surroundings are wrong, and all that shows the same material."""
+
+    def traced(clean):
+        frame = Frame(0.0, seed=7)
+        frame.passes[VIEW_DEPENDENT_PASS][5::24, 7::24] += brightness
+        frame.passes[VIEW_DEPENDENT_PASS] = clean(frame.passes[VIEW_DEPENDENT_PASS])
+        return np.mean(choose_tiles(frame.measured(), 1.1, worst=1.8))
+
+    assert traced(without_sparks) < 0.05
+    assert traced(lambda light: light) > 0.2
 
 
 @pytest.mark.parametrize("by_component", [True, False])
