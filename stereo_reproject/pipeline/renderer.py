@@ -52,9 +52,12 @@ class Renderer(Protocol):
         costs of its own."""
         ...
 
-    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+    def render_source(self, view: str, *, probed: bool) -> tuple[Passes, SourceCost]:
         """Render the source eye, which is the view of this name; return its passes, whole and not denoised, and its
-        cost."""
+        cost.
+
+        probed: whether probes may be traced afterwards, so that passes are needed that they alone are read by.
+        """
         ...
 
     def fill_blockers(self, deepest: float = 0.0) -> Mapping[str, str | None]:

@@ -63,7 +63,9 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
     accuracy = for_size(accuracy, target.width * target.height)
 
     watch.lap(Stage.SOURCE)
-    passes, cost = renderer.render_source(task.settings.source)
+    probed = task.may_differ and accuracy.promise is not None
+    # Of a target that is rendered whole nothing is probed.
+    passes, cost = renderer.render_source(task.settings.source, probed=probed and task.settings.fill != "full")
     lost = not_numbers(passes)
     passes, invalid = replace_non_finite(passes)
     denoising = None
@@ -79,7 +81,7 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
         passes = {**passes, VIEW_DEPENDENT_PASS: without_sparks(passes[VIEW_DEPENDENT_PASS])}
     seen = RenderedView(task.source, passes, invalid, cost)
     del passes
-    if denoising is not None and task.may_differ and accuracy.promise is not None:
+    if denoising is not None and probed:
         denoising = _measured(denoising, seen.passes, task)
     return Source(seen, scale, lost, denoising, accuracy)
 

@@ -97,6 +97,7 @@ class Caster:
     metadata: dict = field(default_factory=lambda: {"a text": "of Blender's"})
     other_engine: bool = False
     packed_by: str = "osl"
+    probed: bool | None = None
 
     def picture(self, view, seed):
         passes = self.world.render(self.cameras[view], noise=self.noise, seed=seed, subpixels=self.subpixels)
@@ -104,8 +105,9 @@ class Caster:
         guides = {NOISY_PASS: colour, ALBEDO_PASS: colour[..., :3], NORMAL_PASS: colour[..., :3]}
         return passes if self.denoise is None else {**passes, **guides}
 
-    def render_source(self, view):
+    def render_source(self, view, *, probed):
         self.asked.append(("source", view))
+        self.probed = probed
         rendered = self.picture(view, seed=1)
         if self.spoil:
             self.spoil(rendered)
@@ -520,6 +522,23 @@ def test_a_fill_is_chosen_knowing_how_deep_the_scene_is(world):
     render_stereo_frame(renderer, settings(fill="full"))
     depth = renderer.picture("left", seed=1)["Depth"]
     assert renderer.deepest == depth[np.isfinite(depth)].max(initial=0.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "asked", "probed"),
+    [
+        ({"view_dependent": ("a mirror",)}, {}, True),
+        ({"view_dependent": ("a mirror",)}, {"accuracy": "draft"}, False),
+        ({"view_dependent": ("a mirror",)}, {"fill": "full"}, False),
+        ({"view_dependent": ("a mirror",), "ipd": 0.0}, {}, False),
+        ({}, {}, False),
+    ],
+)
+def test_what_only_probes_need_is_rendered_only_where_there_are_probes(options, asked, probed):
+    renderer = caster(noise=0.05, **options)
+    frame = render_stereo_frame(renderer, settings(**asked))
+    assert renderer.probed == probed
+    assert (frame.refinement.evidence is not None) == probed
 
 
 def test_stages_are_told_as_they_begin_and_timed():

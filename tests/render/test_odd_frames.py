@@ -164,8 +164,8 @@ class FireflyInTheSource(BlenderRenderer):
         super().__init__(scene, folder)
         self.near = near
 
-    def render_source(self, view):
-        passes, cost = super().render_source(view)
+    def render_source(self, view, *, probed=True):
+        passes, cost = super().render_source(view, probed=probed)
         row, column = self.near
         passes[COLOUR_PASS][row : row + 8, column : column + 8, :3] = 1000.0
         return passes, cost

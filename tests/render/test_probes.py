@@ -90,7 +90,7 @@ def test_the_two_traces_of_a_pixel_are_independent(scene, tmp_path, method, chan
 def test_a_mirror_is_found_and_traced(scene, tmp_path):
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, tmp_path)
-        assert renderer.view_dependent == ("material 'mirror' on 'Sphere'",)
+        assert renderer.plan.view_dependent == ("material 'mirror' on 'Sphere'",)
         frame = render_stereo_frame(renderer, StereoSettings(fill="packed"))
         everything = np.ones(SIZE[::-1], bool)
         whole = [TraceRequest("right", everything)] * 2

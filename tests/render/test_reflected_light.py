@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.blender.engines.ray_passes import LIGHT_SWITCHES
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
 from stereo_reproject.blender.scene.working import rendered_layer, working_scene
 from stereo_reproject.images.passes import COLOUR_PASS, VIEW_DEPENDENT_PASS
@@ -27,13 +28,15 @@ def scene():
     return scene
 
 
-def rendered(scene, folder, *, method="packed"):
+def rendered(scene, folder, *, method="packed", probed=True):
     """The passes of the source, and those of all pixels of the target as they are traced by a method."""
     with working_scene(scene, SceneOverrides()) as working:
         renderer = BlenderRenderer(working, folder)
-        source, _ = renderer.render_source("left")
+        source, _ = renderer.render_source("left", probed=probed)
         everything = TraceRequest("right", np.ones(SIZE[::-1], bool))
         [traced] = renderer.trace(method, [everything])
+        switched_on = [switch for switch in LIGHT_SWITCHES if getattr(rendered_layer(working), switch)]
+        assert bool(switched_on) == (probed and renderer.plan.differs_in_reflected_light and bool(renderer.denoise))
     return source, {name: image.reshape(*SIZE[::-1], -1) for name, image in traced.items()}
 
 
@@ -75,6 +78,21 @@ def moving(scene):
     for frame, x in ((1, 0.0), (2, 1.0)):
         scene.objects[-1].location.x = x
         scene.objects[-1].keyframe_insert("location", frame=frame)
+
+
+def test_where_nothing_is_probed_it_is_not_rendered(scene, tmp_path):
+    for passes in rendered(scene, tmp_path, probed=False):
+        assert VIEW_DEPENDENT_PASS not in passes
+        assert LIGHT_PASSES.isdisjoint(passes)
+
+
+def test_a_frame_without_probes_after_one_with_them_has_none_of_their_light(scene, tmp_path):
+    """An animation keeps its working scene, and its passes stay on."""
+    with working_scene(scene, SceneOverrides()) as working:
+        for probed in (True, False):
+            source, _ = BlenderRenderer(working, tmp_path).render_source("left", probed=probed)
+            assert (VIEW_DEPENDENT_PASS in source) == probed
+            assert LIGHT_PASSES.isdisjoint(source)
 
 
 @pytest.mark.parametrize("change", [noisy, out_of_focus, moving])

@@ -153,7 +153,9 @@ def scene(tmp_path):
     return scene
 
 
-def test_the_heuristic_traces_the_mirror_and_leaves_the_wall(scene, tmp_path):
+@pytest.mark.parametrize("denoised", [False, True])
+def test_the_heuristic_traces_the_mirror_and_leaves_the_wall(scene, tmp_path, denoised):
+    scene.cycles.use_denoising = denoised
     run = next(run for run in tradeoff_cases() if run.kind == "heuristic")
     with working_scene(scene, SceneOverrides()) as working:
         renderer = HeuristicRenderer(working, tmp_path)
@@ -167,6 +169,8 @@ def test_the_heuristic_traces_the_mirror_and_leaves_the_wall(scene, tmp_path):
     traced = flagged | ((frame.reasons & (Reason.SILHOUETTE.bit | Reason.DISOCCLUDED.bit)) > 0)
     assert traced[ball(frame.eyes["right"]["Depth"])].mean() > 0.97
     assert frame.refinement.estimate is None
+    assert ("denoise_target" in frame.seconds) == denoised
+    assert all(set(eye) == {COLOUR_PASS, "Depth"} for eye in frame.eyes.values())
 
 
 def ball(depth):

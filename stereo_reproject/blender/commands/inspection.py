@@ -128,7 +128,7 @@ def _passes(working: bpy.types.Scene, renderer: BlenderRenderer) -> list[str]:
     """Return the names of the source's passes: colour, depth, those of the user, and those that the plan needs."""
     layer = rendered_layer(working)
     asked = [*_switched_on(layer), *_switched_on(layer.cycles)] if hasattr(layer, "cycles") else _switched_on(layer)
-    ours = [MATERIAL_CRYPTOMATTE] if renderer.view_dependent and working.render.engine == CYCLES else []
+    ours = [MATERIAL_CRYPTOMATTE] if renderer.plan.view_dependent and working.render.engine == CYCLES else []
     if layer.use_pass_cryptomatte_material:
         ours = []
     if renderer.denoise is not None:
@@ -182,7 +182,7 @@ def _predicted(
     if renderer.denoise is not None:
         seconds_each = _denoise_seconds(source, renderer.denoise) * pixels / reasons.size
         accuracy, cost = for_denoised(accuracy), replace(cost, denoise_seconds=seconds_each)
-    planner = FillPlanner(settings.fill, cost, blockers, known_costs(renderer.scene, renderer.packed.name))
+    planner = FillPlanner(settings.fill, cost, blockers, known_costs(renderer.scene, renderer.packed_by))
     prediction = predict(
         planner,
         warp_seconds * pixels / reasons.size,

@@ -228,9 +228,10 @@ class SharedSourceRenderer(BlenderRenderer):
         self._source = source
         self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
 
-    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+    def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:
         """Return a copy of the passes of the shared source, and its cost; `view` must be the shared one's."""
         assert view == self._source.view
+        self._rays.tell_light_apart(self.scene, probed=probed)
         # What a case does to its source must not reach the next one.
         return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
 
@@ -244,14 +245,14 @@ class HeuristicRenderer(BlenderRenderer):
         """Return False: the simple method knows nothing of mirrors."""
         return False
 
-    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
-        """Render the source eye with the mask as a pass of its own. Raises BadInputError for any engine but Cycles:
-        others lack the light passes that the mask is made of.
+    def render_source(self, view: str, *, probed: bool = False) -> tuple[Passes, SourceCost]:  # noqa: ARG002
+        """Render the source eye with the mask as a pass of its own; nothing is ever probed. Raises BadInputError for any
+        engine but Cycles: others lack the light passes that the mask is made of.
         """
         if self.scene.render.engine != CYCLES:
             raise BadInputError("only Cycles has the light passes of which the mask is made")
         with _light_passes(self.scene) as added:
-            passes, cost = super().render_source(view)
+            passes, cost = super().render_source(view, probed=False)
         passes[MASKED_PASS] = glossy_mask(passes)
         return {name: image for name, image in passes.items() if name not in added}, cost
 

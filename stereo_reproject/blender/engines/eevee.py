@@ -74,11 +74,11 @@ class EeveeRenderer(BlenderRenderer):
         """Lines about what EEVEE and Cycles show differently in this scene."""
         return engine_warnings(self.scene)
 
-    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+    def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. In 4.5 EEVEE gives the sky the depth of the
         camera's clip end; here it is infinite in every version.
         """
-        passes, cost = super().render_source(view)
+        passes, cost = super().render_source(view, probed=probed)
         return self._sky_marked(passes), cost
 
     def _sky_marked(self, passes: Passes) -> Passes:

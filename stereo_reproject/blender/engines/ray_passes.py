@@ -3,6 +3,8 @@ eye."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
 
 from ...images.effects import EffectsPlan
@@ -46,11 +48,11 @@ class RayPasses:
     """Passes that a working scene is rendered with besides those that its user asks for: those that guide a denoiser,
     for a picture that is `denoised`, those that tell of the ways of rays, and those of reflected and transmitted light.
 
-    Making the object switches them on, `of` picks those about rays out of a render, and `without_added` takes out
-    all that the user did not ask for. mirrors: True where the scene may show flat mirrors whose images can be
-    found. A noisy picture has passes about rays only there: without, it has no LENGTH_PASS, by which things thinner
-    than a pixel are found too. plan says whether reflected light is worth being told apart, which a denoised picture
-    alone has.
+    Making the object switches them on, but for those of light, which `tell_light_apart` does; `of` picks those about
+    rays out of a render, and `without_added` takes out all that the user did not ask for. mirrors: True where the scene
+    may show flat mirrors whose images can be found. A noisy picture has passes about rays only there: without, it has
+    no LENGTH_PASS, by which things thinner than a pixel are found too. plan says whether reflected light is worth being
+    told apart, which a denoised picture alone has.
     """
 
     def __init__(self, scene: bpy.types.Scene, plan: EffectsPlan, *, denoised: bool, mirrors: bool) -> None:
@@ -59,12 +61,26 @@ class RayPasses:
         follows = getattr(layer.cycles, "denoising_pass_follow_reflections", True)
         mirrors = mirrors and follows
         self._tells = follows and (denoised or mirrors)
-        self._by_component = denoised and scene.render.engine == CYCLES and plan.differs_in_reflected_light
+        self._may_tell_light = denoised and scene.render.engine == CYCLES and plan.differs_in_reflected_light
+        self._tells_light = False
+        self._added: set[str] = set()
         wanted = {GUIDES_SWITCH} if denoised else set()
         wanted |= set(MIRROR_SWITCHES) if mirrors else set()
-        wanted |= set(LIGHT_SWITCHES) if self._by_component else set()
-        # They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
-        for switch in wanted:
+        self._switch_on(layer, wanted)
+
+    def tell_light_apart(self, scene: bpy.types.Scene, *, probed: bool) -> None:
+        """Have the working scene rendered with the passes of reflected and transmitted light from now on, if pixels are
+        to be `probed` and that light is worth being told apart. They take 72 bytes for each pixel.
+        """
+        self._tells_light = probed and self._may_tell_light
+        self._switch_on(rendered_layer(scene), LIGHT_SWITCHES if self._tells_light else ())
+
+    def _switch_on(self, layer: bpy.types.ViewLayer, switches: Iterable[str]) -> None:
+        """Switch passes on, and note which of all that are on were not asked for by the user.
+
+        They stay on, in packed renders and in the next frames too, so that all renders have the same passes.
+        """
+        for switch in switches:
             owner = layer.cycles if switch == GUIDES_SWITCH else layer
             if not getattr(owner, switch):
                 layer[ADDED_PREFIX + switch] = True
@@ -88,7 +104,7 @@ class RayPasses:
 
     def without_added(self, passes: Passes) -> Passes:
         """Return the passes (..., C) without those that were switched on here and that the user did not ask for, and
-        with VIEW_DEPENDENT_PASS (..., 3) where it is wanted.
+        with VIEW_DEPENDENT_PASS (..., 3) where light is told apart.
         """
         kept = {name: image for name, image in passes.items() if name not in self._added}
-        return {**kept, VIEW_DEPENDENT_PASS: reflected_light(passes)} if self._by_component else kept
+        return {**kept, VIEW_DEPENDENT_PASS: reflected_light(passes)} if self._tells_light else kept

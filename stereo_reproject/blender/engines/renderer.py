@@ -116,11 +116,6 @@ class BlenderRenderer:
         optics = Optics(self.lens, self.volumes)
         return self.plan.may_mirror and _shows_mirrors(self.scene, eyes, optics, denoised=self.denoise is not None)
 
-    @property
-    def view_dependent(self) -> tuple[str, ...]:
-        """Names of what may look different from each eye, in words."""
-        return self.plan.view_dependent
-
     def _noisy(self) -> AbstractContextManager[None]:
         """Return a context in which renders are left noisy, if pictures are to be denoised here afterwards; else one
         that does nothing.
@@ -134,12 +129,13 @@ class BlenderRenderer:
         passes = without_added_positions(self.scene, passes)
         return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
 
-    def render_source(self, view: str) -> tuple[Passes, SourceCost]:
+    def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. If anything may look different from each eye,
         passes of the effects and materials of each pixel are added. Counts the samples where the scene has a time
-        limit.
+        limit. From now on the renders have what only probes are read by, if they are `probed`.
         """
-        ours_too = bool(self.view_dependent) and self.scene.render.engine == CYCLES
+        self._rays.tell_light_apart(self.scene, probed=probed)
+        ours_too = bool(self.plan.view_dependent) and self.scene.render.engine == CYCLES
         if ours_too:
             switch_on_cryptomatte(self.scene)
         hide_sheet(self.scene, self.cameras.values())
@@ -235,11 +231,10 @@ class BlenderRenderer:
         """
         check_blenders(request.view)
         hide_sheet(self.scene, self.cameras.values())
-        trace = {"card": trace_card, "full": trace_full}[method]
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []
         for mask in request.masks:
-            rendered, passes = trace(self.scene, request.view, mask, self.folder, seed=self._next_seed())
+            rendered, passes = WHOLE_TRACES[method](self.scene, request.view, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
             apart.append(passes)
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
@@ -301,3 +296,7 @@ def trace_full(
 def shifted_seed(seed: int, by: int) -> int:
     """Return the seed moved on by so much, kept from 0 to 2^31 - 1 as Blender's property takes it."""
     return (seed + by) % (1 << 31)
+
+
+WHOLE_TRACES = {"card": trace_card, "full": trace_full}
+"""Functions that trace pixels of one view by a render as large as the view, by fill method."""
