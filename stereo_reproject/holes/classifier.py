@@ -9,13 +9,12 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.contrast import box_sum, contrast_of, gradient_of, window_reach
+from ..images.contrast import contrast_of, gradient_of, window_reach
 from ..images.effects import Effect
 from ..images.effects_pass import shows
 from ..images.lookup import lookup_without, touches
 from ..images.masks import box_around, dilate, opened
-from ..images.metrics import COLOUR_CHANNELS, judged_channel
-from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, NOISY_PASS, Passes, filtered
+from ..images.passes import COLOUR_PASS, DEPTH_PASS, LENGTH_PASS, MASKED_PASS, Passes, filtered
 from ..images.reasons import Reason
 from ..settings.accuracy import Accuracy
 from ..views.camera import Camera, PerspectiveCamera, see_the_same
@@ -27,6 +26,7 @@ from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
+from .detail import fine_detail
 from .silhouettes import differing, edge_band, mixed_and_contrasting
 from .thin import isolated, target_pixels, thin_things
 from .transmission import transmission_parallax
@@ -158,7 +158,7 @@ class HoleClassifier:
             silhouettes &= ~_within_fur(warped)
         reasons[answered & silhouettes] |= Reason.SILHOUETTE.bit
         if accuracy.promise is not None:
-            fine = _blurred(warped, accuracy) | _finer_than_denoised(warped, answered & ~silhouettes, accuracy)
+            fine = fine_detail(self.source, warped, answered & ~silhouettes, accuracy)
             reasons[answered & fine] |= Reason.DETAIL.bit
             for reason, pixels in (target.seen_through_or_blurred() | self._volumes(warped)).items():
                 reasons[answered & pixels] |= reason.bit
@@ -210,42 +210,6 @@ class HoleClassifier:
             return {}
         sky = np.isposinf(warped.passes[DEPTH_PASS][..., 0])
         return {Reason.VOLUME: sky & covered_by(self.optics.volumes, self.target.camera, self.optics.lens)}
-
-
-def _blurred(warped: WarpedView, accuracy: Accuracy) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels that a lookup between the source's pixels blurs by more than the accuracy
-    tolerates: where a linear and a cubic lookup differ by so much, either is about as far from the scene."""
-    sharpness = warped.sharpness
-    if sharpness is None:
-        return np.zeros(warped.empty.shape, bool)
-    noise = max(TUNING.indirect_tolerance_share * accuracy.colour_tolerance, TUNING.least_detail_tolerance)
-    unseen = max(TUNING.unseen_detail_share * accuracy.unseen, TUNING.unseen_difference)
-    return sharpness.lost > np.maximum(noise**2 * sharpness.noise, unseen**2)
-
-
-def _finer_than_denoised(warped: WarpedView, kept: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
-    """Return (H, W) target pixels of a denoised picture that show detail which a denoiser leaves otherwise in each eye:
-    a lookup between pixels loses some of it, and what a denoiser keeps of it depends on where the pixels lie.
-
-    It is told by the second differences, down and across, of the tone-mapped colour: their mean square over 3 x 3
-    pixels is above what the accuracy tolerates. Only those count that lie in kept (H, W) altogether. None without
-    NOISY_PASS, in a picture that stays noisy.
-    """
-    if NOISY_PASS not in warped.passes:
-        return np.zeros(kept.shape, bool)
-    colour = warped.passes[COLOUR_PASS]
-    around = np.pad(kept, 1)
-    known = kept & around[1:-1, 2:] & around[1:-1, :-2] & around[2:, 1:-1] & around[:-2, 1:-1]
-    squares = np.zeros(kept.shape, np.float32)
-    for channel in range(COLOUR_CHANNELS):
-        toned = np.pad(judged_channel(colour, channel), 1, mode="edge")
-        middle = toned[1:-1, 1:-1]
-        squares += (middle - 0.5 * (toned[1:-1, 2:] + toned[1:-1, :-2])) ** 2
-        squares += (middle - 0.5 * (toned[2:, 1:-1] + toned[:-2, 1:-1])) ** 2
-    reach = TUNING.denoised_detail_reach_pixels
-    total = box_sum(np.where(known, squares / COLOUR_CHANNELS, np.float32(0.0)), reach)
-    allowed = TUNING.denoised_detail_ratio * max(accuracy.unseen, TUNING.unseen_difference)
-    return kept & (total > allowed**2 * np.maximum(box_sum(known, reach), 1.0))
 
 
 def _strands(passes: Passes) -> NDArray[np.bool_]:

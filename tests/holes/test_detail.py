@@ -25,7 +25,15 @@ def stripes(columns, contrast):
 
 
 def striped_wall(
-    contrast, *, moved_px, noise=0.0, accuracy="balanced", colour_interpolation="adaptive", denoised=False
+    contrast,
+    *,
+    moved_px,
+    noise=0.0,
+    accuracy="balanced",
+    colour_interpolation="adaptive",
+    denoised=False,
+    alpha_contrast=0.0,
+    alpha_noise=0.0,
 ):
     """A wall as the target sees it, `moved_px` pixels aside: its pixels traced for detail, and its error (H, W)."""
     eyes = stereo_rig(SIZE, mode="parallel", ipd=0.06)
@@ -34,6 +42,9 @@ def striped_wall(
     toned = stripes(columns, contrast) + np.random.default_rng(4).normal(0.0, noise, (*SIZE[::-1], 3))
     colour = np.ones((*SIZE[::-1], 4), np.float32)
     colour[..., :3] = untone(np.clip(toned, 0.01, 0.99))
+    if alpha_contrast or alpha_noise:
+        alpha = stripes(columns, alpha_contrast)[..., 0]
+        colour[..., 3] = np.clip(alpha + np.random.default_rng(5).normal(0.0, alpha_noise, alpha.shape), 0.0, 1.0)
     passes = {COLOUR_PASS: colour, DEPTH_PASS: np.full((*SIZE[::-1], 1), depth, np.float32)}
     if denoised:
         passes[NOISY_PASS] = colour
@@ -100,3 +111,25 @@ def test_in_a_denoised_picture_detail_is_told_by_how_the_colour_bends(contrast, 
 def test_in_a_denoised_picture_a_draft_leaves_detail_as_it_is():
     found, _ = striped_wall(0.2, moved_px=2.5, accuracy="draft", colour_interpolation="cubic", denoised=True)
     assert not found.any()
+
+
+def denoised_alpha(contrast, *, moved_px=2.5, noise=0.0, accuracy="balanced"):
+    """The share of a flat, denoised wall's pixels that are traced because its alpha has stripes, or noise."""
+    cubic = {"colour_interpolation": "cubic", "denoised": True, "accuracy": accuracy}
+    return striped_wall(0.0, moved_px=moved_px, alpha_contrast=contrast, alpha_noise=noise, **cubic)[0].mean()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_in_a_denoised_picture_alpha_that_a_lookup_blurs_is_traced(noise):
+    assert denoised_alpha(0.2, noise=noise) > 0.9
+    assert denoised_alpha(0.2, noise=noise, moved_px=3.0) < 0.02
+    assert denoised_alpha(0.2, noise=noise, accuracy="draft") == 0.0
+
+
+def test_stripes_of_alpha_that_nobody_sees_are_left_alone():
+    assert denoised_alpha(0.003) == 0.0
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05, 0.2])
+def test_noise_of_alpha_that_no_denoiser_takes_away_is_no_detail(noise):
+    assert denoised_alpha(0.0, noise=noise) < 0.02

@@ -246,8 +246,8 @@ class HeuristicRenderer(BlenderRenderer):
         return False
 
     def render_source(self, view: str, *, probed: bool = False) -> tuple[Passes, SourceCost]:  # noqa: ARG002
-        """Render the source eye with the mask as a pass of its own; nothing is ever probed. Raises BadInputError for any
-        engine but Cycles: others lack the light passes that the mask is made of.
+        """Render the source eye with the mask as a pass of its own, and nothing for probes, of which there are none.
+        Raises BadInputError for any engine but Cycles: others lack the light passes that the mask is made of.
         """
         if self.scene.render.engine != CYCLES:
             raise BadInputError("only Cycles has the light passes of which the mask is made")
