@@ -131,8 +131,8 @@ def render_animation(
             scripts=bpy.context.preferences.filepaths.use_scripts_auto_execute,
             layers=tuple(layers_to_render(scene)),
         )
-        saved = SavedScene(save_copy(work), session)
-        return render_animation_files(scene, settings, options, work, saved, listener=Listener(on_frame=on_frame))
+        saved = SavedScene(save_copy(work), session, work)
+        return render_animation_files(scene, settings, options, saved, listener=Listener(on_frame=on_frame))
 
 
 def _absolute(path: Any, what: str) -> str:

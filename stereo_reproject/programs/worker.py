@@ -107,8 +107,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         scene,
         _settings(job["settings"]),
         _animation(job["animation"]),
-        Path(job["work"]),
-        SavedScene(Path(job["blend"]), Session(**job["session"])),
+        SavedScene(Path(job["blend"]), Session(**job["session"]), Path(job["work"])),
         files=job["files"],
         listener=listener,
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -44,12 +44,13 @@ ANIMATION_FILES = ("left.exr", "right.exr")
 
 @dataclass(frozen=True)
 class SavedScene:
-    """The .blend that a scene was saved in, and its session: what the open Blender knows about it and the file does not
-    tell.
+    """The .blend that a scene was saved in, its session, which is what the open Blender knows about it and the file
+    does not tell, and a private folder for the work on it.
     """
 
     blend: Path
     session: Session
+    work: Path
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,6 @@ def render_animation_files(
     scene: bpy.types.Scene,
     settings: StereoSettings,
     options: AnimationSettings,
-    work: Path,
     saved: SavedScene,
     *,
     files: Sequence[str] = (),
@@ -81,8 +81,8 @@ def render_animation_files(
     """Render the pair of each frame, and have Blender write it to the scene's output path, format and stereo layout.
 
     A file appears under its final name when it is whole. files are some of `ANIMATION_FILES`: eyes of the last frame,
-    left in work/out. work is a private folder; saved is the scene's file, for the writer to open. Return the
-    animation's report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
+    left in the folder `out` of saved.work. saved is the scene's file, for the writer to open. Return the animation's
+    report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
     """
     listener = listener or Listener()
     # `warnings_ahead` has said these, before the first frame.
@@ -94,23 +94,29 @@ def render_animation_files(
     journal = Journal(output.folder, output.name)
     check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
     wanted = Fingerprints(settings_digest(settings, output), scene_prints(scene, settings.scene))
-    with _folder_for(output.folder, work) as private, ExitStack() as stack:
-        stack.enter_context(_errors_of_output(output.folder))
-        token = stack.enter_context(_run_in(journal, output, wanted, listener))
+    beside, errors = _folder_for(output.folder, saved.work), _errors_of_output(output.folder)
+    with beside as private, errors, _run_in(journal, output, wanted, listener) as token:
         context = FrameContext(settings, options, journal, wanted, token, output.half_floats)
         run = _Run(scene, output, context, listener, warnings, for_movie_alone)
-        plan = _announced_plan(run)
-        if options.movie is not None and plan.todo:
-            try_encoder(scene, settings, Path(options.movie), output, private / "tried")
-        failed, last = dict(options.skip), None
-        if plan.todo:
-            order = _order(saved, output, options, private)
-            last = _render_planned(run, plan, failed, order, work, keeps_last=bool(files))
-        report, movies = _finish(run, plan, failed)
+        report = _made(run, saved, private, keeps_last=bool(files))
     if for_movie_alone:
         with contextlib.suppress(OSError):
             output.folder.rmdir()
-    written = [*([] if for_movie_alone else output.all_files), *movies]
+    return report
+
+
+def _made(run: _Run, saved: SavedScene, private: Path, *, keeps_last: bool) -> dict[str, Any]:
+    """Make the run's frames and its movie, and return the animation's report. private is a folder on the drive of the
+    frames; keeps_last is as for `_render_planned`."""
+    plan, options, output = _announced_plan(run), run.context.options, run.output
+    if options.movie is not None and plan.todo:
+        try_encoder(run.scene, run.context.settings, Path(options.movie), output, private / "tried")
+    failed, last = dict(options.skip), None
+    if plan.todo:
+        order = _order(saved, output, options, private)
+        last = _render_planned(run, plan, failed, order, saved.work, keeps_last=keeps_last)
+    report, movies = _finish(run, plan, failed)
+    written = [*([] if run.for_movie_alone else output.all_files), *movies]
     done = {"rendered": len(plan.todo), "there_already": sorted(plan.kept), "last": last}
     done["movies"] = [str(path) for path in movies]
     return {**report, "files": [str(path) for path in written], **done}

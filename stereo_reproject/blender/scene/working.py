@@ -72,13 +72,7 @@ def working_scene(
     eye.data = camera.data.copy()
     names = (copy.name, eye.name, eye.data.name)
     try:
-        # A marker would switch the camera back at the next render.
-        copy.timeline_markers.clear()
-        # A property of the user's own may have the name of ours.
-        copy.pop(DRIVEN_SEED, None)
-        eye.pop(KEPT_OBJECT, None)
-        copy.collection.objects.link(eye)
-        copy.camera = eye
+        _take_place(copy, eye)
         copy.render.engine = engine
         set_up(copy, rendered)
         apply_overrides(copy, eye.data, overrides)
@@ -90,6 +84,17 @@ def working_scene(
         last = (frame, subframe) if left is None else _standing(left)
         _remove(*names)
         return_to_own_frame(scene, *last)
+
+
+def _take_place(copy: bpy.types.Scene, eye: bpy.types.Object) -> None:
+    """Make a copy of the user's camera the camera of a copy of the user's scene, and keep it so in every frame."""
+    # A marker would switch the camera back at the next render.
+    copy.timeline_markers.clear()
+    # A property of the user's own may have the name of ours.
+    copy.pop(DRIVEN_SEED, None)
+    eye.pop(KEPT_OBJECT, None)
+    copy.collection.objects.link(eye)
+    copy.camera = eye
 
 
 def move_to(working: bpy.types.Scene, frame: int, *, subframe: float = 0.0) -> None:
