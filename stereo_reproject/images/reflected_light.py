@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .contrast import box_sum
+from .contrast import box_sums
 from .metrics import COLOUR_CHANNELS, channel_mean, tone, untone
 from .passes import COLOUR_PASS, VIEW_DEPENDENT_PASS, Passes
 from .tuning import TUNING
@@ -69,14 +69,26 @@ def without_sparks(light: NDArray[np.float32]) -> NDArray[np.float32]:
     sparks = np.nonzero((above > 0.0) & (above > TUNING.min_spark_sigmas * _spread_around(brightness)))
     if not sparks[0].size:
         return light
-    lost = np.zeros_like(toned)
-    lost[sparks] = toned[sparks] - _mean_beside(toned, sparks)
-    toned -= lost
-    reach = TUNING.spark_loss_reach_px, TUNING.spark_loss_reach_px
-    pixels = box_sum(np.ones(brightness.shape, np.uint8), reach)
+    del brightness, above
+    beside, reach = _mean_beside(toned, sparks), TUNING.spark_loss_reach_px
     for channel in range(COLOUR_CHANNELS):
-        toned[..., channel] += box_sum(lost[..., channel] / pixels, reach)
-    return untone(np.minimum(toned, MAX_TONE)).astype(np.float32)
+        lost = np.zeros(toned.shape[:2], np.float32)
+        lost[sparks] = (toned[..., channel][sparks] - beside[:, channel]) / _window_pixels(sparks, reach, lost.shape)
+        toned[..., channel][sparks] = beside[:, channel]
+        for rows, spread in box_sums(lost.__getitem__, lost.shape, (reach, reach)):
+            toned[rows, :, channel] = untone(np.minimum(toned[rows, :, channel] + spread, MAX_TONE))
+    return toned
+
+
+def _window_pixels(
+    place: tuple[NDArray[np.intp], NDArray[np.intp]], reach: int, shape: tuple[int, ...]
+) -> NDArray[np.intp]:
+    """Return how many pixels (N,) of a picture of this shape lie within `reach` pixels each way of N pixels, whose rows
+    and columns (N,) are given."""
+    down, across = (
+        np.minimum(at + reach, size - 1) - np.maximum(at - reach, 0) + 1 for at, size in zip(place, shape, strict=True)
+    )
+    return down * across
 
 
 def _brightest_beside(image: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -90,13 +102,21 @@ def _brightest_beside(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(np.isinf(result), image, result)
 
 
-def _spread_around(image: NDArray[np.float32]) -> NDArray[np.float64]:
+def _spread_around(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the standard deviation (H, W) of the pixels of an image (H, W) around each pixel, its own left out."""
-    reach = TUNING.spark_reach_px, TUNING.spark_reach_px
-    own = image.astype(np.float64)
-    count = np.maximum(box_sum(np.ones(image.shape, np.uint8), reach) - 1.0, 1.0)
-    mean, square = ((box_sum(values, reach) - values) / count for values in (own, own**2))
-    return np.sqrt(np.maximum(square - mean**2, 0.0))
+    result, reach = np.empty_like(image), (TUNING.spark_reach_px, TUNING.spark_reach_px)
+
+    def squares(rows: slice) -> NDArray[np.float64]:
+        return image[rows].astype(np.float64) ** 2
+
+    ones = np.ones((1, image.shape[1]), np.uint8)
+    counts = box_sums(lambda rows: ones.repeat(rows.stop - rows.start, axis=0), image.shape, reach)
+    totals = (box_sums(values, image.shape, reach) for values in (image.__getitem__, squares))
+    for (rows, count), (_, total), (_, squared) in zip(counts, *totals, strict=True):
+        others = np.maximum(count - 1.0, 1.0)
+        mean, square = (total - image[rows]) / others, (squared - squares(rows)) / others
+        result[rows] = np.sqrt(np.maximum(square - mean**2, 0.0))
+    return result
 
 
 def _mean_beside(light: NDArray[np.float32], place: tuple[NDArray[np.intp], NDArray[np.intp]]) -> NDArray[np.floating]:
