@@ -76,7 +76,8 @@ def without_sparks(light: NDArray[np.float32]) -> NDArray[np.float32]:
         lost[sparks] = (toned[..., channel][sparks] - beside[:, channel]) / _window_pixels(sparks, reach, lost.shape)
         toned[..., channel][sparks] = beside[:, channel]
         for rows, spread in box_sums(lost.__getitem__, lost.shape, (reach, reach)):
-            toned[rows, :, channel] = untone(np.minimum(toned[rows, :, channel] + spread, MAX_TONE))
+            changed = untone(np.minimum(toned[rows, :, channel] + spread, MAX_TONE))
+            toned[rows, :, channel] = np.where(spread > 0.0, changed, light[rows, :, channel])
     return toned
 
 
