@@ -66,9 +66,10 @@ def without_sparks(light: NDArray[np.float32]) -> NDArray[np.float32]:
     toned = tone(light)
     brightness = channel_mean(toned)
     above = brightness - _brightest_beside(brightness)
-    sparks = np.nonzero((above > 0.0) & (above > TUNING.min_spark_sigmas * _spread_around(brightness)))
-    if not sparks[0].size:
+    down, across = np.nonzero((above > 0.0) & (above > TUNING.min_spark_sigmas * _spread_around(brightness)))
+    if not down.size:
         return light
+    sparks = down, across
     del brightness, above
     beside, reach = _mean_beside(toned, sparks), TUNING.spark_loss_reach_px
     for channel in range(COLOUR_CHANNELS):
