@@ -136,12 +136,15 @@ class StoredTracer:
 
 @dataclass(frozen=True)
 class Scene:
-    """The warped source, and the colours (H, W, 4) of RENDERS renders of the target, all times light_scale."""
+    """The warped source, and the colours (H, W, 4) of RENDERS renders of the target, all times light_scale.
+    needs_probes: whether something may look different from each eye.
+    """
 
     name: str
     warped: Reprojection
     targets: Sequence[NDArray]
     light_scale: float
+    needs_probes: bool
 
     def outcome(self, knob: Knob, value: float, seed: int, accuracy: Accuracy) -> Outcome:
         with knob.turned(value, accuracy) as accuracy:
@@ -164,7 +167,8 @@ class Scene:
         views = tuple(replace(view, accuracy=accuracy) for view in self.warped.views)
         warped = replace(self.warped, warped=replace(self.warped.warped, passes=passes), views=views)
         tracer, planner, view = StoredTracer(once, again), FillPlanner("auto", COST, {}), StereoSettings().target
-        tracing = ProbedTracing(tracer, WarpedTarget(view, warped.answered(), planner, accuracy, None, True, seed))
+        warped = warped.answered()
+        tracing = ProbedTracing(tracer, WarpedTarget(view, warped, planner, accuracy, None, self.needs_probes, seed))
         if tracing.wants_pilot:
             tracing.send_pilot()
         tracing.fill()
@@ -194,7 +198,7 @@ def prepare(
         source, invalid = replace_non_finite(rendered)
         scale = display_scale(source[COLOUR_PASS])
         source, targets = scaled_light(source, scale), [scaled_colour(target, scale) for target in targets]
-        views = Rig.of_cameras(renderer.cameras)
+        views, needs_probes = Rig.of_cameras(renderer.cameras), bool(renderer.plan.view_dependent)
         warped = reproject(
             [RenderedView(views[settings.source], source, invalid)],
             views[settings.target],
@@ -202,7 +206,7 @@ def prepare(
             optics=Optics(renderer.lens, renderer.volumes),
             options=WarpOptions(settings.grid_threshold),
         )
-    return Scene(name, warped, targets, scale)
+    return Scene(name, warped, targets, scale, needs_probes)
 
 
 def make_pictures(

@@ -114,7 +114,7 @@ def test_a_scene_is_the_same_after_a_target_was_made_of_it():
     source = RenderedView(View("left", left), room(96, 64))
     rng = np.random.default_rng(1)
     targets = [rng.random((64, 96, 4), np.float32) for _ in range(4)]
-    scene = Scene("room", reproject([source], View("right", right), SHIPPED), targets, 1.0)
+    scene = Scene("room", reproject([source], View("right", right), SHIPPED), targets, 1.0, needs_probes=True)
     (first, _), (other, _), (again, _) = (scene.finished(SHIPPED, seed) for seed in (1, 2, 1))
     assert first.traced.any()
     assert not np.array_equal(first.colour, other.colour), "it is made of other renders"
