@@ -87,7 +87,7 @@ class Run:
 
 
 def overrides(name: str, options: argparse.Namespace) -> SceneOverrides:
-    interocular, convergence = SCENES[name]
+    interocular, convergence = EYES[name]
     return SceneOverrides(
         size=options.size,
         samples=options.samples,

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from stereo_reproject.errors import StereoReprojectError
+from stereo_reproject.estimate.noise_ratio import AS_RENDERED, Estimate
 from stereo_reproject.estimate.target import Target
 from stereo_reproject.estimate.tracing import ProbedTracing, WarpedTarget
 from stereo_reproject.estimate.tuning import EstimateTuning
@@ -135,42 +136,55 @@ class StoredTracer:
 
 @dataclass(frozen=True)
 class Scene:
-    """The warped source, and the colours (H, W, 4) of RENDERS renders of the target."""
+    """The warped source, and the colours (H, W, 4) of RENDERS renders of the target, all times light_scale.
+    needs_probes: whether something may look different from each eye.
+    """
 
     name: str
     warped: Reprojection
     targets: Sequence[NDArray]
+    light_scale: float
+    needs_probes: bool
 
     def outcome(self, knob: Knob, value: float, seed: int, accuracy: Accuracy) -> Outcome:
         with knob.turned(value, accuracy) as accuracy:
-            target, estimate = self._finished(accuracy, seed)
-        _, _, reference, again = self._shifted(seed)
+            target, estimate = self.finished(accuracy, seed)
+        _, _, reference, again = self.shifted(seed)
         ours = target.colour
         renders = ours, reference, again
         honest = honest_ratio(*renders, target.variance_share(self.warped.variance_share, averages_probes=True))
         truth = honest, noise_ratio(*renders), worst_tiles(*renders), wrong_tiles(*renders)
-        return Outcome(self.name, knob.name, value, seed, float(np.mean(target.traced)), *truth, estimate)
+        traced = float(np.mean(target.traced))
+        told = AS_RENDERED if estimate is None else estimate
+        return Outcome(self.name, knob.name, value, seed, traced, *truth, told.honest_ratio)
 
-    def _finished(self, accuracy: Accuracy, seed: int) -> tuple[Target, float]:
-        """As `frame.render_stereo_frame` makes it from what was warped; and the honest ratio by its estimate."""
-        once, again, _, _ = self._shifted(seed)
-        passes = {name: self.warped.passes[name] for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS)}
+    def finished(self, accuracy: Accuracy, seed: int) -> tuple[Target, Estimate | None]:
+        """As `frame.render_stereo_frame` makes it from what was warped; and its estimate, None without probes."""
+        once, again, _, _ = self.shifted(seed)
+        names = [name for name in (COLOUR_PASS, DEPTH_PASS, EFFECTS_PASS, MATERIAL_PASS) if name in self.warped.passes]
+        # Copies: pixels are traced into them in place.
+        passes = {name: self.warped.passes[name].copy() for name in names}
         views = tuple(replace(view, accuracy=accuracy) for view in self.warped.views)
         warped = replace(self.warped, warped=replace(self.warped.warped, passes=passes), views=views)
         tracer, planner, view = StoredTracer(once, again), FillPlanner("auto", COST, {}), StereoSettings().target
-        tracing = ProbedTracing(tracer, WarpedTarget(view, warped, planner, accuracy, None, True, seed))
+        warped = warped.answered()
+        tracing = ProbedTracing(tracer, WarpedTarget(view, warped, planner, accuracy, None, self.needs_probes, seed))
         if tracing.wants_pilot:
             tracing.send_pilot()
         tracing.fill()
-        estimate = tracing.refine().estimate
-        return tracing.target, estimate.honest_ratio
+        return tracing.target, tracing.refine().estimate
 
-    def _shifted(self, seed: int) -> list[NDArray]:
+    def shifted(self, seed: int) -> list[NDArray]:
+        """The renders of the target, those to trace from first and then those to judge by."""
         return [self.targets[(seed + number) % RENDERS] for number in range(RENDERS)]
 
 
-def prepare(name: str, options: argparse.Namespace) -> Scene:
-    """The scene's renders, made or from the cache, and the source warped by the cameras that it has."""
+def prepare(
+    name: str, options: argparse.Namespace, arrange: Callable[[Any], None] = lambda _: None, label: str = ""
+) -> Scene:
+    """The scene's renders, made or from the cache, and the source warped by the cameras that it has. `arrange` changes
+    the working scene before; the cache knows the change by its label.
+    """
     from stereo_reproject.blender.engines.renderer import BlenderRenderer
     from stereo_reproject.blender.scene.working import open_blend, working_scene
 
@@ -178,12 +192,13 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
     scene = open_blend(options.scenes / name / f"{name}.blend")
     with working_scene(scene, overrides(name, options)) as working, tempfile.TemporaryDirectory() as folder:
         working.cycles.seed = SOURCE_SEED
+        arrange(working)
         renderer = BlenderRenderer(working, Path(folder))
-        rendered, targets = make_pictures(name, renderer, settings, options)
+        rendered, targets = make_pictures(name + label, renderer, settings, options)
         source, invalid = replace_non_finite(rendered)
         scale = display_scale(source[COLOUR_PASS])
         source, targets = scaled_light(source, scale), [scaled_colour(target, scale) for target in targets]
-        views = Rig.of_cameras(renderer.cameras)
+        views, needs_probes = Rig.of_cameras(renderer.cameras), bool(renderer.plan.view_dependent)
         warped = reproject(
             [RenderedView(views[settings.source], source, invalid)],
             views[settings.target],
@@ -191,7 +206,7 @@ def prepare(name: str, options: argparse.Namespace) -> Scene:
             optics=Optics(renderer.lens, renderer.volumes),
             options=WarpOptions(settings.grid_threshold),
         )
-    return Scene(name, warped, targets)
+    return Scene(name, warped, targets, scale, needs_probes)
 
 
 def make_pictures(

@@ -36,11 +36,11 @@ def test_what_is_brighter_at_traced_pixels_is_biased():
 
 def test_a_row_has_the_medians_of_a_camera_and_the_portals_speedup_over_osl():
     turns = [
-        Turn("osl", 10.0, 1.0, 0.1, 0.12, 1.01, 0.99, 1.1, None),
-        Turn("portal", 12.5, 3.0, 0.1, 0.12, 1.02, None, 1.2, (1.01, 1.0, 1.02)),
+        Turn("osl", 10.0, 16.0, 1.0, 0.1, 0.12, 1.01, 0.99, 1.1, None),
+        Turn("portal", 12.5, 18.0, 3.0, 0.1, 0.12, 1.02, None, 1.2, (1.01, 1.0, 1.02)),
     ]
-    osl, portal = rows(Measured("room", 9.0, 1.0, 8.0, turns), ["osl", "portal"])
+    osl, portal = rows(Measured("room", 9.0, 1.0, 8.0, 14.4, turns), ["osl", "portal"])
     assert osl.startswith("| room | osl | 1.60 | 1.80 | 1.010 | 0.990 |")
     assert portal.startswith("| room | portal | 1.28 | 1.44 | 1.020 | – |")
     # 3 s, where 1.25 x 0.12 x 8 s + 1 s are allowed.
-    assert portal.endswith("| 10.0% | 3.00 s | 1.36 | 0.800 |")
+    assert portal.endswith("| 10.0% | 3.00 s | 1.36 | 0.800 | 1.60 | 0.889 |")

@@ -8,20 +8,25 @@ import pytest
 
 from stereo_reproject.estimate import tracing
 from stereo_reproject.holes import classifier
+from stereo_reproject.holes.reprojection import reproject
 from stereo_reproject.images.passes import COLOUR_PASS
 from stereo_reproject.trace.requests import TraceRequest
+from stereo_reproject.views.view import View
+from stereo_reproject.warp.rendered_view import RenderedView
 from tests.bench.spending import (
     KNOBS,
     SHIPPED,
     TUNINGS,
     Knob,
     Outcome,
+    Scene,
     StoredTracer,
     load_pictures,
     parse,
     save_pictures,
     table,
 )
+from tests.bench.warp.scenes import eyes, room
 
 ROOT = Path(__file__).resolve().parents[2]
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
@@ -101,6 +106,19 @@ def test_a_stored_trace_is_what_the_renders_have_at_its_pixels_in_the_masks_orde
     np.testing.assert_array_equal(traced[COLOUR_PASS][:, 0], [0.0, 8.0, 16.0])
     traced = tracer.trace("packed", [TraceRequest("right", pixels, twins)])[0][COLOUR_PASS]
     np.testing.assert_array_equal(traced[:, 0], [0.0, 8.0, 16.0, 108.0])
+
+
+def test_a_scene_is_the_same_after_a_target_was_made_of_it():
+    """Pixels are traced into a target in place."""
+    left, right = eyes(96, 64)
+    source = RenderedView(View("left", left), room(96, 64))
+    rng = np.random.default_rng(1)
+    targets = [rng.random((64, 96, 4), np.float32) for _ in range(4)]
+    scene = Scene("room", reproject([source], View("right", right), SHIPPED), targets, 1.0, needs_probes=True)
+    (first, _), (other, _), (again, _) = (scene.finished(SHIPPED, seed) for seed in (1, 2, 1))
+    assert first.traced.any()
+    assert not np.array_equal(first.colour, other.colour), "it is made of other renders"
+    np.testing.assert_array_equal(first.colour, again.colour)
 
 
 def test_pictures_come_back_from_a_file_as_they_were(tmp_path):
