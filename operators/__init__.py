@@ -12,7 +12,20 @@ def _classes() -> tuple[type, ...]:
     """Return the classes to be registered, in the order that Blender needs: a property group before the panels and
     operators that use it.
     """
-    from . import image_panels, jobs, kept, panels, pictures, properties, render, stereo, viewing
+    from . import (
+        depth,
+        depth_view,
+        image_panels,
+        jobs,
+        kept,
+        panels,
+        pictures,
+        properties,
+        render,
+        screen_here,
+        stereo,
+        viewing,
+    )
 
     return (
         properties.StereoReprojectSettings,
@@ -24,6 +37,10 @@ def _classes() -> tuple[type, ...]:
         viewing.RENDER_OT_stereo_reproject_view_animation,
         kept.STEREO_REPROJECT_OT_open_kept,
         stereo.STEREO_REPROJECT_OT_set_convergence,
+        depth.STEREO_REPROJECT_OT_measure_depth,
+        depth.STEREO_REPROJECT_OT_fit_to_comfort,
+        screen_here.STEREO_REPROJECT_OT_set_screen_here,
+        depth_view.STEREO_REPROJECT_GGT_screen,
         pictures.STEREO_REPROJECT_OT_show_picture,
         *panels.PANELS,
         *image_panels.IMAGE_PANELS,
@@ -36,7 +53,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import panels, properties, slots, viewing
+    from . import depth_view, panels, properties, slots, viewing
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -44,6 +61,7 @@ def register() -> None:
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
     viewing.add_key()
+    depth_view.add_drawing()
     slots.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
@@ -65,13 +83,14 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import panels, slots, viewing
+    from . import depth_view, panels, slots, viewing
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
     viewing.remove_key()
+    depth_view.remove_drawing()
     slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject

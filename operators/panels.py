@@ -9,6 +9,7 @@ import bpy
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
 from ..stereo_reproject.report.verdict import accuracy_name, duration
+from .depth_panel import draw_depth
 from .details import Details
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .jobs import sentence
@@ -21,7 +22,7 @@ from .render import (
     is_current,
 )
 from .results import result_of
-from .stereo import STEREO_REPROJECT_OT_set_convergence, is_comfortable, parallax_now
+from .stereo import STEREO_REPROJECT_OT_set_convergence
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 MAX_SHOWN_EFFECTS = 6
@@ -122,28 +123,7 @@ class _Camera:
         row = column.row(align=True)
         for target, name in (("OBJECT", "Active Object"), ("FOCUS", "Focus")):
             row.operator(STEREO_REPROJECT_OT_set_convergence.bl_idname, text=name).target = target
-        self._draw_parallax(layout, context)
-
-    def _draw_parallax(self, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-        """Draw the parallax of the nearest and farthest point, with a warning if a viewer's eyes would have to turn
-        apart.
-        """
-        scene = context.scene
-        known = parallax_now(scene)
-        if not known:
-            return
-        layout.label(text="Parallax (of the Width):")
-        for name, parallax in known:
-            where = "behind" if parallax.pixels > 0.0 else "in front"
-            text = f"{name}: {abs(parallax.percent):.1f} % {where} ({abs(parallax.pixels):.0f} px)"
-            paragraph(layout, context, text)
-        if not all(is_comfortable(scene, parallax) for _, parallax in known):
-            width, eyes = scene.stereo_reproject.screen_width, scene.stereo_reproject.eye_distance
-            text = (
-                f"Too far behind a screen {width:g} m wide: wider apart than a viewer's eyes ({1000.0 * eyes:.0f} mm)."
-                " Lower the interocular distance, or set the convergence farther away."
-            )
-            paragraph(layout, context, text, icon="ERROR")
+        draw_depth(layout.column(), context)
 
 
 class _Check:
@@ -221,7 +201,7 @@ class _Advanced:
         layout.use_property_split = True
         layout.use_property_decorate = False
         for names in (
-            ("screen_width", "eye_distance"),
+            ("screen_width", "eye_distance", "viewing_distance"),
             ("grid_threshold", "interpolation", "warp"),
             ("compare", "use_scripts"),
         ):

@@ -56,6 +56,14 @@ def promise(name: str) -> str:
     return f"{text}, in every part of the picture" if accuracy.promises_worst_tiles else text
 
 
+def redraw_views(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Have all 3D Views drawn again, also those of other windows."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 class StereoReprojectSettings(bpy.types.PropertyGroup):
     """Settings of the extension, kept with each scene. Eye distance and convergence are not here: they are Blender's
     own settings of the camera.
@@ -148,4 +156,21 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         min=0.001,
         soft_max=0.08,
         precision=3,
+    )
+    viewing_distance: bpy.props.FloatProperty(
+        name="Viewing Distance (Widths)",
+        description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
+        " in the middle of a cinema, 2 to 3 for a television",
+        default=1.7,
+        min=0.1,
+        soft_max=5.0,
+        precision=1,
+        step=10,
+    )
+    show_depth: bpy.props.BoolProperty(
+        name="Show in 3D View",
+        description="Draw the screen, and where comfort ends before and behind it, in the 3D View; an arrow at the"
+        " screen's corner drags the convergence",
+        default=False,
+        update=redraw_views,
     )

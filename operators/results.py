@@ -12,6 +12,7 @@ import bpy
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
 from ..stereo_reproject.report.verdict import UNCERTAIN_AREAS
 from ..stereo_reproject.settings.frame import StereoSettings
+from ..stereo_reproject.views.depth_range import EdgeHit
 from .run import BackgroundJob
 
 PICTURES = {
@@ -48,6 +49,33 @@ class Delivery:
     preview: bool = False
 
 
+@dataclass(frozen=True)
+class KnownDepth:
+    """Nearest and farthest depth that the scene's camera saw at a frame, in scene units; +inf is the sky. edges is what
+    a measurement saw at the frame's edges, empty where a pair or a check found the depths.
+    """
+
+    near: float
+    far: float
+    frame: int
+    edges: tuple[EdgeHit, ...] = ()
+
+    @property
+    def ends(self) -> tuple[tuple[str, float], tuple[str, float]]:
+        """The names of both ends, for artists, with their depths."""
+        return ("Nearest", self.near), ("Farthest", self.far)
+
+    @classmethod
+    def of_report(cls, report: Mapping[str, Any]) -> KnownDepth | None:
+        """Return the depths that the report of a pair or of a check has; None if nothing was in view."""
+        seen = report.get("parallax")
+        if not seen:
+            return None
+        # JSON has no infinity: None stands for it.
+        near, far = (float("inf") if seen[end]["depth"] is None else seen[end]["depth"] for end in ("near", "far"))
+        return cls(near, far, report["frame"])
+
+
 @dataclass
 class Result:
     """Results of one scene: its last pair's report and pictures, and the findings of its last check."""
@@ -61,8 +89,8 @@ class Result:
     inspected: StereoSettings | None = None
     """Settings for which the check was made."""
     warnings: list[str] = field(default_factory=list)
-    parallax: Mapping[str, Any] | None = None
-    """Parallax of the nearest and farthest point that a pair or a check saw last."""
+    depth: KnownDepth | None = None
+    """Depths that a measurement, a pair or a check saw last."""
     run: BackgroundJob | None = None
     """Job that still holds the pictures."""
 
@@ -109,7 +137,7 @@ def keep_pair(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) ->
     result.report, result.warnings, result.run = run.report, run.warnings, run
     result.animation, result.delivery = None, delivery
     if run.report is not None:
-        result.parallax = run.report.get("parallax") or result.parallax
+        result.depth = KnownDepth.of_report(run.report) or result.depth
 
 
 def keep_animation(scene: bpy.types.Scene, run: BackgroundJob, delivery: Delivery) -> None:
@@ -129,7 +157,7 @@ def keep_inspection(scene: bpy.types.Scene, run: BackgroundJob) -> None:
     assert run.report is not None
     result = result_of(scene)
     result.inspection, result.inspected = run.report, run.settings
-    result.parallax = run.report["parallax"] or result.parallax
+    result.depth = KnownDepth.of_report(run.report) or result.depth
 
 
 def forget_all() -> None:

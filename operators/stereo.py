@@ -1,16 +1,45 @@
 """Help for stereo itself: how far things stand before and behind the screen, and where the screen is."""
 
-from typing import Any
+from __future__ import annotations
 
 import bpy
 
-from ..stereo_reproject.blender.scene.rig import check_camera, frame_region, stereo_cameras
+from ..stereo_reproject.blender.scene.rig import (
+    check_camera,
+    convergence_of_screen,
+    frame_region,
+    stereo_cameras,
+)
 from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.views.camera import Camera
+from ..stereo_reproject.views.comfort import Viewing
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
 from .results import result_of
 
 
-class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
+class EditsCamera:
+    """Mixin of operators that set the stereo settings of the scene's camera."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the scene has a camera for stereo that can be edited here."""
+        try:
+            check_editable(context.scene)
+        except BadInputError as error:
+            cls.poll_message_set(str(error))
+            return False
+        return True
+
+
+def check_editable(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Return the scene's camera if it is one for stereo whose settings can be edited here. Raises BadInputError."""
+    camera = check_camera(scene.camera)
+    if camera.data.library is not None:
+        raise BadInputError("The camera is linked from another file: set it there")
+    return camera
+
+
+class STEREO_REPROJECT_OT_set_convergence(EditsCamera, bpy.types.Operator):
     """Set the camera's convergence plane, which is seen at the depth of the screen"""
 
     bl_idname = "stereo_reproject.set_convergence"
@@ -32,31 +61,27 @@ class STEREO_REPROJECT_OT_set_convergence(bpy.types.Operator):
         where = "of the active object" if properties.target == "OBJECT" else "that the camera is focused on"
         return f"Set the camera's convergence, and so the screen, to the depth {where}"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Return whether the scene has a camera for stereo that can be edited here."""
-        try:
-            camera = check_camera(context.scene.camera)
-        except BadInputError as error:
-            cls.poll_message_set(str(error))
-            return False
-        if camera.data.library is not None:
-            cls.poll_message_set("The camera is linked from another file: set it there")
-            return False
-        return True
-
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Set the camera's convergence distance to the depth of the target."""
-        scene = context.scene
-        stereo = scene.camera.data.stereo
+        """Set the camera's convergence distance so that the screen is at the depth of the target."""
         try:
-            stereo.convergence_distance = _depth_of(context, self.target)
+            set_screen_depth(context.scene, _depth_of(context, self.target))
         except BadInputError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if stereo.convergence_mode == "PARALLEL":
-            self.report({"WARNING"}, "The camera is parallel: the convergence distance has no effect in that mode")
+        warn_if_parallel(self, context.scene)
         return {"FINISHED"}
+
+
+def set_screen_depth(scene: bpy.types.Scene, depth: float) -> None:
+    """Set the camera's convergence distance so that what is at this depth, in scene units, is seen at the screen."""
+    data = scene.camera.data
+    data.stereo.convergence_distance = convergence_of_screen(data, depth)
+
+
+def warn_if_parallel(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Report that the convergence distance, which the operator has set, has no effect if the camera is parallel."""
+    if scene.camera.data.stereo.convergence_mode == "PARALLEL":
+        operator.report({"WARNING"}, "The camera is parallel: the convergence distance has no effect in that mode")
 
 
 def _depth_of(context: bpy.types.Context, target: str) -> float:
@@ -81,28 +106,37 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
     return depth
 
 
+def viewing_conditions(scene: bpy.types.Scene) -> Viewing:
+    """Return the screen and the viewer that the scene's pair is made for."""
+    chosen = scene.stereo_reproject
+    return Viewing(chosen.screen_width, chosen.eye_distance, chosen.viewing_distance)
+
+
+def eyes_of(scene: bpy.types.Scene) -> tuple[Camera, Camera, int] | None:
+    """Return the left and the right eye of the scene's camera as it stands, and the whole frame's width in pixels; None
+    where the scene has no camera for stereo.
+    """
+    try:
+        eyes = stereo_cameras(check_camera(scene.camera), scene.render)
+    except BadInputError:
+        return None
+    return eyes["left"], eyes["right"], frame_region(scene.render).full_width
+
+
 def parallax_now(scene: bpy.types.Scene) -> list[tuple[str, ScreenParallax]]:
     """Return names and parallax of the nearest and the farthest point, by the camera's present stereo settings. Their
-    depths are those that the last pair or check found; empty before either, or without a camera for stereo.
+    depths are those that were measured or rendered last; empty before that, or without a camera for stereo.
     """
-    seen = result_of(scene).parallax
-    if seen is None:
+    known, eyes = result_of(scene).depth, eyes_of(scene)
+    if known is None or eyes is None:
         return []
-    try:
-        eyes, width = stereo_cameras(check_camera(scene.camera), scene.render), frame_region(scene.render).full_width
-    except BadInputError:
-        return []
-    return [(name.capitalize(), parallax_at(eyes["left"], eyes["right"], _depth(seen[name]), width)) for name in seen]
-
-
-def _depth(seen: Any) -> float:
-    """Return the depth of a point that a report has, in scene units; JSON's None stands for an infinite one."""
-    return float("inf") if seen["depth"] is None else seen["depth"]
+    left, right, width = eyes
+    return [(name, parallax_at(left, right, depth, width)) for name, depth in known.ends]
 
 
 def is_comfortable(scene: bpy.types.Scene, parallax: ScreenParallax) -> bool:
     """Return whether viewers can look at a point with this parallax without turning their eyes apart, on the screen and
     with the eye distance that are set in the panel.
     """
-    chosen = scene.stereo_reproject
-    return not is_wider_than_eyes(parallax, chosen.screen_width, chosen.eye_distance)
+    viewing = viewing_conditions(scene)
+    return not is_wider_than_eyes(parallax, viewing.screen_width, viewing.eye_distance)

@@ -148,6 +148,16 @@ def _stereo_shift(data: bpy.types.Camera, view: str) -> float:
     return -_side(data, view) * stereo.interocular_distance * per_distance
 
 
+def convergence_of_screen(data: bpy.types.Camera, depth: float) -> float:
+    """Return the convergence distance that puts the screen at this depth; both are in scene units.
+
+    It is the depth itself but for off-axis cameras with a vertical sensor fit: Blender divides the shift of their eyes
+    by the sensor's width, and the view plane by its height.
+    """
+    vertical = data.sensor_fit == "VERTICAL" and data.stereo.convergence_mode == "OFFAXIS" and data.type == "PERSP"
+    return depth * data.sensor_height / data.sensor_width if vertical else depth
+
+
 def _view_plane(
     data: bpy.types.Camera, render: bpy.types.RenderSettings, region: FrameRegion, shift_x: float
 ) -> ViewPlane:

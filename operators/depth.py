@@ -1,0 +1,143 @@
+"""Operators that measure how deep the scene is and fit that depth to the screen and the viewer."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..stereo_reproject.blender.scene.depth import measure_depth
+from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
+from .jobs import sentence
+from .results import KnownDepth, result_of
+from .stereo import EditsCamera, check_editable, eyes_of, parallax_now, viewing_conditions
+
+MAX_INTEROCULAR = 100.0
+"""Interocular distance, in scene units, up to which Blender's own setting goes."""
+
+
+class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
+    """Measure the nearest and farthest depth that the camera sees, by ray casts; nothing is rendered"""
+
+    bl_idname = "stereo_reproject.measure_depth"
+    bl_label = "Measure Depth"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the scene has a camera for stereo."""
+        try:
+            check_camera(context.scene.camera)
+        except BadInputError as error:
+            cls.poll_message_set(sentence(error))
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Measure the depth that the camera sees now, and keep it for the panel."""
+        try:
+            measure(context)
+        except BadInputError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, sentence(parallax_line(context.scene)))
+        return {"FINISHED"}
+
+
+def measure(context: bpy.types.Context) -> KnownDepth:
+    """Measure the depth that the scene's camera sees now, keep it for the panel, and return it. Raises BadInputError
+    where nothing is in front of the camera.
+    """
+    scene = context.scene
+    check_camera(scene.camera)
+    (near, far), edges = measure_depth(scene, context.evaluated_depsgraph_get())
+    result_of(scene).depth = known = KnownDepth(near, far, scene.frame_current, edges)
+    return known
+
+
+def side_words(percent: float) -> str:
+    """Return a parallax in percent of the width as words: how much, and on which side of the screen."""
+    if abs(percent) < 0.05:
+        return "at the screen"
+    return f"{abs(percent):.1f} % {'behind' if percent > 0.0 else 'in front'}"
+
+
+def parallax_line(scene: bpy.types.Scene) -> str:
+    """Return the parallax of the nearest and farthest point as one line."""
+    return ", ".join(
+        f"{name.lower()} {side_words(parallax.percent)}" for name, parallax in parallax_now(scene)
+    ).capitalize()
+
+
+class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
+    """Set interocular and convergence distance so that all that the camera sees is comfortable to look at, on the
+    screen and for the viewer that are set under Advanced"""
+
+    bl_idname = "stereo_reproject.fit_to_comfort"
+    bl_label = "Fit to Comfort"
+    bl_options = {"REGISTER", "UNDO"}
+
+    in_front: bpy.props.FloatProperty(
+        name="In Front (%)",
+        description="Parallax of the nearest point in front of the screen, in percent of the width, as far as that is"
+        " comfortable",
+        default=-BROADCAST.near,
+        min=0.0,
+        soft_max=3.0,
+        precision=1,
+        step=10,
+        options={"SKIP_SAVE"},
+    )
+    behind: bpy.props.FloatProperty(
+        name="Behind (%)",
+        description="Parallax of the farthest point behind the screen, in percent of the width, as far as that is"
+        " comfortable",
+        default=BROADCAST.far,
+        min=0.0,
+        soft_max=3.0,
+        precision=1,
+        step=10,
+        options={"SKIP_SAVE"},
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Measure the scene's depth, and set the camera to show it between both limits."""
+        scene = context.scene
+        try:
+            data = check_editable(scene).data
+            fit = self._fit(context, data)
+        except BadInputError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        data.stereo.interocular_distance = fit.interocular
+        if data.stereo.convergence_mode == "OFFAXIS":
+            data.stereo.convergence_distance = convergence_of_screen(data, fit.screen_depth)
+        length = bpy.utils.units.to_string(scene.unit_settings.system, "LENGTH", fit.interocular, precision=3)
+        self.report({"INFO"}, f"Interocular {length}: {parallax_line(scene)}")
+        return {"FINISHED"}
+
+    def _fit(self, context: bpy.types.Context, data: bpy.types.Camera) -> Fit:
+        """Return the stereo settings that fit the scene as it is now. Raises BadInputError where there are none."""
+        refuse_what_cannot_be_fitted(data)
+        if self.in_front + self.behind == 0.0:
+            raise BadInputError("no depth is left: raise In Front or Behind")
+        scene = context.scene
+        known, viewing = measure(context), viewing_conditions(scene)
+        eyes = eyes_of(scene)
+        assert eyes is not None
+        left, _, frame_width = eyes
+        limits, width = fit_limits(viewing, Limits(-self.in_front, self.behind)), unit_width(left, frame_width)
+        if data.stereo.convergence_mode == "PARALLEL":
+            fit = fit_parallel(known.near, limits, width)
+        else:
+            fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
+        if fit.interocular > MAX_INTEROCULAR:
+            raise BadInputError(f"the eyes would be {fit.interocular:.0f} units apart, which Blender does not allow")
+        return fit
+
+
+def refuse_what_cannot_be_fitted(data: bpy.types.Camera) -> None:
+    """Raise BadInputError for cameras in which interocular and convergence distance do not determine the parallax."""
+    if data.type == "ORTHO":
+        raise BadInputError("an orthographic camera shows all depths alike: make it perspective to fit it")
+    if data.stereo.convergence_mode == "TOE":
+        raise BadInputError("toe-in has other parallax at the sides of the picture: set the mode to Off-Axis to fit it")

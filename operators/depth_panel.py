@@ -1,0 +1,142 @@
+"""The part of the panel "Stereo Camera" that shows the scene's depth on the screen: buttons, a bar, and warnings."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import bpy
+
+from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
+from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
+from ..stereo_reproject.views.depth_range import cut_in_front
+from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, side_words
+from .drawing import paragraph
+from .results import KnownDepth, result_of
+from .screen_here import STEREO_REPROJECT_OT_set_screen_here
+from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
+
+BAR_PERCENT = 3.0
+"""Parallax at either end of the bar, in percent of the width: the rule of thumb of stereographers, and about one degree
+on most screens."""
+
+MIN_CUT_PERCENT = 0.2
+"""Parallax in front of the screen, in percent of the width, from which it is noticed that the frame cuts something: 4
+pixels of 1920."""
+
+MAX_NAMED_CUTS = 2
+
+MIN_PIECE = 0.01
+"""Share of half the bar below which a piece of it is too narrow to be drawn."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of one half of the bar: its share of that half, and whether the scene's depth is there; alert is True
+    where that is not comfortable.
+    """
+
+    share: float
+    filled: bool
+    alert: bool = False
+
+
+def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float) -> list[Piece]:
+    """Return the pieces of the bar from `low` to `high`, in order, for a scene with parallax from near to far. All are
+    in percent of the width.
+    """
+    marks = sorted({low, high, *(mark for mark in (near, far, limits.near, limits.far) if low < mark < high)})
+    pieces = []
+    for start, end in itertools.pairwise(marks):
+        middle, share = 0.5 * (start + end), (end - start) / (high - low)
+        if share >= MIN_PIECE:
+            filled = near <= middle <= far
+            pieces.append(Piece(share, filled, filled and not limits.near <= middle <= limits.far))
+    return pieces
+
+
+def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
+    row = layout.row(align=True)
+    row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
+    row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
+    scene = context.scene
+    layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
+    known, found = result_of(scene).depth, parallax_now(scene)
+    if known is None or not found:
+        layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
+        return
+    column = layout.column(align=True)
+    row = column.row()
+    row.label(text=_when(known, scene.frame_current))
+    row.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, text="", icon="FILE_REFRESH")
+    limits = comfort_limits(viewing_conditions(scene))
+    percents = [parallax.percent for _, parallax in found]
+    _draw_bar(column, min(percents), max(percents), limits)
+    for name, parallax in found:
+        paragraph(layout, context, f"{name}: {side_words(parallax.percent)} ({abs(parallax.pixels):.0f} px)")
+    for warning in warnings_on(scene, known):
+        paragraph(layout, context, warning, icon="ERROR")
+
+
+def _when(known: KnownDepth, frame: int) -> str:
+    """Return for which frame the depth was found, as words."""
+    return f"Depth at frame {known.frame}" + ("" if known.frame == frame else f" (now {frame})")
+
+
+def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limits) -> None:
+    """Draw the bar from BAR_PERCENT in front of the screen to as much behind it, with a gap at the screen."""
+    halves = layout.split(factor=0.5)
+    for low, high in ((-BAR_PERCENT, 0.0), (0.0, BAR_PERCENT)):
+        row, left = halves.row(align=True), 1.0
+        for piece in bar_pieces(near, far, limits, low, high):
+            part = row.split(factor=min(piece.share / left, 1.0), align=True) if piece.share < left else row
+            cell = part.row(align=True)
+            cell.alert = piece.alert
+            cell.progress(factor=float(piece.filled), text="")
+            row, left = part, left - piece.share
+    ends = layout.split(factor=0.5)
+    ends.label(text=f"{BAR_PERCENT:g} % in front")
+    row = ends.row()
+    row.alignment = "RIGHT"
+    row.label(text=f"behind {BAR_PERCENT:g} %")
+
+
+def warnings_on(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
+    """Return sentences that say what of the scene's depth is uncomfortable, and what helps."""
+    (_, near), (_, far) = parallax_now(scene)
+    viewing = viewing_conditions(scene)
+    limits = comfort_limits(viewing)
+    found = []
+    if not is_comfortable(scene, far):
+        found.append(
+            f"Too far behind a screen {viewing.screen_width:g} m wide: wider apart than a viewer's eyes"
+            f" ({1000.0 * viewing.eye_distance:.0f} mm). Lower the interocular distance, or set the convergence farther"
+            " away."
+        )
+    elif far.percent > limits.far:
+        found.append(
+            f"Too far behind the screen: more than {limits.far:.1f} %. Lower the interocular distance, or set the"
+            " convergence farther away."
+        )
+    if near.percent < limits.near:
+        found.append(
+            f"Too near in front of the screen: more than {-limits.near:.1f} %. Lower the interocular distance, or set"
+            " the convergence nearer."
+        )
+    return found + _cut(scene, known)
+
+
+def _cut(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
+    """Return sentences that name what stands in front of the screen and is cut by the frame's left or right edge."""
+    eyes = eyes_of(scene)
+    if eyes is None or not known.edges:
+        return []
+    left, right, frame_width = eyes
+    depth = depth_at_parallax(left, right, -MIN_CUT_PERCENT, frame_width)
+    if depth is None:
+        return []
+    return [
+        f"{name!r} is in front of the screen and cut by its {side} edge. Set the convergence nearer, or move it."
+        for name, side in cut_in_front(known.edges, depth, EDGE_ROWS)[:MAX_NAMED_CUTS]
+    ]

@@ -1,0 +1,189 @@
+"""The screen and the comfort zone in the 3D View: planes that are drawn, and an arrow that drags the convergence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy_extras import view3d_utils
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix, Vector
+from numpy.typing import NDArray
+
+from ..stereo_reproject.blender.scene.depth import frame_pixels
+from ..stereo_reproject.blender.scene.rig import convergence_of_screen, frame_region
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.views.comfort import comfort_limits, depth_at_parallax
+from ..stereo_reproject.views.depth_range import frame_corners
+from .stereo import check_editable, eyes_of, set_screen_depth, viewing_conditions
+
+Colour = tuple[float, float, float, float]
+
+SCREEN_COLOUR: Colour = (1.0, 0.75, 0.2, 1.0)
+LIMIT_COLOUR: Colour = (0.35, 0.75, 1.0, 1.0)
+
+FILL_ALPHA = 0.12
+"""Opacity of a plane, enough to tell what is before it from what is behind it."""
+
+LINE_WIDTH_PX, LABEL_SIZE_PX, LABEL_OFFSET_PX = 1.5, 12.0, 4.0
+
+ARROW_LENGTH = 0.6
+"""Length of the arrow's stem, in lengths of Blender's own arrows."""
+
+MIN_SCREEN_DEPTH = 1e-4
+"""Depth, in scene units, nearer than which the arrow does not drag the screen."""
+
+_handlers: list[object] = []
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane across the camera's view: its name, the places of its corners in the world (4, 3), and its colour."""
+
+    name: str
+    corners: NDArray[np.float64]
+    colour: Colour
+
+
+def planes_of(scene: bpy.types.Scene) -> list[Plane]:
+    """Return the planes of the screen and of both ends of the comfort zone, as far as the scene's camera has them."""
+    eyes = eyes_of(scene)
+    if eyes is None:
+        return []
+    left, right, frame_width = eyes
+    limits, frame = comfort_limits(viewing_conditions(scene)), frame_pixels(frame_region(scene.render))
+    planes = []
+    for name, percent, colour in (
+        ("Near", limits.near, LIMIT_COLOUR),
+        ("Screen", 0.0, SCREEN_COLOUR),
+        ("Far", limits.far, LIMIT_COLOUR),
+    ):
+        depth = depth_at_parallax(left, right, percent, frame_width)
+        if depth is not None and np.isfinite(depth):
+            corners = 0.5 * (frame_corners(left, frame, depth) + frame_corners(right, frame, depth))
+            planes.append(Plane(name, corners, colour))
+    return planes
+
+
+def _shown_planes() -> list[Plane]:
+    """Return the planes to be drawn in the 3D View that is being drawn; none where they are switched off there."""
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.stereo_reproject.show_depth or not space.overlay.show_overlays:
+        return []
+    return planes_of(scene)
+
+
+def _draw_planes() -> None:
+    """Draw the planes among the objects of a 3D View: translucent, with an outline."""
+    planes = _shown_planes()
+    if not planes:
+        return
+    fill, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
+    region = bpy.context.region
+    before = gpu.state.blend_get(), gpu.state.depth_test_get()
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    try:
+        for plane in planes:
+            corners = [tuple(corner) for corner in plane.corners]
+            fill.uniform_float("color", (*plane.colour[:3], FILL_ALPHA))
+            batch_for_shader(fill, "TRIS", {"pos": corners}, indices=((0, 1, 2), (0, 2, 3))).draw(fill)
+            line.uniform_float("viewportSize", (region.width, region.height))
+            line.uniform_float("lineWidth", LINE_WIDTH_PX * bpy.context.preferences.system.ui_scale)
+            line.uniform_float("color", plane.colour)
+            batch_for_shader(line, "LINES", {"pos": corners}, indices=((0, 1), (1, 2), (2, 3), (3, 0))).draw(line)
+    finally:
+        gpu.state.blend_set(before[0])
+        gpu.state.depth_test_set(before[1])
+
+
+def _draw_labels() -> None:
+    """Draw the planes' names over a 3D View, each at the upper left corner of its plane."""
+    region, scale = bpy.context.region, bpy.context.preferences.system.ui_scale
+    for plane in _shown_planes():
+        at = view3d_utils.location_3d_to_region_2d(region, bpy.context.region_data, Vector(plane.corners[3]))
+        if at is None:
+            continue
+        blf.size(0, LABEL_SIZE_PX * scale)
+        blf.color(0, *plane.colour)
+        blf.position(0, at.x, at.y + LABEL_OFFSET_PX * scale, 0.0)
+        blf.draw(0, plane.name)
+
+
+class STEREO_REPROJECT_GGT_screen(bpy.types.GizmoGroup):
+    """An arrow at the screen's corner that drags the camera's convergence."""
+
+    bl_idname = "STEREO_REPROJECT_GGT_screen"
+    bl_label = "Stereo Screen"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"3D", "PERSISTENT"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the planes are shown and the camera has a convergence that can be edited here."""
+        if not context.scene.stereo_reproject.show_depth:
+            return False
+        try:
+            data = check_editable(context.scene).data
+        except BadInputError:
+            return False
+        return data.type == "PERSP" and data.stereo.convergence_mode != "PARALLEL"
+
+    def setup(self, _context: bpy.types.Context) -> None:
+        """Make the arrow. Blender calls this once for each 3D View."""
+        self._arrow = arrow = self.gizmos.new("GIZMO_GT_arrow_3d")
+        arrow.target_set_handler("offset", get=screen_depth, set=_drag_to)
+        arrow.color, arrow.alpha = SCREEN_COLOUR[:3], 0.8
+        arrow.color_highlight, arrow.alpha_highlight = (1.0, 1.0, 1.0), 1.0
+        arrow.length = ARROW_LENGTH
+        arrow.use_draw_value = True
+
+    def draw_prepare(self, context: bpy.types.Context) -> None:
+        """Put the arrow at the lower right corner of the screen; while it is dragged it stays on its line."""
+        if self._arrow.is_modal:
+            return
+        base = arrow_base(context.scene)
+        if base is not None:
+            self._arrow.matrix_basis = base
+
+
+def arrow_base(scene: bpy.types.Scene) -> Matrix | None:
+    """Return the matrix of the line on which the arrow moves: in the camera's plane, with the z axis along its line of
+    sight, beside the camera by as much as the screen's lower right corner. None without a screen.
+    """
+    screen = next((plane for plane in planes_of(scene) if plane.name == "Screen"), None)
+    if screen is None:
+        return None
+    world = scene.camera.matrix_world.normalized()
+    corner = world.inverted() @ Vector(screen.corners[1])
+    turned = Matrix.Rotation(np.pi, 4, "X")
+    return world @ Matrix.Translation((corner.x, corner.y, 0.0)) @ turned
+
+
+def screen_depth() -> float:
+    """Return the depth of the screen of the scene's camera, in scene units."""
+    data = bpy.context.scene.camera.data
+    return data.stereo.convergence_distance / convergence_of_screen(data, 1.0)
+
+
+def _drag_to(depth: float) -> None:
+    """Put the screen at the depth to which the arrow was dragged."""
+    set_screen_depth(bpy.context.scene, max(depth, MIN_SCREEN_DEPTH))
+
+
+def add_drawing() -> None:
+    """Have the planes drawn in all 3D Views, where they are switched on."""
+    add = bpy.types.SpaceView3D.draw_handler_add
+    for draw, when in ((_draw_planes, "POST_VIEW"), (_draw_labels, "POST_PIXEL")):
+        _handlers.append(add(draw, (), "WINDOW", when))
+
+
+def remove_drawing() -> None:
+    """Undo `add_drawing`."""
+    while _handlers:
+        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")

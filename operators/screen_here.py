@@ -1,0 +1,172 @@
+"""Eyedropper that puts the screen at the depth of what is clicked, in a 3D View or in the rendered picture."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy_extras import view3d_utils
+from mathutils import Vector
+
+from ..stereo_reproject.blender.scene.depth import cast_rays, first_seen, frame_pixels
+from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.views.depth_range import FramePixels
+from .jobs import sentence
+from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
+
+NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
+"""Events that are left to Blender while the eyedropper is out, so that the view can be moved."""
+
+MAX_VIEW_CLIPS = 3.0
+"""Length of the ray under the mouse, in clip ends of the view: an orthographic view begins before the view's middle by
+as much as it reaches behind."""
+
+HELP = "Click: put the screen here    Esc, right click: cancel"
+
+
+class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
+    """Click a point in a 3D View, or in the Render Result, that is to be seen at the depth of the screen"""
+
+    bl_idname = "stereo_reproject.set_screen_here"
+    bl_label = "Set Screen Here"
+    bl_options = {"REGISTER", "UNDO"}
+
+    depth: bpy.props.FloatProperty(
+        name="Depth",
+        description="Depth of the screen, from the camera along its line of sight",
+        subtype="DISTANCE",
+        default=1.0,
+        min=1e-5,
+        soft_max=1000.0,
+        options={"SKIP_SAVE"},
+    )
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Take out the eyedropper and wait for a click."""
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set(HELP)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Show the depth under the mouse, and set it on a click."""
+        if event.type in {"ESC", "RIGHTMOUSE"}:
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type in NAVIGATION:
+            return {"PASS_THROUGH"}
+        clicked = event.type == "LEFTMOUSE" and event.value == "PRESS"
+        if event.type != "MOUSEMOVE" and not clicked:
+            return {"RUNNING_MODAL"}
+        try:
+            depth = depth_under_mouse(context, event)
+        except BadInputError as error:
+            context.workspace.status_text_set(f"{sentence(error)}    {HELP}")
+            if clicked:
+                self.report({"WARNING"}, sentence(error))
+            return {"RUNNING_MODAL"}
+        if not clicked:
+            context.workspace.status_text_set(f"Depth {length_words(context.scene, depth)}    {HELP}")
+            return {"RUNNING_MODAL"}
+        self.cancel(context)
+        self.depth = depth
+        return self.execute(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Put the eyedropper away. Blender calls this when another file is opened meanwhile."""
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Put the screen at the depth `depth`."""
+        scene = context.scene
+        try:
+            check_editable(scene)
+        except BadInputError as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        set_screen_depth(scene, self.depth)
+        self.report({"INFO"}, f"The screen is {length_words(scene, self.depth)} before the camera")
+        warn_if_parallel(self, scene)
+        return {"FINISHED"}
+
+
+def length_words(scene: bpy.types.Scene, length: float) -> str:
+    """Return a length, in scene units, in the scene's unit system."""
+    return bpy.utils.units.to_string(scene.unit_settings.system, "LENGTH", length, precision=3)
+
+
+def depth_under_mouse(context: bpy.types.Context, event: bpy.types.Event) -> float:
+    """Return the depth, from the scene's camera along its line of sight, of what is under the mouse. Raises
+    BadInputError where that is nothing, or not in front of the camera.
+    """
+    scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
+    camera = check_editable(scene).evaluated_get(depsgraph)
+    area, region = _place_of(context.window.screen, event.mouse_x, event.mouse_y)
+    at = Vector((event.mouse_x - region.x, event.mouse_y - region.y))
+    if area.type == "VIEW_3D":
+        depth = _depth_in_view(scene, depsgraph, camera, (area.spaces.active, region), at)
+    else:
+        depth = _depth_in_picture(scene, depsgraph, camera, region.view2d.region_to_view(*at))
+    if depth == float("inf"):
+        raise BadInputError("nothing is here")
+    if depth <= 0.0:
+        raise BadInputError("this is not in front of the camera")
+    return depth
+
+
+def _place_of(screen: bpy.types.Screen, x: int, y: int) -> tuple[bpy.types.Area, bpy.types.Region]:
+    """Return the 3D View, or the Image Editor with a Render Result, that has this place of the window, and its region.
+    Raises BadInputError where neither is there, or where a sidebar is.
+    """
+    for area in screen.areas:
+        regions = [one for one in area.regions if _is_inside(one, x, y)]
+        if not regions:
+            continue
+        picture = area.spaces.active.image if area.type == "IMAGE_EDITOR" else None
+        shows = area.type == "VIEW_3D" or (picture is not None and picture.type == "RENDER_RESULT")
+        # Sidebars and headers lie over the view.
+        if shows and all(one.type == "WINDOW" for one in regions):
+            return area, regions[0]
+    raise BadInputError("point at something in a 3D View, or in the Render Result")
+
+
+def _is_inside(region: bpy.types.Region, x: int, y: int) -> bool:
+    """Return whether a region that is open has this place of the window."""
+    return 0 <= x - region.x < region.width and 0 <= y - region.y < region.height and region.width * region.height > 1
+
+
+def _depth_in_view(
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    camera: bpy.types.Object,
+    view: tuple[bpy.types.SpaceView3D, bpy.types.Region],
+    at: Vector,
+) -> float:
+    """Return the camera's depth of what a 3D View shows at a place of its region; +inf where that is nothing."""
+    space, region = view
+    origin = view3d_utils.region_2d_to_origin_3d(region, region.data, at)
+    direction = view3d_utils.region_2d_to_vector_3d(region, region.data, at)
+    distance, _ = first_seen(scene, depsgraph, origin, direction, (0.0, MAX_VIEW_CLIPS * space.clip_end))
+    if distance == float("inf"):
+        return distance
+    return -(camera.matrix_world.normalized().inverted() @ (origin + distance * direction)).z
+
+
+def _depth_in_picture(
+    scene: bpy.types.Scene,
+    depsgraph: bpy.types.Depsgraph,
+    camera: bpy.types.Object,
+    share: tuple[float, float],
+) -> float:
+    """Return the depth of what the left eye sees at a place of the rendered picture, in shares of its width from the
+    left and of its height from below; +inf where that is nothing.
+    """
+    if not all(0.0 <= part < 1.0 for part in share):
+        raise BadInputError("point at something in the picture")
+    frame: FramePixels = frame_pixels(frame_region(scene.render))
+    x, y = frame.left + share[0] * frame.width, frame.top + (1.0 - share[1]) * frame.height
+    left = stereo_cameras(camera, scene.render)["left"]
+    clip = camera.data.clip_start, camera.data.clip_end
+    depth, _ = next(cast_rays(scene, depsgraph, left, (np.array([x]), np.array([y])), clip))
+    return depth
