@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import bpy
 
-from ..stereo_reproject.blender.scene.depth import measure_depth
-from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen
+from ..stereo_reproject.blender.scene.depth import EDGE_ROWS, measure_depth
+from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen, frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
+from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from .jobs import sentence
 from .results import KnownDepth, result_of
-from .stereo import EditsCamera, check_editable, eyes_of, parallax_now, viewing_conditions
+from .stereo import EditsCamera, check_editable, parallax_now, viewing_conditions
 
 MAX_INTEROCULAR = 100.0
 """Interocular distance, in scene units, up to which Blender's own setting goes."""
@@ -63,9 +64,7 @@ def side_words(percent: float) -> str:
 
 def parallax_line(scene: bpy.types.Scene) -> str:
     """Return the parallax of the nearest and farthest point as one line."""
-    return ", ".join(
-        f"{name.lower()} {side_words(parallax.percent)}" for name, parallax in parallax_now(scene)
-    ).capitalize()
+    return ", ".join(f"{name.lower()} {side_words(found.percent)}" for name, found in parallax_now(scene))
 
 
 class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
@@ -99,6 +98,14 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
+    avoid_cuts: bpy.props.BoolProperty(
+        name="Avoid Cuts",
+        description="Show everything behind the screen if the frame's left or right edge would cut something in front"
+        " of it",
+        default=True,
+        options={"SKIP_SAVE"},
+    )
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Measure the scene's depth, and set the camera to show it between both limits."""
         scene = context.scene
@@ -122,14 +129,17 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
             raise BadInputError("no depth is left: raise In Front or Behind")
         scene = context.scene
         known, viewing = measure(context), viewing_conditions(scene)
-        eyes = eyes_of(scene)
-        assert eyes is not None
-        left, _, frame_width = eyes
-        limits, width = fit_limits(viewing, Limits(-self.in_front, self.behind)), unit_width(left, frame_width)
+        eyes = stereo_cameras(scene.camera, scene.render)
+        width = unit_width(eyes["left"], frame_region(scene.render).full_width)
+        limits = fit_limits(viewing, Limits(-self.in_front, self.behind))
         if data.stereo.convergence_mode == "PARALLEL":
             fit = fit_parallel(known.near, limits, width)
         else:
             fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
+            cut = cut_in_front(known.edges, fit.depth_at(-MIN_CUT_PERCENT, width), EDGE_ROWS)
+            if cut and self.avoid_cuts and limits.far > 0.0:
+                limits = Limits(0.0, limits.far)
+                fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
         if fit.interocular > MAX_INTEROCULAR:
             raise BadInputError(f"the eyes would be {fit.interocular:.0f} units apart, which Blender does not allow")
         return fit

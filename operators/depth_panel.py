@@ -9,7 +9,7 @@ import bpy
 
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
-from ..stereo_reproject.views.depth_range import cut_in_front
+from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, side_words
 from .drawing import paragraph
 from .results import KnownDepth, result_of
@@ -19,10 +19,6 @@ from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
 BAR_PERCENT = 3.0
 """Parallax at either end of the bar, in percent of the width: the rule of thumb of stereographers, and about one degree
 on most screens."""
-
-MIN_CUT_PERCENT = 0.2
-"""Parallax in front of the screen, in percent of the width, from which it is noticed that the frame cuts something: 4
-pixels of 1920."""
 
 MAX_NAMED_CUTS = 2
 

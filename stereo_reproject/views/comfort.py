@@ -115,6 +115,13 @@ class Fit:
     interocular: float
     screen_depth: float
 
+    def depth_at(self, percent: float, unit_width: float) -> float:
+        """Return the depth that has this parallax in percent, by the formula of `fit_off_axis`; inf where even infinity
+        has less.
+        """
+        nearness = 1.0 / self.screen_depth - 0.01 * percent * unit_width / self.interocular
+        return 1.0 / nearness if nearness > 0.0 else math.inf
+
 
 def fit_off_axis(near: float, far: float, limits: Limits, unit_width: float, infinity_percent: float) -> Fit:
     """Return the off-axis rig that shows the depth `near` at limits.near and the depth `far` at limits.far.

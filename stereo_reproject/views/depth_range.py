@@ -20,6 +20,9 @@ CUT_SHARE = 0.1
 """Share of an edge's height from which a thing in front of the screen counts as cut by it. Of less, such as a corner of
 the floor, viewers take no notice."""
 
+MIN_CUT_PERCENT = 0.2
+"""Parallax in front of the screen, in percent of the width, from which a cut is noticed: 4 pixels of 1920."""
+
 
 @dataclass(frozen=True)
 class EdgeHit:

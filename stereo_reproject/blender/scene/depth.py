@@ -29,8 +29,7 @@ PASSED_SHARE = 1e-5
 single-precision numbers in which Blender casts rays."""
 
 FAR_EYE = {"left": "right", "right": "left"}
-"""By the edge of the frame: the eye that loses more of a thing in front of the screen there, which is that of the other
-side."""
+"""The eye that loses more of a thing in front of the screen at each edge of the frame: that of the other side."""
 
 
 def frame_pixels(region: FrameRegion) -> FramePixels:

@@ -1,0 +1,293 @@
+"""The scene's depth on the screen: measured by ray casts, fitted, set by hand, drawn and warned about."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender.toolbox import add_camera, add_cube, add_plane, diffuse, empty_scene
+
+SIZE = (192, 108)
+NEAR, FAR = 4.0, 8.0
+
+PERCENT_TOLERANCE = 1e-4
+"""Percent of the width: Blender keeps both distances in single precision."""
+
+
+@pytest.fixture
+def scene():
+    """A card before a wall that fills the frame."""
+    scene = empty_scene(*SIZE)
+    add_plane(scene, diffuse(), size=(40, 30), location=(0, 0, -FAR)).name = "Wall"
+    add_plane(scene, diffuse(), size=(1, 1.4), location=(0.2, 0.1, -NEAR)).name = "Card"
+    add_camera(scene)
+    return scene
+
+
+@pytest.fixture
+def fit(extension):
+    """Fit the scene to comfort, and return the parallax of its nearest and farthest point in percent."""
+    from stereo_reproject_extension.operators.stereo import parallax_now
+
+    def fit(**options):
+        assert bpy.ops.stereo_reproject.fit_to_comfort(**options) == {"FINISHED"}
+        return [found.percent for _, found in parallax_now(bpy.context.scene)]
+
+    return fit
+
+
+def place_at_the_left_edge(scene, depth=NEAR):
+    """A post that the left edge of the frame cuts."""
+    half = depth * 0.5 * 36.0 / scene.camera.data.lens
+    add_plane(scene, diffuse(), size=(0.8, 20), location=(-half, 0, -depth)).name = "Post"
+
+
+def test_the_nearest_and_farthest_depth_are_measured_without_a_render(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    assert bpy.ops.stereo_reproject.measure_depth() == {"FINISHED"}
+    known = result_of(scene).depth
+    assert (known.near, known.far, known.frame) == (pytest.approx(NEAR), pytest.approx(FAR), scene.frame_current)
+
+
+def test_what_a_render_does_not_show_is_looked_through(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    for k, hide in enumerate(({"hide_render": True}, {"visible_camera": False})):
+        card = add_plane(scene, diffuse(), size=(20, 20), location=(0, 0, -1.0 - k))
+        for name, value in hide.items():
+            setattr(card, name, value)
+    bpy.ops.stereo_reproject.measure_depth()
+    assert result_of(scene).depth.near == pytest.approx(NEAR)
+
+
+def test_the_sky_is_infinitely_far_unless_the_film_is_transparent(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    bpy.data.objects.remove(bpy.data.objects["Wall"])
+    bpy.ops.stereo_reproject.measure_depth()
+    assert result_of(scene).depth.far == math.inf
+    scene.render.film_transparent = True
+    bpy.ops.stereo_reproject.measure_depth()
+    assert result_of(scene).depth.far == pytest.approx(NEAR)
+
+
+def test_a_fit_puts_both_ends_at_their_limits(fit, scene):
+    assert fit() == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
+    assert fit(in_front=0.5, behind=1.0) == pytest.approx([-0.5, 1.0], abs=PERCENT_TOLERANCE)
+
+
+@pytest.mark.parametrize("fit_of_sensor", ["HORIZONTAL", "VERTICAL"])
+def test_a_fit_holds_for_every_sensor_fit_and_for_a_part_of_the_frame(fit, scene, fit_of_sensor):
+    data, render = scene.camera.data, scene.render
+    data.sensor_fit, data.sensor_height, data.shift_x = fit_of_sensor, 20.0, 0.05
+    render.use_border, render.border_min_x, render.border_max_x = True, 0.25, 0.75
+    assert fit() == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
+
+
+def test_a_fit_never_turns_the_eyes_apart(fit, scene):
+    scene.stereo_reproject.screen_width = 10.0
+    near, far = fit()
+    assert near == pytest.approx(-1.0, abs=PERCENT_TOLERANCE)
+    assert far <= 0.65
+    bpy.data.objects.remove(bpy.data.objects["Wall"])
+    assert fit()[1] == pytest.approx(0.65, abs=PERCENT_TOLERANCE)
+
+
+def test_a_fit_keeps_behind_the_screen_what_the_frame_would_cut(fit, scene):
+    place_at_the_left_edge(scene)
+    assert fit() == pytest.approx([0.0, 2.0], abs=PERCENT_TOLERANCE)
+    assert fit(avoid_cuts=False) == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
+
+
+def test_a_parallel_camera_is_fitted_by_its_interocular_distance(fit, scene):
+    stereo = scene.camera.data.stereo
+    stereo.convergence_mode = "PARALLEL"
+    convergence = stereo.convergence_distance
+    near, far = fit()
+    assert near == pytest.approx(-1.0, abs=PERCENT_TOLERANCE)
+    assert near < far < 0.0
+    assert stereo.convergence_distance == convergence
+
+
+def orthographic(scene):
+    scene.camera.data.type = "ORTHO"
+
+
+def toe_in(scene):
+    scene.camera.data.stereo.convergence_mode = "TOE"
+
+
+def looking_away(scene):
+    scene.camera.rotation_euler.x = math.pi
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (orthographic, "make it perspective"),
+        (toe_in, "set the mode to Off-Axis"),
+        (looking_away, "nothing whose depth can be measured"),
+    ],
+)
+def test_what_cannot_be_fitted_is_said_and_nothing_is_changed(extension, scene, change, words):
+    stereo = scene.camera.data.stereo
+    change(scene)
+    before = stereo.interocular_distance, stereo.convergence_distance
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.stereo_reproject.fit_to_comfort()
+    assert (stereo.interocular_distance, stereo.convergence_distance) == before
+
+
+def test_without_a_camera_nothing_can_be_pressed(extension, scene):
+    bpy.data.objects.remove(scene.camera)
+    for name in ("fit_to_comfort", "measure_depth", "set_screen_here"):
+        assert not getattr(bpy.ops.stereo_reproject, name).poll(), name
+
+
+def test_a_linked_camera_is_measured_but_not_changed(extension, scene, tmp_path):
+    library = tmp_path / "library.blend"
+    bpy.data.libraries.write(str(library), {scene.camera})
+    bpy.data.objects.remove(scene.camera)
+    with bpy.data.libraries.load(str(library), link=True) as (source, target):
+        target.objects = source.objects
+    camera = target.objects[0]
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    bpy.context.view_layer.update()
+    assert not bpy.ops.stereo_reproject.fit_to_comfort.poll()
+    assert not bpy.ops.stereo_reproject.set_screen_here.poll()
+    assert bpy.ops.stereo_reproject.measure_depth() == {"FINISHED"}
+
+
+def test_a_fit_is_one_step_to_undo(extension, scene):
+    def settings():
+        stereo = bpy.context.scene.camera.data.stereo
+        return stereo.interocular_distance, stereo.convergence_distance
+
+    before = settings()
+    bpy.ops.ed.undo_push(message="Before")
+    bpy.ops.stereo_reproject.fit_to_comfort("EXEC_DEFAULT", True)
+    fitted = settings()
+    assert fitted != before
+    bpy.ops.ed.undo()
+    assert settings() == before
+    bpy.ops.ed.redo()
+    assert settings() == fitted
+
+
+@pytest.mark.parametrize("sensor_fit", ["AUTO", "VERTICAL"])
+def test_the_screen_is_put_where_it_was_clicked(extension, scene, sensor_fit):
+    from stereo_reproject_extension.operators.depth_view import planes_of, screen_depth
+    from stereo_reproject_extension.operators.stereo import eyes_of
+
+    from stereo_reproject.views.parallax import parallax_at
+
+    scene.camera.data.sensor_fit = sensor_fit
+    assert bpy.ops.stereo_reproject.set_screen_here("EXEC_DEFAULT", depth=5.5) == {"FINISHED"}
+    left, right, width = eyes_of(scene)
+    assert parallax_at(left, right, 5.5, width).percent == pytest.approx(0.0, abs=PERCENT_TOLERANCE)
+    assert screen_depth() == pytest.approx(5.5)
+    screen = next(plane for plane in planes_of(scene) if plane.name == "Screen")
+    np.testing.assert_allclose(screen.corners[:, 2], -5.5, rtol=1e-5)
+
+
+def test_the_planes_are_where_comfort_ends(extension, scene):
+    from stereo_reproject_extension.operators.depth_view import planes_of
+    from stereo_reproject_extension.operators.stereo import eyes_of, viewing_conditions
+
+    from stereo_reproject.views.comfort import comfort_limits
+    from stereo_reproject.views.parallax import parallax_at
+
+    scene.camera.location, scene.camera.rotation_euler = (0.0, 0.0, 2.0), (0.0, 0.0, 0.4)
+    bpy.context.view_layer.update()
+    planes = {plane.name: 2.0 - plane.corners[0][2] for plane in planes_of(scene)}
+    assert 0.0 < planes["Near"] < planes["Screen"] < planes["Far"]
+    left, right, width = eyes_of(scene)
+    limits = comfort_limits(viewing_conditions(scene))
+    for name, limit in (("Near", limits.near), ("Far", limits.far)):
+        found = parallax_at(left, right, planes[name], width).percent
+        assert found == pytest.approx(limit, abs=PERCENT_TOLERANCE)
+    # With the eyes closer together, infinity itself is comfortable.
+    scene.camera.data.stereo.interocular_distance = 0.01
+    assert "Far" not in [plane.name for plane in planes_of(scene)]
+
+
+def test_the_eyedropper_sees_the_picture_s_depth(extension, scene):
+    from stereo_reproject_extension.operators.screen_here import _depth_in_picture
+
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    camera = scene.camera.evaluated_get(depsgraph)
+    assert _depth_in_picture(scene, depsgraph, camera, (0.52, 0.52)) == pytest.approx(NEAR)
+    assert _depth_in_picture(scene, depsgraph, camera, (0.1, 0.9)) == pytest.approx(FAR)
+
+
+def warnings(scene):
+    from stereo_reproject_extension.operators.depth_panel import warnings_on
+    from stereo_reproject_extension.operators.results import result_of
+
+    bpy.ops.stereo_reproject.measure_depth()
+    return warnings_on(scene, result_of(scene).depth)
+
+
+def test_both_sides_are_warned_of_and_nothing_is_said_of_a_comfortable_scene(fit, scene):
+    fit()
+    assert warnings(scene) == []
+    stereo = scene.camera.data.stereo
+    stereo.interocular_distance *= 10.0
+    assert [text.partition(":")[0] for text in warnings(scene)] == [
+        "Too far behind a screen 0.6 m wide",
+        "Too near in front of the screen",
+    ]
+    fit(in_front=2.5, behind=2.0)
+    stereo.interocular_distance *= 1.6
+    assert [text.partition(":")[0] for text in warnings(scene)] == [
+        "Too far behind the screen",
+        "Too near in front of the screen",
+    ]
+
+
+def test_what_the_frame_cuts_in_front_of_the_screen_is_named(extension, scene):
+    place_at_the_left_edge(scene)
+    scene.camera.data.stereo.convergence_distance = 6.0
+    assert any(text.startswith("'Post' is in front of the screen and cut by its left edge") for text in warnings(scene))
+    scene.camera.data.stereo.convergence_distance = NEAR
+    assert not any("cut by" in text for text in warnings(scene))
+
+
+def test_a_tilted_floor_far_behind_is_no_cut(extension, scene):
+    add_cube(scene, diffuse(), size=2.0, location=(-6.0, 0.0, -FAR))
+    scene.camera.data.stereo.convergence_distance = NEAR
+    assert not any("cut by" in text for text in warnings(scene))
+
+
+@pytest.mark.parametrize(("low", "high"), [(-3.0, 0.0), (0.0, 3.0)])
+def test_the_bar_s_pieces_are_the_whole_bar(extension, low, high):
+    from stereo_reproject_extension.operators.depth_panel import bar_pieces
+
+    from stereo_reproject.views.comfort import Limits
+
+    for near, far in ((-1.0, 2.0), (-9.0, 9.0), (-2.9, -2.5), (1.0, 1.5), (0.0, 0.0)):
+        pieces = bar_pieces(near, far, Limits(-2.0, 1.5), low, high)
+        assert sum(piece.share for piece in pieces) == pytest.approx(1.0, abs=0.04)
+        filled = sum(piece.share for piece in pieces if piece.filled) * (high - low)
+        assert filled == pytest.approx(max(min(far, high) - max(near, low), 0.0), abs=0.04)
+
+
+def test_the_bar_is_red_where_it_is_not_comfortable(extension):
+    from stereo_reproject_extension.operators.depth_panel import bar_pieces
+
+    from stereo_reproject.views.comfort import Limits
+
+    pieces = bar_pieces(-3.0, 2.0, Limits(-1.5, 3.0), -3.0, 0.0)
+    assert [(piece.share, piece.filled, piece.alert) for piece in pieces] == [(0.5, True, True), (0.5, True, False)]
+
+
+def test_the_planes_are_drawn_only_while_the_extension_is_on(package):
+    from stereo_reproject_extension.operators import depth_view
+
+    package.register()
+    assert len(depth_view._handlers) == 2
+    package.unregister()
+    assert depth_view._handlers == []
