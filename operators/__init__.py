@@ -83,7 +83,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, panels, slots, viewing
+    from . import depth_view, panels, screen_here, slots, viewing
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -91,6 +91,7 @@ def unregister() -> None:
     atexit.unregister(_end)
     viewing.remove_key()
     depth_view.remove_drawing()
+    screen_here.put_away()
     slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject

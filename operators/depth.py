@@ -51,8 +51,14 @@ def measure(context: bpy.types.Context) -> KnownDepth:
     scene = context.scene
     check_camera(scene.camera)
     (near, far), edges = measure_depth(scene, context.evaluated_depsgraph_get())
-    result_of(scene).depth = known = KnownDepth(near, far, scene.frame_current, edges)
+    result_of(scene).depth = known = KnownDepth(near, far, scene.frame_current, edges, camera_state(scene))
     return known
+
+
+def camera_state(scene: bpy.types.Scene) -> tuple[float, ...]:
+    """Return the numbers that decide what the scene's camera sees of a scene that stands still: its pose and lens."""
+    camera = scene.camera
+    return *(value for row in camera.matrix_world for value in row), camera.data.lens
 
 
 def side_words(percent: float) -> str:

@@ -10,7 +10,7 @@ import bpy
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
-from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, side_words
+from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
 from .drawing import paragraph
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here
@@ -64,7 +64,7 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     column = layout.column(align=True)
     row = column.row()
-    row.label(text=_when(known, scene.frame_current))
+    row.label(text=_when(known, scene))
     row.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, text="", icon="FILE_REFRESH")
     limits = comfort_limits(viewing_conditions(scene))
     percents = [parallax.percent for _, parallax in found]
@@ -75,9 +75,11 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         paragraph(layout, context, warning, icon="ERROR")
 
 
-def _when(known: KnownDepth, frame: int) -> str:
-    """Return for which frame the depth was found, as words."""
-    return f"Depth at frame {known.frame}" + ("" if known.frame == frame else f" (now {frame})")
+def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:
+    """Return for which frame the depth was found, as words, and whether the camera sees something else by now."""
+    moved = bool(known.seen_from) and known.seen_from != camera_state(scene)
+    since = f" (now {scene.frame_current})" if known.frame != scene.frame_current else ", camera moved" if moved else ""
+    return f"Depth at frame {known.frame}{since}"
 
 
 def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limits) -> None:

@@ -51,14 +51,17 @@ class Delivery:
 
 @dataclass(frozen=True)
 class KnownDepth:
-    """Nearest and farthest depth that the scene's camera saw at a frame, in scene units; +inf is the sky. edges is what
-    a measurement saw at the frame's edges, empty where a pair or a check found the depths.
+    """Nearest and farthest depth that the scene's camera saw at a frame, in scene units; +inf is the sky.
+
+    edges is what a measurement saw at the frame's edges, and seen_from the camera's state then; both are empty where a
+    pair or a check found the depths.
     """
 
     near: float
     far: float
     frame: int
     edges: tuple[EdgeHit, ...] = ()
+    seen_from: tuple[float, ...] = ()
 
     @property
     def ends(self) -> tuple[tuple[str, float], tuple[str, float]]:

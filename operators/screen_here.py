@@ -24,6 +24,22 @@ as much as it reaches behind."""
 HELP = "Click: put the screen here    Esc, right click: cancel"
 
 
+_out: list[str] = []
+"""The operator whose eyedropper is out, if any."""
+
+
+def put_away() -> None:
+    """Give every window its own mouse cursor and status bar again, if an eyedropper is out. The extension may be
+    switched off, or another file opened, at any moment: then no operator is left to do it.
+    """
+    if not _out:
+        return
+    _out.clear()
+    for window in bpy.context.window_manager.windows:
+        window.cursor_modal_restore()
+        window.workspace.status_text_set(None)
+
+
 class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
     """Click a point in a 3D View, or in the Render Result, that is to be seen at the depth of the screen"""
 
@@ -43,6 +59,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """Take out the eyedropper and wait for a click."""
+        _out.append(self.bl_idname)
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(HELP)
         context.window_manager.modal_handler_add(self)
@@ -51,7 +68,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show the depth under the mouse, and set it on a click."""
         if event.type in {"ESC", "RIGHTMOUSE"}:
-            self.cancel(context)
+            put_away()
             return {"CANCELLED"}
         if event.type in NAVIGATION:
             return {"PASS_THROUGH"}
@@ -68,14 +85,13 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         if not clicked:
             context.workspace.status_text_set(f"Depth {length_words(context.scene, depth)}    {HELP}")
             return {"RUNNING_MODAL"}
-        self.cancel(context)
+        put_away()
         self.depth = depth
         return self.execute(context)
 
-    def cancel(self, context: bpy.types.Context) -> None:
+    def cancel(self, _context: bpy.types.Context) -> None:
         """Put the eyedropper away. Blender calls this when another file is opened meanwhile."""
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
+        put_away()
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Put the screen at the depth `depth`."""

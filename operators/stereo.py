@@ -14,6 +14,7 @@ from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.camera import Camera
 from ..stereo_reproject.views.comfort import Viewing
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
+from .jobs import sentence
 from .results import result_of
 
 
@@ -26,7 +27,7 @@ class EditsCamera:
         try:
             check_editable(context.scene)
         except BadInputError as error:
-            cls.poll_message_set(str(error))
+            cls.poll_message_set(sentence(error))
             return False
         return True
 
@@ -35,7 +36,7 @@ def check_editable(scene: bpy.types.Scene) -> bpy.types.Object:
     """Return the scene's camera if it is one for stereo whose settings can be edited here. Raises BadInputError."""
     camera = check_camera(scene.camera)
     if camera.data.library is not None:
-        raise BadInputError("The camera is linked from another file: set it there")
+        raise BadInputError("the camera is linked from another file: set it there")
     return camera
 
 

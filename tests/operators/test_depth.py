@@ -291,3 +291,25 @@ def test_the_planes_are_drawn_only_while_the_extension_is_on(package):
     assert len(depth_view._handlers) == 2
     package.unregister()
     assert depth_view._handlers == []
+
+
+def test_the_panel_says_for_what_the_depth_was_measured(extension, scene):
+    from stereo_reproject_extension.operators.depth_panel import _when
+    from stereo_reproject_extension.operators.results import result_of
+
+    bpy.ops.stereo_reproject.measure_depth()
+    known = result_of(scene).depth
+    assert _when(known, scene) == "Depth at frame 1"
+    scene.camera.location.x = 1.0
+    bpy.context.view_layer.update()
+    assert _when(known, scene) == "Depth at frame 1, camera moved"
+    scene.frame_set(3)
+    assert _when(known, scene) == "Depth at frame 1 (now 3)"
+
+
+def test_a_report_s_depth_is_that_of_its_frame_and_none_is_infinite(extension):
+    from stereo_reproject_extension.operators.results import KnownDepth
+
+    report = {"frame": 7, "parallax": {"near": {"depth": 2.0}, "far": {"depth": None}}}
+    assert KnownDepth.of_report(report) == KnownDepth(2.0, math.inf, 7)
+    assert KnownDepth.of_report({"frame": 7, "parallax": None}) is None
