@@ -53,6 +53,7 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
+    layout.use_property_split = False
     row = layout.row(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
@@ -83,7 +84,10 @@ def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:
 
 
 def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limits) -> None:
-    """Draw the bar from BAR_PERCENT in front of the screen to as much behind it, with a gap at the screen."""
+    """Draw the bar from BAR_PERCENT in front of the screen to as much behind it, with a gap at the screen. Its pieces
+    are buttons that measure: panels have no other coloured areas, and red ones least of all.
+    """
+    name = STEREO_REPROJECT_OT_measure_depth.bl_idname
     halves = layout.split(factor=0.5)
     for low, high in ((-BAR_PERCENT, 0.0), (0.0, BAR_PERCENT)):
         row, left = halves.row(align=True), 1.0
@@ -91,7 +95,7 @@ def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limit
             part = row.split(factor=min(piece.share / left, 1.0), align=True) if piece.share < left else row
             cell = part.row(align=True)
             cell.alert = piece.alert
-            cell.progress(factor=float(piece.filled), text="")
+            cell.operator(name, text="", depress=piece.filled and not piece.alert)
             row, left = part, left - piece.share
     ends = layout.split(factor=0.5)
     ends.label(text=f"{BAR_PERCENT:g} % in front")

@@ -70,7 +70,8 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         if event.type in {"ESC", "RIGHTMOUSE"}:
             put_away()
             return {"CANCELLED"}
-        if event.type in NAVIGATION:
+        # A job that runs meanwhile lives on its timer.
+        if event.type in NAVIGATION or event.type.startswith("TIMER"):
             return {"PASS_THROUGH"}
         clicked = event.type == "LEFTMOUSE" and event.value == "PRESS"
         if event.type != "MOUSEMOVE" and not clicked:

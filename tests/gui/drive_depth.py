@@ -28,6 +28,9 @@ from drive_common import (
     window,
 )
 
+NEXT_ROW_PX = 26
+"""From the upper part of a button to the middle of the one below it."""
+
 DRAG_PX = 60
 DRAG_STEPS = 6
 
@@ -85,7 +88,9 @@ def fit():
 
 
 def show_the_planes():
-    yield from click("VIEW_3D", "UI", "show_depth")
+    # Ctrl+C over a switch copies its value, not its name.
+    go(facts["button"][0], facts["button"][1] - NEXT_ROW_PX)
+    press("LEFTMOUSE")
     yield from redrawn()
     facts["shown"] = bpy.context.scene.stereo_reproject.show_depth
     shoot("planes through the camera")
