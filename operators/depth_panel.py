@@ -22,6 +22,10 @@ on most screens."""
 
 MAX_NAMED_CUTS = 2
 
+STUB_PERCENT = 0.15
+"""Length, in percent of the picture's width, of what stands at the bar's end for a scene beyond it: just wide enough to
+be seen in a narrow panel."""
+
 MIN_PIECE = 0.01
 """Share of half the bar below which a piece of it is too narrow to be drawn."""
 
@@ -39,15 +43,19 @@ class Piece:
 
 def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float) -> list[Piece]:
     """Return the pieces of the bar from `low` to `high`, in order, for a scene with parallax from near to far. All are
-    in percent of the width.
+    in percent of the width. A scene that is beyond the bar shows as a stub at its end.
     """
-    marks = sorted({low, high, *(mark for mark in (near, far, limits.near, limits.far) if low < mark < high)})
-    pieces = []
+    shown_near, shown_far = min(near, BAR_PERCENT - STUB_PERCENT), max(far, STUB_PERCENT - BAR_PERCENT)
+    marks = sorted({low, high, *(m for m in (shown_near, shown_far, limits.near, limits.far) if low < m < high)})
+    pieces: list[Piece] = []
     for start, end in itertools.pairwise(marks):
         middle, share = 0.5 * (start + end), (end - start) / (high - low)
+        filled = shown_near <= middle <= shown_far
+        alert = filled and not limits.near <= min(max(middle, near), far) <= limits.far
+        if pieces and (pieces[-1].filled, pieces[-1].alert) == (filled, alert):
+            share += pieces.pop().share
         if share >= MIN_PIECE:
-            filled = near <= middle <= far
-            pieces.append(Piece(share, filled, filled and not limits.near <= middle <= limits.far))
+            pieces.append(Piece(share, filled, alert))
     return pieces
 
 

@@ -12,8 +12,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from drive_common import (
     MODULE,
     area_of,
-    click,
     facts,
+    find_button,
     go,
     move,
     press,
@@ -28,7 +28,10 @@ from drive_common import (
     window,
 )
 
-NEXT_ROW_PX = 26
+places: dict = {}
+"""Where the buttons are, by name."""
+
+NEXT_ROW_PX = 24
 """From the upper part of a button to the middle of the one below it."""
 
 DRAG_PX = 60
@@ -59,39 +62,47 @@ def undo():
     yield 1.0
 
 
-def show_the_panel():
-    """With the sub-panel of the camera in view, and Check Scene below it out of the way."""
+def find_the_buttons():
+    """Only one of them by what it runs, since that takes its time; the others stand below and beside it."""
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
     yield from show_sidebar("VIEW_3D", "Stereo")
     bpy.ops.ed.undo_push(message="Before")
-    shoot("before")
-    yield from scroll("VIEW_3D", "UI", "WHEELDOWNMOUSE")
+    yield from find_button("VIEW_3D", "UI", "fit_to_comfort()")
+    x, y = facts["button"]
+    region = region_of("VIEW_3D", "UI")
+    places.update(
+        fit=(x, y),
+        eyedropper=(region.x + 0.7 * region.width, y),
+        show=(x, y - NEXT_ROW_PX),
+        measure=(x, y - 2 * NEXT_ROW_PX),
+    )
+
+
+def push(name):
+    go(*places[name])
+    yield 0.5
+    press("LEFTMOUSE")
+    yield from redrawn()
 
 
 def measure():
-    yield from click("VIEW_3D", "UI", "measure_depth()")
-    yield from redrawn()
+    yield from push("measure")
     shoot("measured")
     facts["measured"] = [results().depth.near, results().depth.far]
 
 
 def fit():
     facts["unfitted"] = settings()
-    yield from click("VIEW_3D", "UI", "fit_to_comfort()")
-    yield from redrawn()
+    yield from push("fit")
     facts["fitted"] = settings()
     shoot("fitted")
     yield from undo()
     facts["fit undone"] = settings()
-    yield from click("VIEW_3D", "UI", "fit_to_comfort()")
-    yield 0.5
+    yield from push("fit")
 
 
 def show_the_planes():
-    # Ctrl+C over a switch copies its value, not its name.
-    go(facts["button"][0], facts["button"][1] - NEXT_ROW_PX)
-    press("LEFTMOUSE")
-    yield from redrawn()
+    yield from push("show")
     facts["shown"] = bpy.context.scene.stereo_reproject.show_depth
     shoot("planes through the camera")
     view = area_of("VIEW_3D").spaces.active.region_3d
@@ -143,17 +154,16 @@ def drag_the_arrow():
 
 def set_the_screen_with_the_eyedropper():
     camera = bpy.context.scene.camera.matrix_world.normalized()
-    target = next(item for item in bpy.context.scene.objects if item.type == "MESH" and "Short" in item.name)
-    point, depth = visible_point(target, camera)
-    facts["clicked"] = [target.name, depth]
-    yield from click("VIEW_3D", "UI", "set_screen_here()")
+    point, depth = seen_in_the_middle(camera)
+    facts["clicked"] = depth
+    yield from push("eyedropper")
     go(*place_of(point))
     yield 0.5
     shoot("eyedropper")
     press("RIGHTMOUSE")
     yield 0.5
     facts["eyedropper cancelled"] = settings()
-    yield from click("VIEW_3D", "UI", "set_screen_here()")
+    yield from push("eyedropper")
     go(*place_of(point))
     yield 0.3
     press("LEFTMOUSE")
@@ -164,13 +174,12 @@ def set_the_screen_with_the_eyedropper():
     facts["pick undone"] = settings()
 
 
-def visible_point(target, camera):
-    """The place on an object where the view sees the middle of its box, and its depth from the camera."""
-    middle = sum((target.matrix_world @ Vector(corner) for corner in target.bound_box), Vector()) / 8.0
+def seen_in_the_middle(camera):
+    """The place that the 3D View shows in its middle, and its depth from the camera."""
     view = area_of("VIEW_3D").spaces.active.region_3d
     eye = view.view_matrix.inverted().translation
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
-    found, place, *_ = scene.ray_cast(depsgraph, eye, (middle - eye).normalized())
+    found, place, *_ = scene.ray_cast(depsgraph, eye, (view.view_location - eye).normalized())
     assert found
     return place, -(camera.inverted() @ place).z
 
@@ -204,7 +213,7 @@ def switch_off():
 
 STEPS = (
     set_up,
-    show_the_panel,
+    find_the_buttons,
     measure,
     fit,
     show_the_planes,
