@@ -313,6 +313,6 @@ def test_the_panel_says_for_what_the_depth_was_measured(extension, scene):
 def test_a_report_s_depth_is_that_of_its_frame_and_none_is_infinite(extension):
     from stereo_reproject_extension.operators.results import KnownDepth
 
-    report = {"frame": 7, "parallax": {"near": {"depth": 2.0}, "far": {"depth": None}}}
+    report = {"frame": 7, "parallax": {"nearest": {"depth": 2.0}, "farthest": {"depth": None}}}
     assert KnownDepth.of_report(report) == KnownDepth(2.0, math.inf, 7)
     assert KnownDepth.of_report({"frame": 7, "parallax": None}) is None
