@@ -41,11 +41,16 @@ _handlers: list[object] = []
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane across the camera's view: its name, the places of its corners in the world (4, 3), and its colour."""
+    """A plane across the camera's view: its name, the places of its corners in the world (4, 3), and its colour.
+
+    label_share is the place of its name along its upper edge, as a share from the left: through the camera, the edges
+    of all planes lie in one line.
+    """
 
     name: str
     corners: NDArray[np.float64]
     colour: Colour
+    label_share: float
 
 
 def planes_of(scene: bpy.types.Scene) -> list[Plane]:
@@ -56,15 +61,15 @@ def planes_of(scene: bpy.types.Scene) -> list[Plane]:
     left, right, frame_width = eyes
     limits, frame = comfort_limits(viewing_conditions(scene)), frame_pixels(frame_region(scene.render))
     planes = []
-    for name, percent, colour in (
-        ("Near", limits.near, LIMIT_COLOUR),
-        ("Screen", 0.0, SCREEN_COLOUR),
-        ("Far", limits.far, LIMIT_COLOUR),
+    for name, percent, colour, label_share in (
+        ("Near", limits.near, LIMIT_COLOUR, 0.0),
+        ("Screen", 0.0, SCREEN_COLOUR, 0.4),
+        ("Far", limits.far, LIMIT_COLOUR, 0.9),
     ):
         depth = depth_at_parallax(left, right, percent, frame_width)
         if depth is not None and np.isfinite(depth):
             corners = 0.5 * (frame_corners(left, frame, depth) + frame_corners(right, frame, depth))
-            planes.append(Plane(name, corners, colour))
+            planes.append(Plane(name, corners, colour, label_share))
     return planes
 
 
@@ -90,8 +95,10 @@ def _draw_planes() -> None:
     try:
         for plane in planes:
             corners = [tuple(corner) for corner in plane.corners]
-            fill.uniform_float("color", (*plane.colour[:3], FILL_ALPHA))
-            batch_for_shader(fill, "TRIS", {"pos": corners}, indices=((0, 1, 2), (0, 2, 3))).draw(fill)
+            # Through the camera, the nearest plane would veil the whole picture.
+            if plane.name == "Screen" or bpy.context.region_data.view_perspective != "CAMERA":
+                fill.uniform_float("color", (*plane.colour[:3], FILL_ALPHA))
+                batch_for_shader(fill, "TRIS", {"pos": corners}, indices=((0, 1, 2), (0, 2, 3))).draw(fill)
             line.uniform_float("viewportSize", (region.width, region.height))
             line.uniform_float("lineWidth", LINE_WIDTH_PX * bpy.context.preferences.system.ui_scale)
             line.uniform_float("color", plane.colour)
@@ -102,10 +109,11 @@ def _draw_planes() -> None:
 
 
 def _draw_labels() -> None:
-    """Draw the planes' names over a 3D View, each at the upper left corner of its plane."""
+    """Draw the planes' names over a 3D View, each at the upper edge of its plane."""
     region, scale = bpy.context.region, bpy.context.preferences.system.ui_scale
     for plane in _shown_planes():
-        at = view3d_utils.location_3d_to_region_2d(region, bpy.context.region_data, Vector(plane.corners[3]))
+        place = plane.corners[3] + plane.label_share * (plane.corners[2] - plane.corners[3])
+        at = view3d_utils.location_3d_to_region_2d(region, bpy.context.region_data, Vector(place))
         if at is None:
             continue
         blf.size(0, LABEL_SIZE_PX * scale)

@@ -75,7 +75,9 @@ class KnownDepth:
         if not seen:
             return None
         # JSON has no infinity: None stands for it.
-        near, far = (float("inf") if seen[end]["depth"] is None else seen[end]["depth"] for end in ("nearest", "farthest"))
+        near, far = (
+            float("inf") if seen[end]["depth"] is None else seen[end]["depth"] for end in ("nearest", "farthest")
+        )
         return cls(near, far, report["frame"])
 
 
