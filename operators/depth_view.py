@@ -33,6 +33,12 @@ LINE_WIDTH_PX, LABEL_SIZE_PX, LABEL_OFFSET_PX = 1.5, 12.0, 4.0
 ARROW_LENGTH = 0.6
 """Length of the arrow's stem, in lengths of Blender's own arrows."""
 
+DRAG_OPERATOR = "GIZMOGROUP_OT_gizmo_tweak"
+"""Blender's operator that drags a gizmo."""
+
+UNDO_DELAY_SECONDS = 0.1
+"""Seconds between two looks whether a drag is over: an undo step made then is there before a hand reaches Ctrl Z."""
+
 MIN_SCREEN_DEPTH = 1e-4
 """Depth, in scene units, nearer than which the arrow does not drag the screen."""
 
@@ -180,8 +186,21 @@ def screen_depth() -> float:
 
 
 def _drag_to(depth: float) -> None:
-    """Put the screen at the depth to which the arrow was dragged."""
+    """Put the screen at the depth to which the arrow was dragged, and see to it that this can be undone."""
     set_screen_depth(bpy.context.scene, max(depth, MIN_SCREEN_DEPTH))
+    if not bpy.app.timers.is_registered(_make_undo_step):
+        bpy.app.timers.register(_make_undo_step, first_interval=UNDO_DELAY_SECONDS)
+
+
+def _make_undo_step() -> float | None:
+    """Make one step to undo of a drag that is over. Blender makes none where a gizmo calls Python for its value. Return
+    the seconds after which Blender is to ask again while the drag goes on.
+    """
+    windows = bpy.context.window_manager.windows
+    if any(operator.bl_idname == DRAG_OPERATOR for window in windows for operator in window.modal_operators):
+        return UNDO_DELAY_SECONDS
+    bpy.ops.ed.undo_push(message="Move Stereo Screen")
+    return None
 
 
 def add_drawing() -> None:
@@ -193,5 +212,7 @@ def add_drawing() -> None:
 
 def remove_drawing() -> None:
     """Undo `add_drawing`."""
+    if bpy.app.timers.is_registered(_make_undo_step):
+        bpy.app.timers.unregister(_make_undo_step)
     while _handlers:
         bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")

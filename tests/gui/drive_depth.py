@@ -59,7 +59,7 @@ def undo():
     region = region_of("VIEW_3D", "WINDOW")
     go(region.x + 0.2 * region.width, region.y + 0.85 * region.height)
     press("Z", ctrl=True)
-    yield 1.0
+    yield from redrawn()
 
 
 def find_the_buttons():
@@ -154,7 +154,7 @@ def drag_the_arrow():
 
 def set_the_screen_with_the_eyedropper():
     camera = bpy.context.scene.camera.matrix_world.normalized()
-    point, depth = seen_in_the_middle(camera)
+    point, depth = seen_far_away(camera)
     facts["clicked"] = depth
     yield from push("eyedropper")
     go(*place_of(point))
@@ -174,12 +174,14 @@ def set_the_screen_with_the_eyedropper():
     facts["pick undone"] = settings()
 
 
-def seen_in_the_middle(camera):
-    """The place that the 3D View shows in its middle, and its depth from the camera."""
+def seen_far_away(camera):
+    """The place that the 3D View shows where the scene's camera looks at its farthest, and its depth from there."""
     view = area_of("VIEW_3D").spaces.active.region_3d
     eye = view.view_matrix.inverted().translation
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
-    found, place, *_ = scene.ray_cast(depsgraph, eye, (view.view_location - eye).normalized())
+    found, place, *_ = scene.ray_cast(
+        depsgraph, eye, (camera @ Vector((0.0, 0.0, -0.9 * results().depth.far)) - eye).normalized()
+    )
     assert found
     return place, -(camera.inverted() @ place).z
 
