@@ -179,9 +179,8 @@ def seen_far_away(camera):
     view = area_of("VIEW_3D").spaces.active.region_3d
     eye = view.view_matrix.inverted().translation
     scene, depsgraph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()
-    found, place, *_ = scene.ray_cast(
-        depsgraph, eye, (camera @ Vector((0.0, 0.0, -0.9 * results().depth.far)) - eye).normalized()
-    )
+    target = camera @ Vector((0.0, 0.0, -0.9 * results().depth.far))
+    found, place, *_ = scene.ray_cast(depsgraph, eye, (target - eye).normalized())
     assert found
     return place, -(camera.inverted() @ place).z
 
