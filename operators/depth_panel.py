@@ -22,6 +22,9 @@ on most screens."""
 
 MAX_NAMED_CUTS = 2
 
+FIT_SHARE = 0.43
+"""Share of the row that Fit to Comfort has: the other button has an icon, and both must fit into a narrow panel."""
+
 STUB_PERCENT = 0.15
 """Length, in percent of the picture's width, of what stands at the bar's end for a scene beyond it: just wide enough to
 be seen in a narrow panel."""
@@ -62,7 +65,7 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
     layout.use_property_split = False
-    row = layout.row(align=True)
+    row = layout.split(factor=FIT_SHARE, align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
     scene = context.scene
