@@ -15,10 +15,11 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
-from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence, stage_of
+from .jobs import STEREO_REPROJECT_OT_cancel, running, sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
 from .results import Delivery, Result, result_of
+from .run_words import progress_of, stage_of
 from .slots import content_now
 
 CHARACTER_WIDTH_PIXELS = 6.2

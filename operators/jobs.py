@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from typing import ClassVar
 
 import bpy
@@ -10,12 +11,11 @@ import bpy
 from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
 from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.errors import StereoReprojectError
-from ..stereo_reproject.jobs.progress import clock
-from ..stereo_reproject.pipeline.stages import words_of
-from ..stereo_reproject.report.verdict import saved_words
-from . import slots
+from . import slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
+from .results import has_preview
 from .run import BackgroundJob
+from .run_words import cancelled_words, progress_of, stage_of
 
 TICK_SECONDS = 0.1
 
@@ -44,6 +44,7 @@ def stop_running() -> None:
                 print(f"Stereo Reproject was ended{words}")
         finally:
             run.close()
+            under_way.give_back(close=False)
     _quiet()
 
 
@@ -53,21 +54,6 @@ def _quiet() -> None:
         bpy.context.window_manager.event_timer_remove(_timers.pop())
         _clear_status()
         _show(None)
-
-
-def progress_of(run: BackgroundJob) -> tuple[float, str]:
-    """Return how far a run is: as a number from 0 to 1, and as a short text with the share and the time that is
-    left.
-    """
-    fraction, remaining = run.far()
-    left = "" if remaining is None else f", {clock(remaining)} left"
-    return fraction, f"{fraction:.0%}{left}"
-
-
-def stage_of(run: BackgroundJob) -> str:
-    """Return in words what a run is doing; of an animation with the frame, and with the time saved so far."""
-    saved = [] if run.saved is None else [f"{saved_words(run.saved)} so far"]
-    return ", ".join([words_of(run.stage), *filter(None, [run.detail]), *saved])
 
 
 class JobOperator:
@@ -84,6 +70,10 @@ class JobOperator:
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start the job for this scene and return it; each subclass has its own. Raises StereoReprojectError."""
         raise NotImplementedError
+
+    def fits_pictures(self, scene: bpy.types.Scene) -> bool:
+        """Return whether the pictures of the job are fitted to the Image Editor that shows them."""
+        return has_preview(scene)
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Hand the results of a finished run over to the user, and return a line that says what they are. scene is None
@@ -110,18 +100,24 @@ class JobOperator:
         """
         if context.window is None:
             return self.execute(context)
-        manager = context.window_manager
-        # Before the run has its thread: in 4.5 an operator that is told its context does not bear another one's.
-        for window in manager.windows:
-            if window != context.window:
-                with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-                    bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
-        if not self._start(context):
+        if not self._start(context, self._open_windows):
             return {"CANCELLED"}
+        manager = context.window_manager
         self._told = ""
         _timers.append(manager.event_timer_add(TICK_SECONDS, window=context.window))
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
+
+    def _open_windows(self, context: bpy.types.Context) -> None:
+        """Have an Image Editor ready that shows the eyes, and Esc end the job in every window. It must be called before
+        the run has its thread: in 4.5 an operator that is told its context does not bear another one's.
+        """
+        if self.uses_render_result:
+            under_way.open_editor(fit=self.fits_pictures(context.scene))
+        for window in context.window_manager.windows:
+            if window != context.window:
+                with context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+                    bpy.ops.stereo_reproject.listen("INVOKE_DEFAULT")
 
     def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Handle a window event while the job runs: Esc cancels the job, the timer shows progress and takes the
@@ -135,7 +131,8 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self._tell(f"{stage_of(run)}: {progress_of(run)[1]}")
+        self._tell(f"{progress_of(run)[1]}.  {stage_of(run)}")
+        under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
             run.cancel()
@@ -162,17 +159,21 @@ class JobOperator:
             if run in _running:
                 stop_running()
 
-    def _start(self, context: bpy.types.Context) -> bool:
-        """Check the scene and start the job. Return whether it was started; if not, the user is shown the error."""
+    def _start(self, context: bpy.types.Context, before: Callable[[bpy.types.Context], None] = lambda _: None) -> bool:
+        """Check the scene, call `before`, and start the job. Return whether it was started; if not, the user is shown
+        the error.
+        """
         scene = context.scene
         try:
             if scene.stereo_reproject.source_engine == "scene":
                 check_engine(scene)
             check_camera(camera_at(scene, scene.frame_current))
             check_layers(scene)
+            before(context)
             slots.note_start()
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
+            under_way.give_back()
             self.report({"ERROR"}, sentence(error))
             return False
         return True
@@ -190,7 +191,7 @@ class JobOperator:
             taken = True
         except StereoReprojectError as error:
             if run.cancelled:
-                self.report({"INFO"}, "Stereo render cancelled")
+                self.report({"INFO"}, cancelled_words(run))
             else:
                 self.report({"ERROR"}, sentence(error) + _words_of_kept(run))
             return {"CANCELLED"}
@@ -200,6 +201,7 @@ class JobOperator:
             self.report({"ERROR"}, what + _words_of_kept(run))
             return {"CANCELLED"}
         finally:
+            under_way.give_back()
             if not taken:
                 run.close()
         for warning in run.warnings:

@@ -50,17 +50,33 @@ def render_result() -> bpy.types.Image | None:
     return next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
 
 
-def _image_editors() -> list[bpy.types.Area]:
-    """Return the Image Editors of all windows."""
-    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    return [area for area in areas if area.type == "IMAGE_EDITOR"]
+def image_editors() -> list[tuple[bpy.types.Window, bpy.types.Area]]:
+    """Return the Image Editors of all windows, each with its window."""
+    areas = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    return [(window, area) for window, area in areas if area.type == "IMAGE_EDITOR"]
+
+
+def picture_names() -> set[str]:
+    """Return the names of the images that explain a pair."""
+    return {NAME.format(name) for _, name, _ in PICTURES.values()}
+
+
+def find_editor() -> bpy.types.Area | None:
+    """Return the Image Editor in which a pair is shown: the one that shows the Render Result, or else one of our
+    pictures; None where there is none.
+    """
+    editors = [area for _, area in image_editors() if area.spaces.active.image is not None]
+    shows_result = (area for area in editors if area.spaces.active.image.type == "RENDER_RESULT")
+    names = picture_names()
+    ours = (area for area in editors if area.spaces.active.image.name in names)
+    return next(shows_result, None) or next(ours, None)
 
 
 def show_image(image: bpy.types.Image) -> bool:
     """Show an image in the first Image Editor that is open. Return False if none is open."""
-    editors = _image_editors()
+    editors = image_editors()
     if editors:
-        editors[0].spaces.active.image = image
+        editors[0][1].spaces.active.image = image
     return bool(editors)
 
 
@@ -70,13 +86,12 @@ MAX_FOREIGN_REDRAWS = 50
 
 def fit_result() -> None:
     """Zoom every Image Editor that shows the Render Result so that the whole picture fits into it."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type != "IMAGE_EDITOR" or area.spaces.active.image != render_result():
-                continue
-            region = next(region for region in area.regions if region.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-                bpy.ops.image.view_all(fit_view=True)
+    for window, area in image_editors():
+        if area.spaces.active.image != render_result():
+            continue
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            bpy.ops.image.view_all(fit_view=True)
 
 
 def redraw_with_both_eyes(*, fit: bool = False) -> None:
@@ -90,8 +105,8 @@ def redraw_with_both_eyes(*, fit: bool = False) -> None:
 
     def redraw() -> float | None:
         image = render_result()
-        editors = _image_editors()
-        for area in editors:
+        editors = image_editors()
+        for _, area in editors:
             area.tag_redraw()
         waits = image is not None and editors and not image.is_stereo_3d and next(left, None) is not None
         if fit and not waits:
@@ -107,16 +122,12 @@ def show_pair(*, fit: bool) -> None:
     where the user's preferences say. With fit, the whole picture is fitted to the editor.
     """
     redraw_with_both_eyes(fit=fit)
-    names = {NAME.format(name) for _, name, _ in PICTURES.values()}
-    editors = [area.spaces.active for area in _image_editors() if area.spaces.active.image is not None]
-    # Asking Blender to show what is shown would close it.
-    if any(editor.image.type == "RENDER_RESULT" for editor in editors):
-        return
-    ours = next((editor for editor in editors if editor.image.name in names), None)
-    if ours is not None:
-        ours.image = render_result()
-    else:
+    area = find_editor()
+    if area is None:
         bpy.ops.render.view_show("INVOKE_DEFAULT")
+    elif area.spaces.active.image.type != "RENDER_RESULT":
+        # Asking Blender to show what is shown would close it.
+        area.spaces.active.image = render_result()
 
 
 def load_picture(scene: bpy.types.Scene, which: str) -> bpy.types.Image | None:

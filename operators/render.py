@@ -17,7 +17,7 @@ from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
 from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
-from ..stereo_reproject.jobs.progress import USUAL, Progress
+from ..stereo_reproject.jobs.progress import USUAL, Progress, with_look
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.report.verdict import (
@@ -29,11 +29,12 @@ from ..stereo_reproject.report.verdict import (
 )
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from . import under_way
 from .jobs import JobOperator
-from .pictures import show_pair
+from .pictures import redraw_with_both_eyes, show_pair
 from .properties import MIN_PREVIEW_PX
-from .results import Delivery, keep_animation, keep_inspection, keep_pair, result_of
-from .run import BackgroundJob, seconds_of
+from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
+from .run import Animation, BackgroundJob, Pictures, seconds_of
 from .slots import content_now, unused_slot
 from .viewing import VIEWING, needs_our_player
 
@@ -42,6 +43,8 @@ PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", 
 LEAST_GAIN = 1.05
 """Least predicted gain over multiview that counts as one."""
 
+MIN_SAMPLES_FOR_A_LOOK = 64
+"""Samples of a full render from which on it begins with a first look, which takes one: less than 2 % of them."""
 
 PREVIEW_TOOLTIP = (
     "Render a small pair with few samples, denoised where Blender can, to look at the stereo before a full render."
@@ -72,7 +75,13 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
         files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
-        return BackgroundJob(scene, settings, "render", files, _pair_progress(scene, settings))
+        pictures = under_way.wanted_pictures(first_look=self.preview or scene.cycles.samples >= MIN_SAMPLES_FOR_A_LOOK)
+        progress = _pair_progress(scene, settings, looks=pictures is Pictures.FROM_THE_FIRST_SAMPLE)
+        return BackgroundJob(scene, settings, "render", files, progress, pictures=pictures)
+
+    def fits_pictures(self, scene: bpy.types.Scene) -> bool:
+        """Return whether the pair is fitted to the Image Editor: a preview, and a picture of another size after it."""
+        return self.preview or super().fits_pictures(scene)
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Make the pair the Render Result, keep its report for the panels, and return its summary."""
@@ -98,8 +107,11 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         progress = Progress(time.monotonic(), USUAL["animate"], frames=pairs)
         settings = settings_of(scene, preview=False)
         asked = AnimationSettings(existing=options.existing)
-        written = folders_of(output)
-        return BackgroundJob(scene, settings, "animate", ANIMATION_FILES, progress, written=written, animation=asked)
+        animation = Animation(asked, folders_of(output), sorted(output.files))
+        pictures = under_way.wanted_pictures(first_look=False)
+        return BackgroundJob(
+            scene, settings, "animate", ANIMATION_FILES, progress, animation=animation, pictures=pictures
+        )
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
         """Show the last frame as the Render Result, and return a line about the frames that were rendered."""
@@ -188,10 +200,10 @@ def _delivery(frame: int | None, *, preview: bool = False) -> Delivery:
     return Delivery(content_now(), frame, time.strftime("%H:%M"), preview)
 
 
-def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
-    """Return the progress of a pair that is about to be rendered. The expected seconds of each stage are those of the
-    last pair with the same settings, or else those that a check with them predicted; without either, the usual shares
-    of the stages are taken.
+def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings, *, looks: bool) -> Progress:
+    """Return the progress of a pair that is about to be rendered, with looks after a first look. The expected seconds
+    of each stage are those of the last pair with the same settings, or else those that a check with them predicted;
+    without either, the usual shares of the stages are taken.
     """
     result, now, usual = result_of(scene), time.monotonic(), USUAL["render"]
     layers = len(layers_to_render(scene))
@@ -202,7 +214,8 @@ def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress
     if checked is not None and result.inspected == settings and checked["predicted"]["total_seconds"] is not None:
         each = {**dict.fromkeys(usual, 0.0), **_predicted_stages(checked["predicted"])}
         return Progress(now, each, in_seconds=True, frames=layers)
-    stages = {**usual, Stage.COMPARE: 4.0 * usual[Stage.SOURCE]} if settings.compare else usual
+    stages = with_look(usual) if looks else usual
+    stages = {**stages, Stage.COMPARE: 4.0 * usual[Stage.SOURCE]} if settings.compare else stages
     return Progress(now, stages, frames=layers)
 
 
@@ -242,8 +255,11 @@ def _deliver(
     if gone:
         run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
-        before = result_of(scene).delivery
-        show_pair(fit=preview or (before is not None and before.preview))
+        fit = preview or has_preview(scene)
+        if under_way.hand_over():
+            redraw_with_both_eyes(fit=fit)
+        else:
+            show_pair(fit=fit)
     return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
 
 

@@ -117,6 +117,12 @@ def result_of(scene: bpy.types.Scene) -> Result:
     return _by_scene.setdefault(scene.session_uid, Result())
 
 
+def has_preview(scene: bpy.types.Scene) -> bool:
+    """Return whether the picture of a scene that was handed over last is a preview."""
+    delivery = result_of(scene).delivery
+    return delivery is not None and delivery.preview
+
+
 def _forget_gone() -> None:
     """Forget results of scenes that were deleted, or of a file that is no longer open."""
     there = {scene.session_uid for scene in bpy.data.scenes}

@@ -9,6 +9,8 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,26 @@ from ..stereo_reproject.settings.frame import StereoSettings
 POLL_SECONDS = 0.1
 
 EYES = tuple(f"{view}.exr" for view in VIEWS)
+
+
+class Pictures(Enum):
+    """Pictures of the eyes that a window wants while they are made."""
+
+    NONE = 0
+    AS_THEY_ARE_MADE = 1
+    FROM_THE_FIRST_SAMPLE = 2
+    """The source with a single sample too, before it is rendered whole."""
+
+
+@dataclass(frozen=True)
+class Animation:
+    """An animation that a job renders: how its frames are made, the folders into which the job itself writes, and the
+    numbers of its frames in their order, those that are there already included.
+    """
+
+    settings: AnimationSettings
+    written: Sequence[Path]
+    frames: Sequence[int]
 
 
 class _Cancel(Interrupts):
@@ -58,10 +80,10 @@ class BackgroundJob:
         files: Sequence[str],
         progress: Progress,
         *,
-        written: Sequence[Path] = (),
-        animation: AnimationSettings | None = None,
+        animation: Animation | None = None,
+        pictures: Pictures = Pictures.NONE,
     ) -> None:
-        """written are the folders into which the job itself writes, animation says how the frames of one are made."""
+        """animation is None for a single picture. pictures says which are wanted while the eyes are made."""
         if not scene.users:
             raise BadInputError(f"scene {scene.name!r} is shown in no window, and would not be saved with the file")
         self.uid = scene.session_uid
@@ -73,7 +95,6 @@ class BackgroundJob:
         self.settings = settings
         self.stage, self.detail = str(Stage.START), ""
         self.progress = progress
-        self.warnings: list[str] = []
         self.report: dict[str, Any] | None = None
         self.error: StereoReprojectError | None = None
         # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
@@ -81,29 +102,33 @@ class BackgroundJob:
         """Folder of temporary files when the run started."""
         self._place = work_folder(self.temporary, ())
         self._files = self._place.__enter__()
-        self._written = written
-        self._pair = animation is None
+        self.animation = animation
         self._frames: Event | None = None
+        self.frames_finished = 0
+        """Number of frames that this job has finished so far."""
+        self.picture: Event | None = None
+        """Last event "picture": an eye as it is so far; None before the first."""
         self.saved: float | None = None
         """Seconds that the frames of an animation have saved so far; None before the first."""
         self._closed = False
         self._cancel = _Cancel()
         self._lock = threading.Lock()
         try:
-            self._blend = self._save_copy()
+            self._blend, self.warnings = _saved_copy(self._files)
             output = self.folder if files else None
-            chosen = scene.stereo_reproject
-            session = Session(
-                scene_key(scene),
-                devices_in_use(),
-                bpy.data.filepath,
-                chosen.use_scripts,
-                tuple(layers_to_render(scene)),
+            job = Job(
+                self._blend,
+                output,
+                settings,
+                command,
+                tuple(files),
+                session=_session_of(scene),
+                animation=None if animation is None else animation.settings,
+                pictures=pictures is not Pictures.NONE,
+                first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
             )
-            job = Job(self._blend, output, settings, command, files=tuple(files), session=session, animation=animation)
-            self._thread = threading.Thread(
-                target=self._work, args=(job, module_in_blender("programs.worker")), daemon=True
-            )
+            worker = module_in_blender("programs.worker")
+            self._thread = threading.Thread(target=self._work, args=(job, worker), daemon=True)
             self._thread.start()
         except BaseException:
             self._place.__exit__(None, None, None)
@@ -119,7 +144,8 @@ class BackgroundJob:
         """True if the eyes of a finished pair are in `folder` and nowhere else. Of an animation it is False: its frames
         are in files of their own.
         """
-        return self._pair and self.report is not None and all((self.folder / name).exists() for name in EYES)
+        is_pair = self.animation is None and self.report is not None
+        return is_pair and all((self.folder / name).exists() for name in EYES)
 
     @property
     def finished(self) -> bool:
@@ -157,20 +183,8 @@ class BackgroundJob:
         self.cancel()
         self._thread.join()
         self._place.__exit__(None, None, None)
-        for folder in self._written:
+        for folder in () if self.animation is None else self.animation.written:
             remove_abandoned(folder)
-
-    def _save_copy(self) -> Path:
-        """Save the open file, unsaved changes included, among the job's files, and return the copy's path. Files that
-        it refers to are found from there too; where baked simulations are not, a warning is added.
-        """
-        blend = self._files / (Path(bpy.data.filepath).name or UNSAVED)
-        if bpy.data.filepath:
-            caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
-            if caches.is_dir() and not link_folder(caches, blend.with_name(caches.name)):
-                self.warnings.append(f"baked simulations in {caches} are not found from where the copy is rendered")
-        save_copy(self._files)
-        return blend
 
     def _work(self, job: Job, command: Sequence[str] | None) -> None:
         """Run the job's process to its end, and set `report` or `error`. This is all that the job's thread does."""
@@ -186,13 +200,17 @@ class BackgroundJob:
             self._blend.unlink(missing_ok=True)
 
     def _on_event(self, event: Event) -> None:
-        """Take in what the job's process tells under way: a warning, a stage, or an animation's progress."""
+        """Take in what the job's process tells under way: a warning, a picture, a stage, or an animation's progress."""
         if event["event"] == "warning":
             self.warnings.append(str(event.get("message")))
+            return
+        if event["event"] == "picture":
+            self.picture = event
             return
         if event["event"] == "frame":
             with self._lock:
                 self._frames = event
+                self.frames_finished += 1
                 if event.get("saved") is not None:
                     self.saved = (self.saved or 0.0) + event["saved"]
             return
@@ -203,6 +221,30 @@ class BackgroundJob:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
             self.progress.begin(self.stage, now)
             self.progress.advance(event.get("fraction"), now)
+
+
+def _session_of(scene: bpy.types.Scene) -> Session:
+    """Return what this Blender knows of a scene that is not in the copy of its file."""
+    return Session(
+        scene_key(scene),
+        devices_in_use(),
+        bpy.data.filepath,
+        scene.stereo_reproject.use_scripts,
+        tuple(layers_to_render(scene)),
+    )
+
+
+def _saved_copy(folder: Path) -> tuple[Path, list[str]]:
+    """Save the open file, unsaved changes included, in a folder; return the copy's path and warnings. Files that it
+    refers to are found from there too; where baked simulations are not, there is a warning.
+    """
+    blend, warnings = folder / (Path(bpy.data.filepath).name or UNSAVED), []
+    if bpy.data.filepath:
+        caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
+        if caches.is_dir() and not link_folder(caches, blend.with_name(caches.name)):
+            warnings.append(f"baked simulations in {caches} are not found from where the copy is rendered")
+    save_copy(folder)
+    return blend, warnings
 
 
 def temporary_folder() -> Path:

@@ -153,6 +153,18 @@ def write_channels(path: Path, channels: Mapping[str, NDArray], attributes: Mapp
     _write(path, channels, {"compression": _openexr().NO_COMPRESSION, **attributes})
 
 
+def write_picture(path: Path, colour: NDArray[np.float32]) -> None:
+    """Write a colour (H, W, 4), scene-linear, into an uncompressed file of half floats, to be shown and not to be kept:
+    values beyond the range of a half are moved to its ends, and 0 stands for what is no number.
+
+    Raises BadInputError where that fails.
+    """
+    ends = np.finfo(np.float16)
+    halves = np.clip(np.nan_to_num(colour, posinf=np.inf, neginf=-np.inf), ends.min, ends.max).astype(np.float16)
+    channels = {letter: np.ascontiguousarray(halves[..., k]) for k, letter in enumerate("RGBA")}
+    _write(path, channels, {"compression": _openexr().NO_COMPRESSION})
+
+
 def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
     """Return all channels (H, W), by name, of a file of one part. Raises BadInputError when the file is not whole."""
     try:

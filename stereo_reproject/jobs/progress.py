@@ -8,6 +8,7 @@ from ..pipeline.stages import Stage
 
 _PAIR = {
     Stage.PLAN: 1.0,
+    Stage.LOOK: 0.0,
     Stage.SOURCE: 55.0,
     Stage.DENOISE_SOURCE: 0.0,
     Stage.WARP: 4.0,
@@ -27,8 +28,20 @@ USUAL: Mapping[str, Mapping[str, float]] = {
 """Shares of a run's time by what is done, in the order of its stages. What loading has taken tells nothing of the rest.
 """
 
+LOOK_SHARE = 10.0
+"""Share of a first look, which the source then takes less: most of it is the scene's sync, which the source would pay
+otherwise. It was 10 to 27 % of the source's time in previews of living-room, classroom and walking-man."""
+
+MIN_TELLING_SHARE = 0.05
+"""Share of a run, or of a stage, that must be done before its pace tells how long the rest takes."""
+
 MAX_SHOWN_FRACTION = 0.97
 """A stage that takes longer than expected is nearly over, and stays so."""
+
+
+def with_look(stages: Mapping[str, float]) -> dict[str, float]:
+    """Return the usual shares of a pair's stages, for one that begins with a first look."""
+    return {**stages, Stage.LOOK: LOOK_SHARE, Stage.SOURCE: stages[Stage.SOURCE] - LOOK_SHARE}
 
 
 class Progress:
@@ -43,6 +56,8 @@ class Progress:
     def __init__(self, now: float, stages: Mapping[str, float], *, in_seconds: bool = False, frames: int = 1) -> None:
         self._expected = dict(stages)
         self._pace = 1.0 if in_seconds else None
+        self._tells = in_seconds
+        """Whether the pace tells how long the rest takes."""
         self._frames = max(frames, 1)
         self._started = self._since = now
         self._stage = next(iter(self._expected))
@@ -54,20 +69,26 @@ class Progress:
         frame."""
         if stage == self._stage:
             return
-        order = list(self._expected)
-        if stage in order and self._stage in order and order.index(stage) < order.index(self._stage):
+        order = self._expected
+        names = list(order)
+        if stage in order and self._stage in order and names.index(stage) < names.index(self._stage):
             self._frame = min(self._frame + 1, self._frames - 1)
+        if stage in order and self._expected.get(self._stage, 0.0) == 0.0 and not self._done_before():
+            # What a stage takes that counts nothing tells nothing of the others.
+            self._started += now - self._since
         self._stage, self._since, self._stage_fraction = stage, now, None
         done = self._done_before()
         if done > 0.0:
             self._pace = (now - self._started) / done
+            self._tells = self._tells or done >= MIN_TELLING_SHARE * sum(order.values())
 
     def advance(self, fraction: float | None, now: float) -> None:
         """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
         self._stage_fraction = fraction
         expected = self._expected.get(self._stage, 0.0)
         # The start of a stage says little.
-        if fraction and fraction > 0.05 and expected > 0.0:
+        if fraction and fraction > MIN_TELLING_SHARE and expected > 0.0:
+            self._tells = True
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 
     def fraction(self, now: float) -> float:
@@ -77,7 +98,7 @@ class Progress:
 
     def remaining(self, now: float) -> float | None:
         """Return the seconds that the run still takes by estimate; None as long as they cannot be estimated."""
-        if self._pace is None:
+        if self._pace is None or not self._tells:
             return None
         whole = self._frames * sum(self._expected.values())
         return max(self._pace * (whole - self._done_before() - self._done_of_stage(now)), 0.0)
@@ -98,6 +119,15 @@ class Progress:
         if self._pace is None or expected == 0.0:
             return 0.0
         return expected * min((now - self._since) / (self._pace * expected), MAX_SHOWN_FRACTION)
+
+
+def left_words(seconds: float) -> str:
+    """Return the seconds that remain as words, the last minute alone in seconds: "42 s left", "3 min left", "1 h 5 min
+    left"."""
+    if round(seconds) < 60:
+        return f"{max(round(seconds), 1)} s left"
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    return " ".join([*([f"{hours} h"] if hours else []), *([f"{minutes} min"] if minutes else []), "left"])
 
 
 def clock(seconds: float) -> str:

@@ -9,7 +9,7 @@ The worker (`python -m stereo_reproject.programs.worker`)
 stdin    one line of JSON: {"command": what to do, "blend", "output" (null without files), "work": absolute paths,
          "settings": StereoSettings as nested dicts, "files": those to be made, "only": names of runs, "session": a
          Session as a dict, "animation": AnimationSettings as a dict, or null, "strict": whether a warning that is known
-         before the first render is an error}.
+         before the first render is an error, "pictures", "first_look": as in `Job`}.
          It then stays open for the whole run: at its end this process is gone, and the worker must end itself.
 stdout   one JSON object per line:
            {"event": "stage", "stage": "fill", "detail": "optional text"}
@@ -17,6 +17,7 @@ stdout   one JSON object per line:
            {"event": "note", "message": "..."}
            {"event": "frame", "frame": 13, "seconds": 3.5, "saved": 2.5, "traced": 0.08, "done": 12, "total": 24,
             "each": 3.5, "remaining": 42.0}
+           {"event": "picture", "view": "left", "file": "/absolute/path.exr"}
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
            {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
          Lines that are no such object are passed over.
@@ -85,6 +86,9 @@ class Job:
     None. only names the cases of a price list that are wanted; empty means all. animation has the settings of an
     animation, and is None for any other command.
 
+    pictures: True where the eyes are wanted as pictures while they are made, each announced by an event "picture" whose
+    file is whole and lives as long as the run; first_look: True where the first of them is to have a single sample.
+
     With strict, anything that the scene is known to lack before the first render is an error, not a warning. It changes
     no picture, and so it is not one of the settings that decide whether a frame must be rendered again.
     """
@@ -98,6 +102,8 @@ class Job:
     session: Session = field(default_factory=Session)
     animation: AnimationSettings | None = None
     strict: bool = False
+    pictures: bool = False
+    first_look: bool = False
 
 
 class WorkerCrashedError(StereoReprojectError):
@@ -114,7 +120,7 @@ def run_worker(
 ) -> dict[str, Any]:
     """Have `job` done by a worker process, move its files into the output folder, and return its report.
 
-    on_event gets each event that the worker sends but the last ("stage", "warning", "note", "frame"); on_tick is called
+    on_event gets each event that the worker sends but the last (all above but "done" and "error"); on_tick is called
     several times a second. interrupts holds back signals meanwhile; by default none are. `command` starts another
     program as the worker; by default it is our own. Raises BadInputError, RunInterruptedError or StereoReprojectError;
     then nothing that the run has made is left, but for the finished frames of an animation.
@@ -191,6 +197,8 @@ def _message(job: Job, work: Path, blend: Path) -> bytes:
         "session": asdict(job.session),
         "animation": None if job.animation is None else asdict(job.animation),
         "strict": job.strict,
+        "pictures": job.pictures,
+        "first_look": job.first_look,
     }
     return json.dumps(fields).encode() + b"\n"
 
@@ -236,7 +244,7 @@ def _listen(
                 stage = {"stage": "", "fraction": None, **event}
                 worker.begin_stage()
                 on_event(stage)
-            case "warning" | "note" | "frame":
+            case "warning" | "note" | "frame" | "picture":
                 worker.trim_log()
                 on_event(event)
             case "error":

@@ -16,7 +16,7 @@ from .stages import Stage
 from .stereo_frame import StereoFrame
 from .stopwatch import Stopwatch
 from .task import FrameTask
-from .warping import warp_source
+from .warping import show_target, warp_source
 
 
 def render_stereo_frame(
@@ -31,9 +31,10 @@ def render_stereo_frame(
     """Render the stereo pair of the renderer's scene and frame, and return it.
 
     accuracy takes the place of the one that the settings name, for a picture of `SettingsTuning.unscaled_picture_px`;
-    findings are those of other frames of the same animation. The watch measures the stages: source, denoise_source,
-    warp, pilot, fill, refine, composite, denoise_target, and account, which comes after the pair is finished and is not
-    in the total. Stages that it has seen before, such as the renderer's plan, are in the seconds and the total too.
+    findings are those of other frames of the same animation. The watch measures the stages: look, source,
+    denoise_source, warp, pilot, fill, refine, composite, denoise_target, and account, which comes after the pair is
+    finished; look and account are not in the total. Stages that it has seen before, such as the renderer's plan, are in
+    the seconds and the total too. Its onlooker is shown the eyes as they are made, which changes none of their pixels.
     known_costs returns the costs of tracing as far as they are known, by default the assumed ones; it is asked once the
     source is rendered and warped. Raises BadInputError when the settings cannot be met for this scene, and
     StereoReprojectError when a render fails.
@@ -47,15 +48,19 @@ def render_stereo_frame(
     watch.lap(Stage.WARP)
     warped = warp_source(task, source)
     source, tracing = source.for_users(), warped.tracing
+    show_target(task, source, warped, holes=warped.target.reprojection.reasons > 0)
     if tracing.wants_pilot:
         watch.lap(Stage.PILOT)
         tracing.send_pilot()
 
     watch.lap(Stage.FILL)
     fill = tracing.fill()
+    show_target(task, source, warped)
 
     watch.lap(Stage.REFINE)
     refinement = tracing.refine()
+    if refinement.pixels.any():
+        show_target(task, source, warped)
 
     watch.lap(Stage.COMPOSITE)
     done = Completed(source, warped, fill, refinement)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.tracing import TargetTracing, WarpedTarget
@@ -50,6 +51,12 @@ class Renderer(Protocol):
     def packed_by(self) -> str:
         """Name of the packed camera that traces the scene, by the depth that `fill_blockers` was told last; each has
         costs of its own."""
+        ...
+
+    def first_look(self, view: str, *, probed: bool) -> tuple[NDArray[np.float32], SourceCost] | None:
+        """Render the view of this name with a single sample; return its colour (H, W, 4) and its cost, None where that
+        cannot be done. The renders that follow are the same to the bit as without it. probed is as for
+        `render_source`."""
         ...
 
     def render_source(self, view: str, *, probed: bool) -> tuple[Passes, SourceCost]:

@@ -62,10 +62,9 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
     renderer, watch, target = task.renderer, task.watch, task.target.camera
     accuracy = for_size(accuracy, target.width * target.height)
 
-    watch.lap(Stage.SOURCE)
     probed = task.may_differ and accuracy.promise is not None
     # Of a target that is rendered whole nothing is probed.
-    passes, cost = renderer.render_source(task.settings.source, probed=probed and task.settings.fill != "full")
+    passes, cost = _rendered(task, probed=probed and task.settings.fill != "full")
     lost = not_numbers(passes)
     passes, invalid = replace_non_finite(passes)
     denoising = None
@@ -74,6 +73,8 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
         denoising, accuracy = Denoising(renderer.denoise), for_denoised(accuracy)
         passes = denoise_source(passes, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
+        # No closure: it would keep the passes in memory.
+        watch.show(task.settings.source, partial(passes.__getitem__, COLOUR_PASS))
 
     scale = display_scale(passes[COLOUR_PASS])
     passes = scaled_light(passes, scale)
@@ -84,6 +85,27 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
     if denoising is not None and probed:
         denoising = _measured(denoising, seen.passes, task)
     return Source(seen, scale, lost, denoising, accuracy)
+
+
+def _rendered(task: FrameTask, *, probed: bool) -> tuple[Passes, SourceCost]:
+    """Render the source eye; return its passes and its cost. An onlooker who wants one gets a first look before, whose
+    sync counts as the source's. probed is as for `Renderer.render_source`.
+    """
+    renderer, watch, view = task.renderer, task.watch, task.settings.source
+    look = None
+    if watch.onlooker.show is not None and watch.onlooker.first_look:
+        watch.lap(Stage.LOOK)
+        look = renderer.first_look(view, probed=probed)
+        if look is not None:
+            watch.onlooker.show(view, look[0])
+    watch.lap(Stage.SOURCE)
+    passes, cost = renderer.render_source(view, probed=probed)
+    watch.show(view, lambda: passes[COLOUR_PASS])
+    if look is None:
+        return passes, cost
+    synced_before = max(look[1].sync_seconds - cost.sync_seconds, 0.0)
+    watch.move(synced_before, Stage.LOOK, Stage.SOURCE)
+    return passes, SourceCost(cost.seconds + synced_before, cost.sync_seconds + synced_before)
 
 
 def _measured(denoising: Denoising, passes: Passes, task: FrameTask) -> Denoising:

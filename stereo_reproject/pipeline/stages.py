@@ -24,10 +24,13 @@ class Stage(StrEnum):
 
     START = "start", "Starting"
     LOAD = "load", "Loading a copy of the file"
-    PREPARE = "prepare", "prepare"
+    PREPARE = "prepare", "Going to the frame"
     """Blender goes to a frame of an animation."""
     PLAN = "plan", "Looking at the scene"
     SKETCH = "sketch", "Rendering a sketch"
+    LOOK = "look", "Rendering a first look"
+    """The source with a single sample, for a window to show. Its seconds are those that showing pictures adds to a
+    frame: what Cycles has synced for the look is not synced again for the source, and counts as the source's."""
     SOURCE = "source", "Rendering the first eye"
     DENOISE_SOURCE = "denoise_source", "Denoising the first eye"
     WARP = "warp", "Reprojecting"
@@ -42,14 +45,15 @@ class Stage(StrEnum):
     """The cost is divided among effects, after the pair is finished."""
     WRITE = "write", "Writing"
     COMPARE = "compare", "Rendering both eyes whole to compare"
-    MOVIE = "movie", "movie"
+    MOVIE = "movie", "Putting the movie together"
     """The files of an animation's movie are put together."""
 
 
-OUTSIDE_TOTAL = (Stage.LOAD, Stage.ACCOUNT, Stage.WRITE, Stage.COMPARE)
+OUTSIDE_TOTAL = (Stage.LOAD, Stage.LOOK, Stage.ACCOUNT, Stage.WRITE, Stage.COMPARE)
 """Stages that are not in a pair's total seconds."""
 
 RENDERING = (
+    Stage.LOOK,
     Stage.SOURCE,
     Stage.DENOISE_SOURCE,
     Stage.PILOT,

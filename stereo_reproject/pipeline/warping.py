@@ -20,6 +20,7 @@ from ..warp.stage import choose_warper, seconds_taken
 from ..warp.warper import NUMPY, Warper
 from .calibration import calibrated_costs, worth_measuring
 from .next_accuracy import WHOLE, holes_of, next_better
+from .onlooker import shown_target
 from .source import Source
 from .stages import Stage
 from .task import FrameTask
@@ -63,6 +64,14 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
     with task.watch.aside(Stage.ACCOUNT):
         better_holes = holes_of(better, reprojection, denoised=source.denoising is not None)
     return WarpedSource(target, tracing, gpu, better, better_holes)
+
+
+def show_target(
+    task: FrameTask, source: Source, warped: WarpedSource, *, holes: NDArray[np.bool_] | None = None
+) -> None:
+    """Show the watch's onlooker the target as it is so far; `holes` (H, W) are still to be traced."""
+    target = warped.tracing.target
+    task.watch.show(target.view, lambda: shown_target(target.colour, source.light_scale, holes))
 
 
 def _reprojected(task: FrameTask, source: Source) -> tuple[Reprojection, str | None]:

@@ -18,7 +18,9 @@ from typing import Any
 
 from ..errors import in_one_line
 from ..files import strict
+from ..jobs.shown_pictures import PictureFiles
 from ..jobs.warn_once import WarnOnce
+from ..pipeline.onlooker import Onlooker
 from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
@@ -83,7 +85,7 @@ def _render(job: dict[str, Any], emit: Emit) -> None:
         work,
         files=job["files"],
         load_seconds=loaded,
-        on_stage=_on_stage(emit),
+        onlooker=_onlooker(job, emit),
     )
     _finish(report, files, emit, warn)
 
@@ -102,6 +104,7 @@ def _animate(job: dict[str, Any], emit: Emit) -> None:
         lambda event: emit("frame", **event),
         lambda text: emit("note", message=text),
         warn,
+        _onlooker(job, emit),
     )
     report = render_animation_files(
         scene,
@@ -178,6 +181,12 @@ def _warning_of(emit: Emit) -> WarnOnce:
     """Return a function that emits each warning text once, because those found before the first render come again in
     the final report."""
     return WarnOnce(lambda text: emit("warning", message=text))
+
+
+def _onlooker(job: dict[str, Any], emit: Emit) -> Onlooker:
+    """Return who is told the stages by `emit`, and shown the eyes as files where the job asks for pictures."""
+    show = PictureFiles(Path(job["work"]), emit).show if job["pictures"] else None
+    return Onlooker(_on_stage(emit), show, job["first_look"])
 
 
 def _finish(report: dict[str, Any], files: list[str], emit: Emit, warn: Callable[[str], None]) -> None:

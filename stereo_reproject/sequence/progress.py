@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..pipeline.onlooker import NOBODY, Onlooker
 from ..settings.animation import spelled
 from .figures import figures_of
 from .frame_record import Record
@@ -17,12 +18,13 @@ from .frames import FrameListener, FramePlan
 class Listener:
     """Functions that are called as an animation goes on. on_stage gets a stage's name and a detail that names the
     frame; on_frame gets the "frame" event of each finished frame (see `jobs/supervisor`); note and warn get texts for
-    the user."""
+    the user. An onlooker is shown the eyes of each frame as they are made."""
 
     on_stage: Callable[[str, str], None] = lambda _stage, _detail: None
     on_frame: Callable[[Mapping[str, Any]], None] = lambda _event: None
     note: Callable[[str], None] = lambda _text: None
     warn: Callable[[str], None] = lambda _text: None
+    onlooker: Onlooker = NOBODY
 
 
 def saved_by_frame(figures: Mapping[str, Any]) -> float | None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stereo_reproject.jobs.progress import USUAL, Progress, clock
+from stereo_reproject.jobs.progress import USUAL, Progress, clock, left_words, with_look
 
 
 def test_nothing_is_said_of_the_time_before_anything_tells():
@@ -11,6 +11,18 @@ def test_nothing_is_said_of_the_time_before_anything_tells():
     progress.begin("load", 100.0)
     assert progress.remaining(101.0) is None
     assert progress.fraction(101.0) == 0.0
+
+
+def test_a_small_part_of_a_run_does_not_tell_how_long_the_rest_takes():
+    """Loading and looking at the scene are no measure of rendering; a first look, which syncs the scene, is."""
+    progress = Progress(0.0, with_look(USUAL["render"]))
+    for stage, now in (("load", 1.0), ("plan", 5.0), ("look", 6.0)):
+        progress.begin(stage, now)
+        assert progress.remaining(now) is None
+    progress.begin("source", 16.0)
+    whole, done = sum(USUAL["render"].values()), 1.0 + with_look(USUAL["render"])["look"]
+    # 11 seconds since the file was loaded.
+    assert progress.remaining(16.0) == pytest.approx(11.0 * (whole - done) / done)
 
 
 def test_a_run_as_expected_counts_down_evenly():
@@ -74,3 +86,19 @@ def test_a_stage_that_nobody_expects_changes_nothing_but_comes_last():
 @pytest.mark.parametrize(("seconds", "shown"), [(0.4, "0:00"), (42.0, "0:42"), (185.4, "3:05"), (3750.0, "1:02:30")])
 def test_clock(seconds, shown):
     assert clock(seconds) == shown
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0.2, "1 s left"),
+        (42.4, "42 s left"),
+        (59.4, "59 s left"),
+        (59.6, "1 min left"),
+        (150.0, "2 min left"),
+        (3600.0, "1 h left"),
+        (3900.0, "1 h 5 min left"),
+    ],
+)
+def test_the_time_that_is_left_is_said_in_seconds_only_in_the_last_minute(seconds, words):
+    assert left_words(seconds) == words

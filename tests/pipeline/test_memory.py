@@ -9,6 +9,7 @@ from stereo_reproject.estimate.probes import place_random_probes
 from stereo_reproject.images.contrast import Contrast, contrast_of
 from stereo_reproject.images.sharpness import sharpness_of
 from stereo_reproject.pipeline.frame import render_stereo_frame
+from stereo_reproject.pipeline.onlooker import Onlooker
 from stereo_reproject.pipeline.stopwatch import Stopwatch
 from tests.pipeline.test_pipeline import IPD, ROOM, Caster, settings
 from tests.warp.analytic import stereo_rig
@@ -62,7 +63,7 @@ class Meter:
 def test_the_memory_of_a_frame_s_own_stages():
     renderer = Caster(ROOM, stereo_rig(SIZE, ipd=IPD, convergence=4.0), noise=0.02, view_dependent=("mirrors",))
     meter = Meter()
-    render_stereo_frame(renderer, settings(), watch=Stopwatch(meter.begin))
+    render_stereo_frame(renderer, settings(), watch=Stopwatch(Onlooker(meter.begin)))
     meter.begin("end")
     excess = {stage: meter.peaks[stage] for stage, limit in MAX_AT_PEAK.items() if not meter.peaks[stage] <= limit}
     assert excess == {}, "more at its peak than it has to"

@@ -17,6 +17,7 @@ from stereo_reproject.images.passes import ALBEDO_PASS, EFFECTS_PASS, NOISY_PASS
 from stereo_reproject.images.reasons import Reason
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.pipeline.matched_tracing import MatchedTracing
+from stereo_reproject.pipeline.onlooker import Onlooker
 from stereo_reproject.pipeline.shared_findings import SharedFindings
 from stereo_reproject.pipeline.stereo_frame import traced_fractions
 from stereo_reproject.pipeline.stopwatch import Stopwatch
@@ -543,7 +544,7 @@ def test_what_only_probes_need_is_rendered_only_where_there_are_probes(options, 
 
 def test_stages_are_told_as_they_begin_and_timed():
     told = []
-    frame = render_stereo_frame(caster(), settings(), watch=Stopwatch(told.append))
+    frame = render_stereo_frame(caster(), settings(), watch=Stopwatch(Onlooker(told.append)))
     assert told == ["source", "warp", "fill", "refine", "composite", "account"]
     assert set(frame.seconds) == {*told, "total"}
     assert frame.seconds["total"] == pytest.approx(sum(frame.seconds[stage] for stage in told[:-1]))
@@ -552,7 +553,7 @@ def test_stages_are_told_as_they_begin_and_timed():
 
 def test_what_came_before_the_source_is_in_the_total():
     told = []
-    watch = Stopwatch(told.append)
+    watch = Stopwatch(Onlooker(told.append))
     watch.lap("plan")
     frame = render_stereo_frame(caster(), settings(), watch=watch)
     assert told[:2] == ["plan", "source"]

@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from stereo_reproject.pipeline.onlooker import Onlooker
 from stereo_reproject.pipeline.stages import Stage, in_order, label_of, words_of
 from stereo_reproject.pipeline.stopwatch import Stopwatch
 
@@ -35,7 +36,7 @@ def test_every_stage_has_words_of_its_own():
 
 def test_a_stopwatch_hands_out_plain_names():
     told = []
-    watch = Stopwatch(told.append)
+    watch = Stopwatch(Onlooker(told.append))
     watch.lap(Stage.WARP)
     watch.lap(Stage.FILL)
     watch.lap()

@@ -144,7 +144,8 @@ def _render_planned(
     """
     context = run.context
     progress = AnimationProgress(plan, len(run.output.files), run.listener, failed)
-    maker = BlenderFrameMaker(run.scene, order, context, work, run.listener.on_stage, keeps_last=keeps_last)
+    told, onlooker = run.listener.on_stage, run.listener.onlooker
+    maker = BlenderFrameMaker(run.scene, order, context, work, told, keeps_last=keeps_last, onlooker=onlooker)
     with closing(maker):
         try:
             render_frames(plan, context.journal, context.wanted, context.token, maker, progress.frame_listener)

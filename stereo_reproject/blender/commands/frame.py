@@ -22,6 +22,7 @@ from ...images.seen_light import scaled_colour
 from ...jobs.memory import give_back_freed
 from ...jobs.work_folder import DIFFERENCE, pair_files
 from ...pipeline.frame import render_stereo_frame
+from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import Stage
 from ...pipeline.stereo_frame import StereoFrame, colour
@@ -58,28 +59,28 @@ def render_files(
     *,
     files: Sequence[str] | None = None,
     load_seconds: float = 0.0,
-    on_stage: Callable[[str], None] = lambda _: None,
+    onlooker: Onlooker = NOBODY,
 ) -> tuple[dict[str, Any], list[str]]:
     """Render the pair of one frame and write its files into work/out. Return the report as JSON has it, and the names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; None stands
     for all. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
-    load_seconds, those of loading the .blend, go into the report. on_stage gets each stage's name as it begins. Raises
-    BadInputError and StereoReprojectError.
+    load_seconds, those of loading the .blend, go into the report. An onlooker is told the stages as they begin, and
+    shown the eyes as they are made. Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
     files = pair_files(compare=settings.compare) if files is None else files
     if STEREO_PICTURE in files and is_composited(scene):
         check_file_outputs(scene)
-    pair, report = render_pair(scene, settings, work, on_stage=on_stage)
-    on_stage(Stage.WRITE)
+    pair, report = render_pair(scene, settings, work, onlooker=onlooker)
+    onlooker.on_stage(Stage.WRITE)
     start = time.perf_counter()
     _write_pictures(scene, settings, pair, out, report, files)
     own = {Stage.LOAD.value: load_seconds, Stage.WRITE.value: time.perf_counter() - start}
     report = replace(report, seconds={**report.seconds, **own})
     if settings.compare:
-        on_stage(Stage.COMPARE)
+        onlooker.on_stage(Stage.COMPARE)
         compare, reference = compare_with_multiview(scene, settings, pair, work)
         report = replace(report, compare=compare)
         if DIFFERENCE in files:
@@ -96,7 +97,7 @@ def render_pair(
     settings: StereoSettings,
     work: Path,
     *,
-    on_stage: Callable[[str], None] = lambda _: None,
+    onlooker: Onlooker = NOBODY,
     scenes: WorkingScenes | None = None,
     findings: Callable[[str], SharedFindings] = lambda _: SharedFindings(),
     learns: bool = True,
@@ -113,7 +114,7 @@ def render_pair(
     facts: list[LayerFacts] = []
     with nullcontext(scenes) if scenes is not None else WorkingScenes(scene) as open_scenes:
         for layer in check_layers(scene):
-            watch = Stopwatch(on_stage)
+            watch = Stopwatch(onlooker)
             watch.lap(Stage.PLAN)
             working = open_scenes.at(settings.scene, layer)
             frames[layer], found = _render_layer(scene, working, settings, work, watch, findings(layer), learns=learns)

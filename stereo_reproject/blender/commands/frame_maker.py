@@ -15,6 +15,7 @@ from ...images.exr import VIEWS, write_eye
 from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
+from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import RENDERING, Stage
 from ...pipeline.stereo_frame import colour
@@ -147,17 +148,18 @@ class BlenderFrameMaker:
         on_stage: Callable[[str, str], None],
         *,
         keeps_last: bool,
+        onlooker: Onlooker = NOBODY,
     ) -> None:
         """order says how frames are written; work is a private folder for what passes between the stages of a frame.
         on_stage gets each stage's name and its frame. keeps_last: True where the last frame's eyes are asked for in the
-        end."""
+        end. An onlooker is shown the eyes as they are made."""
         self._scene, self._settings, self._options = scene, context.settings, context.options
         self._context, self._on_stage = context, on_stage
         self._work, self._private = work, Path(order.private)
         self._scenes = WorkingScenes(scene)
         self._writer = WriterProcess(order, module_in_blender("programs.writer"))
         self._writer.start()
-        self._keeps_last = keeps_last
+        self._keeps_last, self._onlooker = keeps_last, onlooker
         self._last: tuple[int, StereoPair | None] | None = None
 
     def render(self, frame: int, claim: int) -> None:
@@ -181,7 +183,7 @@ class BlenderFrameMaker:
             self._scene,
             of_this,
             self._work,
-            on_stage=lambda stage: self._on_stage(stage, where),
+            onlooker=replace(self._onlooker, on_stage=lambda stage: self._on_stage(stage, where)),
             scenes=self._scenes,
             findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
             learns=self._last is None,

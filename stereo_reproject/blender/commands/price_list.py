@@ -28,6 +28,7 @@ from ...images.passes import MASKED_PASS, Passes, deepest
 from ...images.reasons import Reason
 from ...images.reflected_light import glossy_mask
 from ...pipeline.frame import render_stereo_frame
+from ...pipeline.onlooker import Onlooker
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
 from ...pipeline.stereo_frame import StereoFrame, colour, traced_fractions
 from ...pipeline.stopwatch import Stopwatch
@@ -275,7 +276,7 @@ def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
 
 def _watch(case: TradeoffCase, on_stage: OnStage) -> Stopwatch:
     """Return the stopwatch of a case, started at its first stage; on_stage gets the case's name and each stage's."""
-    watch = Stopwatch(lambda stage: on_stage(case.name, stage))
+    watch = Stopwatch(Onlooker(lambda stage: on_stage(case.name, stage)))
     watch.lap(Stage.PLAN)
     return watch
 

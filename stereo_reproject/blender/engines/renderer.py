@@ -15,8 +15,8 @@ from ...estimate.tracing import ProbedTracing, TargetTracing, WarpedTarget
 from ...holes.classifier import Optics, ray_lengths_tell
 from ...images.denoising import Denoise
 from ...images.effects import Effect
-from ...images.effects_pass import MATERIAL_CRYPTOMATTE, effects_pass, material_pass
-from ...images.passes import EFFECTS_PASS, MATERIAL_PASS, Passes, cryptomatte_of
+from ...images.effects_pass import MATERIAL_CRYPTOMATTE
+from ...images.passes import COLOUR_PASS, Passes, cryptomatte_of
 from ...jobs.memory import give_back_freed
 from ...settings.frame import EYES
 from ...trace.costs import TraceCosts
@@ -28,14 +28,14 @@ from ...views.camera import Camera, PerspectiveCamera
 from ...views.frustum import covered_by
 from ...warp.tuning import TUNING as WARP_TUNING
 from ..gpu.warp import gpu_warper
-from ..scene.cryptomatte import cryptomatte_asked_for, switch_on_cryptomatte
+from ..scene.cryptomatte import cryptomatte_asked_for
 from ..scene.denoiser import denoises
 from ..scene.effects import plan_effects
 from ..scene.motion import eyes_in_motion, vector_pass_asked_for
 from ..scene.rendered import CYCLES
 from ..scene.rig import stereo_cameras
 from ..scene.visible import lens_of, mirror_boxes, volume_boxes
-from ..scene.working import changed, evaluated, rendered_layer
+from ..scene.working import changed, evaluated
 from .denoise import denoise_pictures, guided_by
 from .mask_card import card_blocker, trace_card
 from .packed_camera import PackedCamera
@@ -45,8 +45,8 @@ from .portal_sheet import hide_sheet, without_sheet
 from .ray_passes import RayPasses
 from .render import Rendered, render_views
 from .shared_render import trace_together
+from .source_render import effects_passes, has_first_sample, render_source_view, single_sample
 from .time_limit import (
-    count_samples,
     has_time_limit,
     samples_rendered,
     why_uncounted,
@@ -129,36 +129,34 @@ class BlenderRenderer:
         passes = without_added_positions(self.scene, passes)
         return self._rays.without_added(passes if self.denoise is None else guided_by(passes))
 
+    def first_look(self, view: str, *, probed: bool = True) -> tuple[NDArray[np.float32], SourceCost] | None:
+        """Render an eye with a single sample; return its colour (H, W, 4) and its cost. None where EEVEE renders, which
+        has no such sample, and where the scene asks for other samples than its first. It has the passes and the size of
+        the source, since Cycles keeps what it syncs and dices for them; probed is as for `render_source`.
+        """
+        if not has_first_sample(self.scene):
+            return None
+        self._rays.tell_light_apart(self.scene, probed=probed)
+        with single_sample(self.scene):
+            rendered = render_source_view(self.scene, view, self.cameras.values(), self.plan, self.folder, self.seed)
+        return rendered.views[view][COLOUR_PASS], cost_of(rendered)
+
     def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:
         """Render the source eye whole; return its passes and its cost. If anything may look different from each eye,
         passes of the effects and materials of each pixel are added. Counts the samples where the scene has a time
         limit. From now on the renders have what only probes are read by, if they are `probed`.
         """
         self._rays.tell_light_apart(self.scene, probed=probed)
-        ours_too = bool(self.plan.view_dependent) and self.scene.render.engine == CYCLES
-        if ours_too:
-            switch_on_cryptomatte(self.scene)
-        hide_sheet(self.scene, self.cameras.values())
-        limited = has_time_limit(self.scene)
-        if limited:
-            count_samples(self.scene)
         with self._noisy():
-            rendered = render_views(self.scene, (view,), self.folder, seed=self.seed)
+            rendered = render_source_view(self.scene, view, self.cameras.values(), self.plan, self.folder, self.seed)
         give_back_freed()  # A fifth of all memory by now, of a large picture: reading the file has taken it.
-        if limited:
+        if has_time_limit(self.scene):
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(without_sheet(rendered.attributes))
         passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
-        if not ours_too:
-            return _as_asked_for(self.scene, passes), cost_of(rendered)
-        layer = rendered_layer(self.scene).name
-        ours = {
-            EFFECTS_PASS: effects_pass(passes, rendered.attributes, self.plan.materials, layer=layer),
-            MATERIAL_PASS: material_pass(passes),
-        }
-        known = {name: image for name, image in ours.items() if image is not None}
-        return {**_as_asked_for(self.scene, passes), **known}, cost_of(rendered)
+        own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
+        return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
 
     @property
     def traced_scene(self) -> bpy.types.Scene:

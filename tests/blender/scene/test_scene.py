@@ -14,6 +14,7 @@ from stereo_reproject.blender.scene.rig import frame_region
 from stereo_reproject.blender.scene.working import make_small, working_scene
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.pipeline.onlooker import Onlooker
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     FINEST_FILTER,
@@ -326,7 +327,7 @@ def test_a_stop_at_any_stage_leaves_the_scene_as_it_was(rich_scene, tmp_path, st
     before = whole_state(rich_scene)
     settings = StereoSettings(fill=fill, compare=True, scene=SceneOverrides(size=(48, 27)))
     with pytest.raises(StoppedError):
-        render_files(rich_scene, settings, tmp_path, on_stage=stop)
+        render_files(rich_scene, settings, tmp_path, onlooker=Onlooker(stop))
     assert changes(before, whole_state(rich_scene)) == {}
 
 
@@ -341,7 +342,7 @@ def test_a_render_that_fails_leaves_the_scene_as_it_was(rich_scene, tmp_path, fi
     before = whole_state(rich_scene)
     settings = StereoSettings(fill=fill, scene=SceneOverrides(size=(48, 27)))
     with pytest.raises(StereoReprojectError) as failure:
-        render_files(rich_scene, settings, tmp_path, on_stage=obstruct)
+        render_files(rich_scene, settings, tmp_path, onlooker=Onlooker(obstruct))
     assert "\n" not in str(failure.value)
     assert changes(before, whole_state(rich_scene)) == {}
 

@@ -1,0 +1,138 @@
+"""What a run leaves and says while it goes on."""
+
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from stereo_reproject.images.exr import read_channels, read_eye
+from tests.blender.toolbox import mirror_before_wall
+
+SIZE = (96, 54)
+
+HALF_ROUNDING = 2.0**-11
+"""Of a half float, relative."""
+
+
+@pytest.fixture
+def scene():
+    return mirror_before_wall(*SIZE, samples=4)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Where temporary files go."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def rendered(extension, scene, place):
+    """Runs a job that renders the scene's pair; returns the pictures that it announced, as (view, colour), and the
+    passes of both eyes in the end."""
+    from stereo_reproject_extension.operators.render import PAIR_FILES, settings_of
+    from stereo_reproject_extension.operators.run import BackgroundJob, Pictures
+    from stereo_reproject_extension.stereo_reproject.jobs.progress import USUAL, Progress
+
+    def render(which):
+        seen = []
+
+        class Watched(BackgroundJob):
+            def _on_event(self, event):
+                super()._on_event(event)
+                if event["event"] == "picture":
+                    channels = read_channels(Path(event["file"]))
+                    seen.append((event["view"], np.stack([channels[letter] for letter in "RGBA"], axis=-1)))
+
+        # What is traced, and how, must not follow from seconds that were measured.
+        settings = replace(settings_of(scene, preview=False), accuracy="draft", fill="packed")
+        job = Watched(
+            scene, settings, "render", PAIR_FILES, Progress(0.0, USUAL["render"]), pictures=getattr(Pictures, which)
+        )
+        try:
+            job.wait()
+            assert job.error is None
+            eyes = {view: next(iter(read_eye(job.folder / f"{view}.exr").values())) for view in ("left", "right")}
+        finally:
+            job.close()
+        assert list(place.iterdir()) == []
+        return seen, eyes
+
+    return render
+
+
+def test_both_eyes_are_seen_while_they_are_made(rendered):
+    seen, eyes = rendered("FROM_THE_FIRST_SAMPLE")
+    views = [view for view, _ in seen]
+    assert views == sorted(views)
+    assert views.count("left") >= 2
+    assert views.count("right") >= 2
+    assert all(picture.shape == (SIZE[1], SIZE[0], 4) for _, picture in seen)
+    for view, (first, last) in {
+        view: [[picture for eye, picture in seen if eye == view][k] for k in (0, -1)] for view in eyes
+    }.items():
+        whole = eyes[view]["Combined"]
+        assert np.allclose(last, whole, rtol=HALF_ROUNDING, atol=HALF_ROUNDING)
+        assert not np.allclose(first, whole, rtol=HALF_ROUNDING, atol=HALF_ROUNDING)
+
+
+def test_pictures_change_no_pixel_of_the_pair(rendered):
+    (nothing, plain), (some, watched), (more, looked) = (
+        rendered(which) for which in ("NONE", "AS_THEY_ARE_MADE", "FROM_THE_FIRST_SAMPLE")
+    )
+    assert nothing == []
+    assert len(more) == len(some) + 1
+    for view, passes in plain.items():
+        for name, image in passes.items():
+            assert np.array_equal(image, watched[view][name], equal_nan=True), (view, name)
+            assert np.array_equal(image, looked[view][name], equal_nan=True), (view, name)
+
+
+def test_a_run_without_a_window_leaves_no_pictures(extension, scene, place, monkeypatch):
+    from stereo_reproject_extension.operators.run import BackgroundJob
+
+    told = BackgroundJob._on_event
+    events = []
+    monkeypatch.setattr(BackgroundJob, "_on_event", lambda self, event: (events.append(event), told(self, event)))
+    assert bpy.ops.render.stereo_reproject_image(preview=True) == {"FINISHED"}
+    assert {event["event"] for event in events} >= {"stage"}
+    assert not [event for event in events if event["event"] == "picture"]
+
+
+def test_a_cancelled_run_says_that_nothing_was_changed(extension, scene, place, monkeypatch, capfd):
+    cancel_at(monkeypatch, lambda event: event.get("stage") == "source")
+    assert bpy.ops.render.stereo_reproject_image() == {"CANCELLED"}
+    assert "Cancelled: nothing was changed" in capfd.readouterr().out
+
+
+def test_a_cancelled_animation_says_how_many_frames_stay(extension, scene, place, monkeypatch, capfd):
+    scene.frame_start, scene.frame_end = 11, 13
+    scene.render.filepath = str(place / "shots" / "shot_")
+    words = cancel_at(monkeypatch, lambda event: event["event"] == "frame")
+    assert bpy.ops.render.stereo_reproject_animation() == {"CANCELLED"}
+    assert "Cancelled: 1 frame is finished and stays" in capfd.readouterr().out
+    first = next(text for text in words if text.startswith("Frame"))
+    assert re.match(r"Frame 11 \(1 of 3\)  \d+ %", first)
+
+
+def cancel_at(monkeypatch, condition):
+    """Have runs cancelled at the first event for which condition is true; return the list that gets the words about
+    the progress at each event.
+    """
+    from stereo_reproject_extension.operators.run import BackgroundJob
+    from stereo_reproject_extension.operators.run_words import progress_of
+
+    told, words = BackgroundJob._on_event, []
+
+    def tell(self, event):
+        told(self, event)
+        words.append(progress_of(self)[1])
+        if condition(event):
+            self.cancel()
+
+    monkeypatch.setattr(BackgroundJob, "_on_event", tell)
+    return words
