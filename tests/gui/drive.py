@@ -158,7 +158,9 @@ def set_the_convergence_and_undo_it():
 
 
 def open_an_image_editor():
-    """With a plain picture: what is rendered next is drawn where one eye was drawn before."""
+    """With a plain picture: what is rendered next is drawn where one eye was drawn before. Without an Image Editor,
+    Blender would show renders in place of the 3D View.
+    """
     render, cycles = bpy.context.scene.render, bpy.context.scene.cycles
     kept = render.resolution_percentage, cycles.samples
     render.resolution_percentage, cycles.samples = 10, 1
@@ -262,11 +264,11 @@ STEPS = (
     look_at_the_file,
     look_at_the_panels,
     check_the_scene,
+    open_an_image_editor,
     cancel_with_escape,
     cancel_with_the_button,
     cancel_in_another_window,
     set_the_convergence_and_undo_it,
-    open_an_image_editor,
     preview,
     show_it_large,
     look_at_the_pictures,
