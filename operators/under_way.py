@@ -120,7 +120,7 @@ def _read(image: bpy.types.Image) -> None:
     """Have an image's file read now, since it may be gone by the time that Blender draws it. Raises RuntimeError where
     it cannot be read.
     """
-    if image.size[0] == 0:
+    if not any(image.size):  # pyright: ignore[reportArgumentType, reportGeneralTypeIssues] - the stubs' arrays are none
         raise RuntimeError(f"{image.filepath} cannot be read")
 
 
@@ -135,7 +135,7 @@ def _put_into(editor: _Editor, image: bpy.types.Image) -> None:
     if space.image is not None:
         editor.before = space.image.name
     space.image = image
-    width, height = image.size[0], image.size[1]
+    width, height = image.size  # pyright: ignore[reportGeneralTypeIssues] - as above
     if editor.fit and width and height:
         region = next(region for region in area.regions if region.type == "WINDOW")
         # No operator: a thread of the job's is running, see `open_editor`.
