@@ -48,19 +48,19 @@ def _classes() -> tuple[type, ...]:
 
 
 def register() -> None:
-    """Register the classes, settings, menu entries, key and command with Blender, which calls this when the extension
-    is switched on.
+    """Register the classes, settings, menu entries, shortcuts and command with Blender, which calls this when the
+    extension is switched on.
     """
     import bpy
 
-    from . import depth_view, panels, properties, slots, viewing
+    from . import depth_view, keys, panels, properties, slots
     from .command import COMMAND, run_command
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
-    viewing.add_key()
+    keys.add_shortcuts()
     depth_view.add_drawing()
     slots.watch()
     atexit.register(_end)
@@ -83,13 +83,13 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, panels, screen_here, slots, viewing
+    from . import depth_view, keys, panels, screen_here, slots
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
-    viewing.remove_key()
+    keys.remove_shortcuts()
     depth_view.remove_drawing()
     screen_here.put_away()
     slots.unwatch()

@@ -14,8 +14,6 @@ from ..stereo_reproject.images.exr import VIEWS
 
 VIEWING = "View Stereo Animation (Ctrl F11)"
 
-_keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
-
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:
     """Return whether Blender's own View Animation would not find the scene's stereo animation, but look for other
@@ -71,26 +69,3 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
             except RuntimeError as error:
                 self.report({"ERROR"}, " ".join(str(error).removeprefix("Error: ").split()))
                 return {"CANCELLED"}
-
-
-def add_key() -> None:
-    """Bind Ctrl F11, Blender's own key for View Animation, to our operator; where Blender's player finds its files,
-    that still plays.
-    """
-    keys = bpy.context.window_manager.keyconfigs.addon
-    if keys is None:
-        # Without a window.
-        return
-    keymap = keys.keymaps.new(name="Screen", space_type="EMPTY")
-    item = keymap.keymap_items.new(
-        RENDER_OT_stereo_reproject_view_animation.bl_idname, type="F11", value="PRESS", ctrl=True
-    )
-    item.properties.unless_plain = True
-    _keys.append((keymap, item))
-
-
-def remove_key() -> None:
-    """Take back the key that `add_key` has bound."""
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)
