@@ -20,6 +20,8 @@ def _classes() -> tuple[type, ...]:
         kept,
         panels,
         pictures,
+        preferences,
+        preset_menu,
         properties,
         render,
         screen_here,
@@ -28,6 +30,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     return (
+        preferences.StereoReprojectPreferences,
         properties.StereoReprojectSettings,
         jobs.STEREO_REPROJECT_OT_cancel,
         jobs.STEREO_REPROJECT_OT_listen,
@@ -42,6 +45,8 @@ def _classes() -> tuple[type, ...]:
         screen_here.STEREO_REPROJECT_OT_set_screen_here,
         depth_view.STEREO_REPROJECT_GGT_screen,
         pictures.STEREO_REPROJECT_OT_show_picture,
+        preset_menu.STEREO_REPROJECT_OT_add_preset,
+        preset_menu.STEREO_REPROJECT_PT_presets,
         *panels.PANELS,
         *image_panels.IMAGE_PANELS,
     )
@@ -53,7 +58,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import depth_view, keys, panels, properties, slots
+    from . import depth_view, keys, manual, panels, preset_menu, properties, slots
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -62,6 +67,8 @@ def register() -> None:
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
     keys.add_shortcuts()
     depth_view.add_drawing()
+    manual.add_manual()
+    preset_menu.add_own_presets()
     slots.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
@@ -83,12 +90,14 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, keys, panels, screen_here, slots
+    from . import depth_view, keys, manual, panels, preset_menu, screen_here, slots
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
+    preset_menu.remove_own_presets()
+    manual.remove_manual()
     keys.remove_shortcuts()
     depth_view.remove_drawing()
     screen_here.put_away()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
+from functools import partial
 
+import blf
 import bpy
 
+from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
     Verdict,
     picture_words,
@@ -15,14 +17,32 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
+from ..stereo_reproject.report.words import Words
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence, stage_of
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
 from .results import Delivery, Result, result_of
 from .slots import content_now
+from .text import shown
 
-CHARACTER_WIDTH_PIXELS = 6.2
-"""Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
+INTERFACE_FONT = 0
+"""Number, for `blf`, of the font that Blender draws its interface with."""
+
+MARGINS_PX = 58.0
+"""Pixels of a region's width, at a scale of 1, that a line of text in a box does not have: for the panel's tabs and the
+margins of panel, box and text, as seen in Blender 4.5 and 5.2 (tests/gui/drive_widths.py)."""
+
+ICON_PX = 20.0
+"""Pixels of an icon's width at a scale of 1: Blender's unit of its interface."""
+
+TEXT_MARGINS_PX = 16.0
+"""Pixels to the left and right of a label's text, together, at a scale of 1."""
+
+MIN_NAME_SHARE, MAX_NAME_SHARE = 0.6, 0.8
+"""Share of a row that its name takes: at least, so that values of several rows stand below each other, and at most."""
+
+USUAL_WIDTH_PX = 300.0
+"""Pixels that a panel is taken to be wide where there is no region."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
@@ -31,24 +51,47 @@ ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 """Icons of a verdict, by `Verdict.good`."""
 
 
+def room_for_text(context: bpy.types.Context) -> float:
+    """Return the pixels that a line of text has in the context's region."""
+    width = context.region.width if context.region else USUAL_WIDTH_PX
+    return width - MARGINS_PX * context.preferences.system.ui_scale
+
+
+def text_width(context: bpy.types.Context, text: str) -> float:
+    """Return the pixels that a text takes in Blender's interface font."""
+    points = context.preferences.ui_styles[0].widget.points
+    blf.size(INTERFACE_FONT, points * context.preferences.system.ui_scale)
+    return blf.dimensions(INTERFACE_FONT, text)[0]
+
+
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Draw a text in as many lines as it needs, since Blender cuts a label off where its panel ends. icon stands before
-    the first line.
+    """Draw a text, translated, in as many lines as it needs, since Blender cuts a label off where its panel ends. icon
+    stands before the first line.
     """
-    scale = context.preferences.system.ui_scale
-    width = context.region.width if context.region else 300
-    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
+    room = room_for_text(context)
+    if icon != "NONE":
+        room -= ICON_PX * context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
+    for k, line in enumerate(wrapped(shown(text), room, partial(text_width, context))):
         column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
 def draw_row(layout: bpy.types.UILayout, name: str, value: str) -> None:
-    """Draw one line with a name on the left and its value on the right."""
-    split = layout.split(factor=0.6)
-    split.label(text=name)
-    right = split.row()
+    """Draw a name on the left and its value on the right, both translated, in two lines where one has no room for
+    both.
+    """
+    context, name, value = bpy.context, shown(name), shown(value)
+    widths = [
+        text_width(context, text) + TEXT_MARGINS_PX * context.preferences.system.ui_scale for text in (name, value)
+    ]
+    if sum(widths) > room_for_text(context):
+        layout.label(text=name)
+        right = layout.row()
+    else:
+        split = layout.split(factor=max(min(widths[0] / room_for_text(context), MAX_NAME_SHARE), MIN_NAME_SHARE))
+        split.label(text=name)
+        right = split.row()
     right.alignment = "RIGHT"
     right.label(text=value)
 
@@ -86,13 +129,13 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     slot = None if delivery.content is None else delivery.content.name
     box = layout.box()
     name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
-    paragraph(box, context, f"{name}:")
+    paragraph(box, context, Words("{picture}:", picture=name))
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
     for verdict in verdicts_on(context.scene, result):
-        paragraph(box, context, f"{verdict.words}.", icon=ICONS[verdict.good])
+        paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:
-        paragraph(box, context, f"{sentence(warning)}.", icon="ERROR")
+        paragraph(box, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
@@ -100,8 +143,9 @@ def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
     if result.animation is not None:
         totals, rows = result.animation["totals"], result.animation["frames"]
         saved = saved_by_animation(totals)
-        frames = f"{totals['frames']} frame{'' if totals['frames'] == 1 else 's'}"
-        quality, words = quality_of_animation(rows), f"{frames}, {saved_words(saved)}"
+        count = totals["frames"]
+        message = "1 frame, {saved}" if count == 1 else "{count} frames, {saved}"
+        quality, words = quality_of_animation(rows), Words(message, count=count, saved=saved_words(saved))
         return [*([] if quality is None else [quality]), Verdict(words, good=None if saved <= 0.0 else True)]
     if result.report is None:
         return []
@@ -129,5 +173,6 @@ def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the folder of a pair that could not be handed over, and a button that opens it; nothing if there is none."""
     folder = kept_pair()
     if folder is not None:
-        paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
+        text = Words("A pair could not be handed over and is kept in {folder}.", folder=folder)
+        paragraph(layout, context, text, icon="ERROR")
         layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")

@@ -8,12 +8,15 @@ import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
-from ..stereo_reproject.report.verdict import accuracy_name, duration
+from ..stereo_reproject.report.verdict import duration
+from ..stereo_reproject.report.words import Words
 from .depth_panel import draw_depth
-from .details import Details
+from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
+from .preferences import EXTENSION
+from .preset_menu import STEREO_REPROJECT_PT_presets
 from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
@@ -32,6 +35,10 @@ class _Main:
     """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
     bl_label = "Stereo Reprojection"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the menu of presets in the panel's header."""
+        STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the render buttons, the accuracy and the rendered eye, what is in the way, and the last result."""
@@ -59,7 +66,7 @@ def obstacle(scene: bpy.types.Scene) -> str | None:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
     missing = missing_osl_cameras(scene)
     if chosen.fill in ("auto", "packed") and chosen.packed_by == "osl" and missing:
-        return f"Not possible here: {missing}."
+        return Words("Not possible here: {reason}.", reason=missing)
     return None
 
 
@@ -140,25 +147,26 @@ class _Check:
         if found is None:
             return
         size = " x ".join(map(str, found["size"]))
-        how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {accuracy_name(found['accuracy'])}"
-        paragraph(layout, context, f"{how}:")
+        paragraph(layout, context, Words("{how}:", how=made_by(found, size)))
         if not is_current(scene, found):
             paragraph(layout, context, "Something of this was changed since: check again.", icon="ERROR")
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
-            paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
+            paragraph(layout, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""
         words = gain_words(predicted)
-        paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
+        icon = "INFO" if words.startswith("Predicted") else "ERROR"
+        paragraph(layout, context, Words("{sentence}.", sentence=words), icon=icon)
         total = predicted["total_seconds"]
         if total is not None:
             low, high, fill = duration(total["low"]), duration(total["high"]), predicted["fill"]
-            ours = low if low == high else f"{low} to {high}"
-            paragraph(layout, context, f"{ours}, multiview {duration(predicted['multiview_seconds'])}.")
-            paragraph(layout, context, f"Hole rendering: {fill['method']}, {fill['reason']}.")
+            ours = low if low == high else Words("{low} to {high}", low=low, high=high)
+            both = {"time": ours, "multiview": duration(predicted["multiview_seconds"])}
+            paragraph(layout, context, Words("{time}, multiview {multiview}.", **both))
+            paragraph(layout, context, Words("{sentence}.", sentence=fill_words(fill)))
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
         """Draw the effects that the scene calls for; `rows` is the part "effects" of a check's findings."""
@@ -168,10 +176,11 @@ class _Check:
             return
         paragraph(layout, context, "It calls for:")
         for row in called[:MAX_SHOWN_EFFECTS]:
-            more = f" and {len(row['by']) - 1} more" if len(row["by"]) > 1 else ""
-            paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
+            named = {"effect": Words(row["effect"].capitalize()), "item": row["by"][0], "count": len(row["by"]) - 1}
+            message = "{effect}: {item} and {count} more" if named["count"] else "{effect}: {item}"
+            paragraph(layout, context, Words(message, **named), icon="DOT")
         if len(called) > MAX_SHOWN_EFFECTS:
-            paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
+            paragraph(layout, context, Words("and {count} more effects", count=len(called) - MAX_SHOWN_EFFECTS))
 
 
 class _Preview:
@@ -208,6 +217,9 @@ class _Advanced:
             column = layout.column(align=True)
             for name in names:
                 column.prop(chosen, name)
+        # In a script the extension may be there without being switched on.
+        if EXTENSION in context.preferences.addons:
+            layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES").module = EXTENSION
 
 
 def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:

@@ -11,6 +11,8 @@ import bpy
 
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.images.exr import VIEWS
+from ..stereo_reproject.report.words import Words
+from .text import reported
 
 VIEWING = "View Stereo Animation (Ctrl F11)"
 
@@ -58,7 +60,8 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
         apart = scene.render.image_settings.views_format == "INDIVIDUAL"
         path = _first_file(scene, VIEWS[0] if apart else "")
         if not path.exists():
-            self.report({"ERROR"}, f"There is no stereo animation to play: {path} does not exist, render it first")
+            what = Words("There is no stereo animation to play: {path} does not exist, render it first", path=path)
+            self.report({"ERROR"}, reported(what))
             return {"CANCELLED"}
         views = scene.render.views
         shown = next((k for k, view in enumerate(views) if view.name == VIEWS[0]), views.active_index)
