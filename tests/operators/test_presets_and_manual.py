@@ -66,9 +66,8 @@ def names_of_ours():
     for group in (package.StereoReprojectSettings, *groups):
         own = [name for name in group.__annotations__ if not name.startswith("own_")]
         yield from (f"{group.__name__}.{name}" for name in own)
-    for module in (bpy.ops.render, bpy.ops.stereo_reproject):
-        category = "stereo_reproject" if module is bpy.ops.stereo_reproject else "render"
-        for name in dir(module):
+    for category in ("render", "stereo_reproject"):
+        for name in dir(getattr(bpy.ops, category)):
             if category == "stereo_reproject" or "stereo_reproject" in name:
                 yield f"{category}.{name}"
 

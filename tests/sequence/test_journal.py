@@ -649,7 +649,8 @@ def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkey
         assert flushed == [f".run-{token}.tmp", JOURNAL]
     flushed.clear()
     finish(journal, 1)
-    assert [name.split(".")[1] if name.startswith(".") else name for name in flushed] == ["shot_0001", JOURNAL]
+    beside, folder = flushed
+    assert (beside.split(".")[1], folder) == ("shot_0001", JOURNAL)
     flushed.clear()
     journal.agreed.agree_on("key", {"seconds": 1.0})
     assert flushed == ["found-key.json", JOURNAL]
