@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import blf
 import bpy
 
 from ..stereo_reproject.report.lines import wrapped
@@ -18,6 +17,7 @@ from ..stereo_reproject.report.verdict import (
     time_words,
 )
 from ..stereo_reproject.report.words import Words
+from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
 from .jobs import STEREO_REPROJECT_OT_cancel, progress_of, running, sentence, stage_of
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
@@ -25,43 +25,18 @@ from .results import Delivery, Result, result_of
 from .slots import content_now
 from .text import shown
 
-INTERFACE_FONT = 0
-"""Number, for `blf`, of the font that Blender draws its interface with."""
-
-MARGINS_PX = 58.0
-"""Pixels of a region's width, at a scale of 1, that a line of text in a box does not have: for the panel's tabs and the
-margins of panel, box and text, as seen in Blender 4.5 and 5.2 (tests/gui/drive_widths.py)."""
-
 ICON_PX = 20.0
 """Pixels of an icon's width at a scale of 1: Blender's unit of its interface."""
 
-TEXT_MARGINS_PX = 16.0
-"""Pixels to the left and right of a label's text, together, at a scale of 1."""
-
-MIN_NAME_SHARE, MAX_NAME_SHARE = 0.6, 0.8
-"""Share of a row that its name takes: at least, so that values of several rows stand below each other, and at most."""
-
-USUAL_WIDTH_PX = 300.0
-"""Pixels that a panel is taken to be wide where there is no region."""
+NAME_SHARE = 0.6
+"""Share of a row of figures that its name takes, so that figures of several rows stand below each other; less where the
+figure needs more."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
 
 ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 """Icons of a verdict, by `Verdict.good`."""
-
-
-def room_for_text(context: bpy.types.Context) -> float:
-    """Return the pixels that a line of text has in the context's region."""
-    width = context.region.width if context.region else USUAL_WIDTH_PX
-    return width - MARGINS_PX * context.preferences.system.ui_scale
-
-
-def text_width(context: bpy.types.Context, text: str) -> float:
-    """Return the pixels that a text takes in Blender's interface font."""
-    points = context.preferences.ui_styles[0].widget.points
-    blf.size(INTERFACE_FONT, points * context.preferences.system.ui_scale)
-    return blf.dimensions(INTERFACE_FONT, text)[0]
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
@@ -82,18 +57,17 @@ def draw_row(layout: bpy.types.UILayout, name: str, value: str) -> None:
     both.
     """
     context, name, value = bpy.context, shown(name), shown(value)
-    widths = [
-        text_width(context, text) + TEXT_MARGINS_PX * context.preferences.system.ui_scale for text in (name, value)
-    ]
-    if sum(widths) > room_for_text(context):
+    room, margins = room_for_text(context), TEXT_MARGINS_PX * context.preferences.system.ui_scale
+    left, right = (text_width(context, text) + margins for text in (name, value))
+    if left + right > room:
         layout.label(text=name)
-        right = layout.row()
+        row = layout.row()
     else:
-        split = layout.split(factor=max(min(widths[0] / room_for_text(context), MAX_NAME_SHARE), MIN_NAME_SHARE))
+        split = layout.split(factor=max(left / room, min(NAME_SHARE, 1.0 - right / room)))
         split.label(text=name)
-        right = split.row()
-    right.alignment = "RIGHT"
-    right.label(text=value)
+        row = split.row()
+    row.alignment = "RIGHT"
+    row.label(text=value)
 
 
 def draw_buttons(layout: bpy.types.UILayout) -> None:
@@ -109,7 +83,8 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
         column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
         return
     image = RENDER_OT_stereo_reproject_image.bl_idname
-    row = column.row(align=True)
+    beside = fits(bpy.context, "Preview", 0.5, ICON_PX + TEXT_MARGINS_PX)
+    row = column.row(align=True) if beside else column
     row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
     row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
     column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")

@@ -13,6 +13,7 @@ from ..stereo_reproject.report.words import Words
 from .depth_panel import draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
+from .fitting import draw_setting, fits
 from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .preferences import EXTENSION
@@ -46,10 +47,8 @@ class _Main:
         chosen = scene.stereo_reproject
         draw_buttons(layout)
         column = layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
-        column.prop(chosen, "accuracy")
-        column.row().prop(chosen, "source", expand=True)
+        draw_setting(column, context, chosen, "accuracy")
+        draw_setting(column, context, chosen, "source", expand=True)
         in_the_way = obstacle(scene)
         if in_the_way is not None:
             paragraph(layout, context, in_the_way, icon="ERROR")
@@ -73,18 +72,14 @@ def obstacle(scene: bpy.types.Scene) -> str | None:
 class _Engine:
     """Contents of the panel for the engine of the rendered eye, and for how missing pixels are rendered."""
 
-    bl_label = "Engine and Hole Rendering"
+    bl_label = "Engine and Holes"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings of engine and hole rendering."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(chosen, "source_engine")
-        layout.prop(chosen, "fill")
-        if chosen.fill in ("auto", "packed"):
-            layout.prop(chosen, "packed_by")
+        for name in ("source_engine", "fill", *["packed_by"] * (chosen.fill in ("auto", "packed"))):
+            draw_setting(layout, context, chosen, name)
 
 
 class _Layout:
@@ -96,11 +91,9 @@ class _Layout:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw Blender's own settings for how the two views are stored in files."""
         layout, settings = self.layout, context.scene.render.image_settings
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(settings, "views_format", text="Layout", expand=False)
+        draw_setting(layout, context, settings, "views_format", text="Layout")
         if settings.views_format == "STEREO_3D":
-            layout.prop(settings.stereo_3d_format, "display_mode", text="Stereo Mode")
+            draw_setting(layout, context, settings.stereo_3d_format, "display_mode", text="Stereo Mode")
 
 
 class _Camera:
@@ -111,23 +104,21 @@ class _Camera:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the camera's stereo settings and the scene's parallax; a note where the scene has no camera."""
         layout, scene = self.layout, context.scene
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         camera = scene.camera
         if camera is None or camera.type != "CAMERA":
             paragraph(layout, context, "The scene has no camera: set one in Scene properties.", icon="ERROR")
             return
         stereo = camera.data.stereo
         column = layout.column(align=True)
-        column.prop(stereo, "convergence_mode", text="Mode")
-        column.prop(stereo, "interocular_distance", text="Interocular")
+        draw_setting(column, context, stereo, "convergence_mode", text="Mode")
+        draw_setting(column, context, stereo, "interocular_distance", text="Interocular")
         sub = column.column(align=True)
         sub.active = stereo.convergence_mode != "PARALLEL"
-        sub.prop(stereo, "convergence_distance", text="Convergence")
-        column.prop(stereo, "pivot")
+        draw_setting(sub, context, stereo, "convergence_distance", text="Convergence")
+        draw_setting(column, context, stereo, "pivot")
         column = layout.column(align=True)
         column.label(text="Set Convergence to:")
-        row = column.row(align=True)
+        row = column.row(align=True) if fits(context, "Active Object", 0.5) else column
         for target, name in (("OBJECT", "Active Object"), ("FOCUS", "Focus")):
             row.operator(STEREO_REPROJECT_OT_set_convergence.bl_idname, text=name).target = target
         draw_depth(layout.column(), context)
@@ -192,10 +183,8 @@ class _Preview:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings of the preview's size and samples."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(chosen, "preview_percentage")
-        layout.prop(chosen, "preview_samples")
+        draw_setting(layout, context, chosen, "preview_percentage")
+        draw_setting(layout, context, chosen, "preview_samples")
 
 
 class _Advanced:
@@ -207,8 +196,6 @@ class _Advanced:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings of the screen, the warp, the comparison and scripts."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         for names in (
             ("screen_width", "eye_distance", "viewing_distance"),
             ("grid_threshold", "interpolation", "warp"),
@@ -216,7 +203,7 @@ class _Advanced:
         ):
             column = layout.column(align=True)
             for name in names:
-                column.prop(chosen, name)
+                draw_setting(column, context, chosen, name)
         # In a script the extension may be there without being switched on.
         if EXTENSION in context.preferences.addons:
             layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES").module = EXTENSION

@@ -25,17 +25,21 @@ from drive_common import (
     set_up,
     shoot,
     show_sidebar,
+    turns,
     until,
     window,
 )
 
 SCALES = (1.0, 1.5)
 WIDTHS_PX = (250, 400)
-MAX_PAGES = 8
+MAX_PAGES = 5
 """Screenshots of a region's panels, from their beginning to their end, at most."""
 
 PAGE_TURNS = 12
 """Turns of the mouse wheel from one screenshot to the next: fewer than it takes to leave anything out."""
+
+SETTLING_TURNS = 4
+"""How often Blender has drawn, at least, after the wheel was turned."""
 
 MAX_DRAGS = 4
 """Drags of a region's edge until it is where it is wanted: the first may change the scale of others."""
@@ -83,18 +87,13 @@ def use_the_shortcut():
 
 
 def have_results():
-    """A check and a preview, so that the panels have something to say."""
-    where = {"window": window(), "area": area_of("VIEW_3D"), "region": region_of("VIEW_3D", "WINDOW")}
-    for start, how in (
-        (bpy.ops.stereo_reproject.check_scene, {}),
-        (bpy.ops.render.stereo_reproject_image, {"preview": True}),
-    ):
-        with bpy.context.temp_override(**where):
-            start("INVOKE_DEFAULT", **how)
-        run = jobs().running()
-        yield from until(lambda: jobs().running() is None, "a job never ended")
-        if run.error is not None:
-            raise StuckError(str(run.error))
+    """A preview, so that the panels have something to say."""
+    with bpy.context.temp_override(window=window(), area=area_of("VIEW_3D"), region=region_of("VIEW_3D", "WINDOW")):
+        bpy.ops.render.stereo_reproject_image("INVOKE_DEFAULT", preview=True)
+    run = jobs().running()
+    yield from until(lambda: jobs().running() is None, "the preview never ended")
+    if run.error is not None:
+        raise StuckError(str(run.error))
     facts["preview_size"] = results().report["size"]
     facts["preview_samples"] = results().report["samples"]
 
@@ -135,13 +134,19 @@ def make_properties(width):
         yield 0.4
 
 
+def settled():
+    """However slow that is: Blender draws each time after its events, and scrolling is done with the next."""
+    since = turns["count"]
+    yield from until(lambda: turns["count"] - since > SETTLING_TURNS, "the window stood still")
+
+
 def shoot_pages(kind, region_type, name):
     """Screenshots from the first panel to the last."""
     region = region_of(kind, region_type)
     go(region.x + region.width // 2, region.y + region.height // 2)
-    for _ in range(80):
+    for _ in range(40):
         press("WHEELUPMOUSE")
-    yield from redrawn()
+    yield from settled()
     before = None
     for page in range(MAX_PAGES):
         shoot(f"widths-{name}-{page}")
@@ -153,7 +158,7 @@ def shoot_pages(kind, region_type, name):
         facts["shots"][f"widths-{name}-{page}"] = [region.x, region.y, region.width, region.height]
         for _ in range(PAGE_TURNS):
             press("WHEELDOWNMOUSE")
-        yield from redrawn()
+        yield from settled()
 
 
 def look_at_what_is_cut_off():
