@@ -6,8 +6,10 @@ import bpy
 
 from ..stereo_reproject.blender.scene.user_folder import user_folder
 from ..stereo_reproject.report.verdict import accuracy_name
+from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import StereoSettings
+from .text import shown
 
 EXTENSION = __package__.rpartition(".")[0]
 """Name under which Blender knows the extension, such as "bl_ext.user_default.stereo_reproject"."""
@@ -105,7 +107,7 @@ class StereoReprojectPreferences(bpy.types.AddonPreferences):
                 column.prop(self, name)
         kept_in = user_folder()
         if kept_in is not None and not self.costs_folder:
-            layout.label(text=f"Measured times are kept in {kept_in}", icon="INFO")
+            layout.label(text=shown(Words("Measured times are kept in {folder}", folder=kept_in)), icon="INFO")
 
 
 def preferred(name: str) -> Any:
@@ -113,6 +115,6 @@ def preferred(name: str) -> Any:
     preferences.
     """
     addon = bpy.context.preferences.addons.get(EXTENSION)
-    if addon is None:
+    if addon is None or addon.preferences is None:
         return StereoReprojectPreferences.bl_rna.properties[name].default
     return getattr(addon.preferences, name)
