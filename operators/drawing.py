@@ -25,8 +25,8 @@ from .results import Delivery, Result, result_of
 from .slots import content_now
 from .text import shown
 
-ICON_PX = 20.0
-"""Pixels of an icon's width at a scale of 1: Blender's unit of its interface."""
+ICON_PX = 24.0
+"""Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
 
 NAME_SHARE = 0.6
 """Share of a row of figures that its name takes, so that figures of several rows stand below each other; less where the

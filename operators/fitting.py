@@ -10,7 +10,7 @@ from .text import shown
 INTERFACE_FONT = 0
 """Number, for `blf`, of the font that Blender draws its interface with."""
 
-MARGINS_PX = 58.0
+MARGINS_PX = 70.0
 """Pixels of a region's width, at a scale of 1, that a line of text in a box does not have: for the panel's tabs and the
 margins of panel, box and text, as seen in Blender 5.2 (tests/gui/drive_widths.py)."""
 

@@ -49,8 +49,7 @@ class VIEW3D_PT_too_long(bpy.types.Panel):  # noqa: N801 - Blender's naming rule
     """A panel with a label that is cut off, to know what that looks like."""
 
     bl_label = "Too Long"
-    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "Stereo"
-    bl_order = -1
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "Too Long"
 
     def draw(self, _context):
         self.layout.label(text="Much more than fits into any panel of such a width, however small its letters are " * 3)
@@ -163,7 +162,7 @@ def shoot_pages(kind, region_type, name):
 
 def look_at_what_is_cut_off():
     bpy.utils.register_class(VIEW3D_PT_too_long)
-    yield from show_sidebar("VIEW_3D", "Stereo")
+    yield from show_sidebar("VIEW_3D", "Too Long")
     for scale in SCALES:
         bpy.context.preferences.view.ui_scale = scale
         yield from redrawn()

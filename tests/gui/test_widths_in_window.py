@@ -26,7 +26,7 @@ PITCH_PX = 3.0, 6.0
 """Pixels from one dot to the next, at least and at most, at a scale of 1."""
 
 CLEAR_PX = 5
-"""Pixels above the dots, at a scale of 1, in which nothing may stand: else they are parts of letters."""
+"""Pixels above and below the dots, at a scale of 1, in which nothing may stand."""
 
 SHADED_PX = 4
 """Pixels around a pixel among which the darkest is taken for what is behind it: more than half of a letter's stroke."""
@@ -75,6 +75,16 @@ def dots(mask: NDArray[np.bool_], scale: float) -> Iterator[tuple[int, int, int,
             yield box
 
 
+def _has_others(mask: NDArray[np.bool_], first: tuple[int, ...], last: tuple[int, ...], around: int) -> bool:
+    """Something stands above or below the dots from the first to the last: they are a panel's grip, or parts of
+    letters.
+    """
+    columns = slice(first[0], last[2] + 1)
+    above = mask[max(first[1] - around, 0) : max(first[1] - 1, 0), columns]
+    below = mask[last[3] + 2 : last[3] + around, columns]
+    return bool(above.any() or below.any())
+
+
 def ellipses(grey: NDArray[np.float32], scale: float) -> list[tuple[int, int]]:
     """Column and row of each "…": three dots in a row, as far apart, with nothing above them."""
     mask = letters(grey)
@@ -87,8 +97,7 @@ def ellipses(grey: NDArray[np.float32], scale: float) -> list[tuple[int, int]]:
             if not PITCH_PX[0] * scale <= pitch <= PITCH_PX[1] * scale:
                 continue
             third = next((box for box in row if abs(box[0] - second[0] - pitch) <= 1), None)
-            above = slice(max(first[1] - int(CLEAR_PX * scale), 0), first[1] - 1)
-            if third is not None and not mask[above, first[0] : third[2] + 1].any():
+            if third is not None and not _has_others(mask, first, third, int(CLEAR_PX * scale)):
                 result.append(first[:2])
     return result
 
