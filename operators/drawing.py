@@ -87,7 +87,9 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
     row = column.row(align=True) if beside else column
     row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
     row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
-    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+    text = "Render Animation"
+    icon = "RENDER_ANIMATION" if fits(bpy.context, text, 1.0, ICON_PX + TEXT_MARGINS_PX) else "NONE"
+    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text=text, icon=icon)
 
 
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import blf
 import bpy
 
+from ..stereo_reproject.report.lines import wrapped
 from .text import shown
 
 INTERFACE_FONT = 0
@@ -66,5 +69,6 @@ def draw_setting(
     column.use_property_decorate = False
     column.use_property_split = not above
     if above:
-        column.label(text=title)
+        for line in wrapped(shown(title), room_for_text(context), partial(text_width, context)):
+            column.label(text=line)
     column.row(align=True).prop(owner, name, text="" if above and not expand else title, expand=expand)

@@ -31,15 +31,19 @@ from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 MAX_SHOWN_EFFECTS = 6
 
+HEADER_PX = 40.0
+"""Pixels in a panel's header, at a scale of 1, for its triangle and its menu of presets; its grip is in the margins."""
+
 
 class _Main:
     """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
     bl_label = "Stereo Reprojection"
 
-    def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """Draw the menu of presets in the panel's header."""
-        STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the menu of presets in the panel's header, unless it would cover the header's text."""
+        if fits(context, self.bl_label, 1.0, HEADER_PX):
+            STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the render buttons, the accuracy and the rendered eye, what is in the way, and the last result."""

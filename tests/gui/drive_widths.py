@@ -128,9 +128,7 @@ def make_properties(width):
         if region.width == width:
             return
         edge, y = area.x - 1, area.y + area.height // 2
-        with bpy.context.temp_override(window=window(), screen=window().screen):
-            bpy.ops.screen.area_move(x=edge, y=y, delta=region.width - width)
-        yield 0.4
+        yield from drag((edge, y), (edge + region.width - width, y))
 
 
 def settled():
