@@ -184,8 +184,17 @@ def look_at_sidebars():
                 yield from shoot_pages(kind, "UI", f"{name}-{scale:g}-{width}")
 
 
+def hide_other_output_panels():
+    """Blender's own panels cut texts off; of the Output properties, ours are left."""
+    types = [getattr(bpy.types, name) for name in dir(bpy.types) if "stereo_reproject" not in name]
+    others = [cls for cls in types if getattr(cls, "bl_context", "") == "output"]
+    for cls in sorted(others, key=lambda cls: not getattr(cls, "bl_parent_id", "")):
+        bpy.utils.unregister_class(cls)
+
+
 def look_at_output_properties():
     area_of("PROPERTIES").spaces.active.context = "OUTPUT"
+    hide_other_output_panels()
     for scale in SCALES:
         bpy.context.preferences.view.ui_scale = scale
         yield from redrawn()
