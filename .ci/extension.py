@@ -15,7 +15,11 @@ SCRIPTS = Path(bpy.utils.system_resource("SCRIPTS"))
 # bpy has no `blender --command extension`; this file is what that calls.
 EXTENSION_COMMAND = SCRIPTS / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
 VALID_TAGS = SCRIPTS / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-SHIPPED = {"__init__.py", "LICENSE", "blender_manifest.toml", "docs/farm", "operators", "stereo_reproject", "wheels"}
+PAGES = {"docs/artists.md", "docs/troubleshooting.md"}
+SHIPPED = {
+    *("__init__.py", "LICENSE", "blender_manifest.toml", "docs/farm", "operators", "stereo_reproject", "wheels"),
+    *PAGES,
+}
 
 
 def run(*command: str | Path) -> None:

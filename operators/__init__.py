@@ -20,6 +20,8 @@ def _classes() -> tuple[type, ...]:
         kept,
         panels,
         pictures,
+        preferences,
+        preset_menu,
         properties,
         render,
         screen_here,
@@ -28,6 +30,7 @@ def _classes() -> tuple[type, ...]:
     )
 
     return (
+        preferences.StereoReprojectPreferences,
         properties.StereoReprojectSettings,
         jobs.STEREO_REPROJECT_OT_cancel,
         jobs.STEREO_REPROJECT_OT_listen,
@@ -42,26 +45,30 @@ def _classes() -> tuple[type, ...]:
         screen_here.STEREO_REPROJECT_OT_set_screen_here,
         depth_view.STEREO_REPROJECT_GGT_screen,
         pictures.STEREO_REPROJECT_OT_show_picture,
+        preset_menu.STEREO_REPROJECT_OT_add_preset,
+        preset_menu.STEREO_REPROJECT_PT_presets,
         *panels.PANELS,
         *image_panels.IMAGE_PANELS,
     )
 
 
 def register() -> None:
-    """Register the classes, settings, menu entries, key and command with Blender, which calls this when the extension
-    is switched on.
+    """Register the classes, settings, menu entries, shortcuts and command with Blender, which calls this when the
+    extension is switched on.
     """
     import bpy
 
-    from . import depth_view, panels, properties, slots, viewing
+    from . import depth_view, keys, manual, panels, preset_menu, properties, slots
     from .command import COMMAND, run_command
 
     for cls in _classes():
         bpy.utils.register_class(cls)
     bpy.types.Scene.stereo_reproject = bpy.props.PointerProperty(type=properties.StereoReprojectSettings)
     bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
-    viewing.add_key()
+    keys.add_shortcuts()
     depth_view.add_drawing()
+    manual.add_manual()
+    preset_menu.add_own_presets()
     slots.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
@@ -83,13 +90,15 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, panels, screen_here, slots, viewing
+    from . import depth_view, keys, manual, panels, preset_menu, screen_here, slots
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
     _end()
     atexit.unregister(_end)
-    viewing.remove_key()
+    preset_menu.remove_own_presets()
+    manual.remove_manual()
+    keys.remove_shortcuts()
     depth_view.remove_drawing()
     screen_here.put_away()
     slots.unwatch()

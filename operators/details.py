@@ -11,6 +11,7 @@ from ..stereo_reproject.pipeline.next_accuracy import WHOLE
 from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
 from ..stereo_reproject.report.table import more_seconds_text
 from ..stereo_reproject.report.verdict import accuracy_name, saved_seconds
+from ..stereo_reproject.report.words import Words
 from .drawing import draw_row, paragraph
 from .results import result_of
 
@@ -69,11 +70,17 @@ class Details:
         report = result_of(context.scene).report
         assert report is not None
         size = " x ".join(map(str, report["size"]))
-        how = f"Frame {report['frame']}, {size}, {report['samples']} samples, {accuracy_name(report['accuracy'])}"
-        paragraph(self.layout, context, how)
+        paragraph(self.layout, context, made_by(report, size))
         _draw_quality(self.layout, context, report)
         _draw_times(self.layout, context, report)
         _draw_traced(self.layout, report)
+
+
+def made_by(report: Mapping[str, Any], size: str) -> Words:
+    """Return words about how a pair was rendered, or checked; `report` is its report, size is as shown."""
+    accuracy = Words(accuracy_name(report["accuracy"]))
+    fields = {"frame": report["frame"], "size": size, "samples": report["samples"], "accuracy": accuracy}
+    return Words("Frame {frame}, {size}, {samples} samples, {accuracy}", **fields)
 
 
 def _draw_quality(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
@@ -82,13 +89,13 @@ def _draw_quality(layout: bpy.types.UILayout, context: bpy.types.Context, report
     column.label(text="Quality (Estimated)")
     estimate = report["estimate"]
     if estimate["noise_ratio"] is None:
-        paragraph(column, context, f"No estimate: {estimate['from']}")
+        paragraph(column, context, Words("No estimate: {reason}", reason=estimate["from"]))
     else:
         draw_row(column, "Honest ratio", f"{estimate['honest_ratio']:.3f}")
         if estimate["honest_low"] is not None:
             draw_row(column, "95 % interval", f"{estimate['honest_low']:.2f} - {estimate['honest_high']:.2f}")
         if estimate["promise"] is not None:
-            draw_row(column, f"At most {estimate['promise']:g}", KEPT[estimate["kept"]])
+            draw_row(column, Words("At most {ratio}", ratio=f"{estimate['promise']:g}"), KEPT[estimate["kept"]])
         draw_row(column, "Noise ratio", f"{estimate['noise_ratio']:.3f}")
     if report.get("correction"):
         draw_row(column, "Matched to EEVEE", f"{100.0 * report['correction']['mean']:.0f} %")
@@ -97,7 +104,7 @@ def _draw_quality(layout: bpy.types.UILayout, context: bpy.types.Context, report
         column = layout.column(align=True)
         column.label(text="Quality (Measured)")
         if compare.get("no_noise"):
-            paragraph(column, context, f"No noise ratio: {compare['no_noise']}")
+            paragraph(column, context, Words("No noise ratio: {reason}", reason=compare["no_noise"]))
         for words, name in MEASURED:
             if compare.get(name) is not None:
                 draw_row(column, words, f"{compare[name]:.3f}")
@@ -108,10 +115,15 @@ def price_words(price: Mapping[str, Any]) -> str:
     """Return a sentence that says what the next better accuracy would cost. `price` is the part of that name of a
     pair's report.
     """
-    better = "Rendering it whole" if price["accuracy"] == WHOLE else accuracy_name(price["accuracy"])
+    better = Words("Rendering it whole" if price["accuracy"] == WHOLE else accuracy_name(price["accuracy"]))
     if price["more_seconds"] is None:
-        return "It cannot be better: all of it was rendered"
-    return f"{better} would take {more_seconds_text(price)}"
+        return Words("It cannot be better: all of it was rendered")
+    return Words("{better} would take {time}", better=better, time=more_seconds_text(price))
+
+
+def fill_words(fill: Mapping[str, Any]) -> Words:
+    """Return words about how missing pixels are rendered, and why so; `fill` is that part of a report."""
+    return Words("Hole rendering: {method}, {reason}", method=fill["method"], reason=fill["reason"])
 
 
 def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
@@ -129,7 +141,7 @@ def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: 
     else:
         draw_row(column, "Gain, predicted", f"{report['predicted_speedup']:.2f} x")
     draw_row(column, "Saved in all", f"{saved_seconds(report):.2f} s")
-    paragraph(layout, context, f"Hole rendering: {report['fill']['method']}, {report['fill']['reason']}")
+    paragraph(layout, context, fill_words(report["fill"]))
 
 
 def _draw_traced(layout: bpy.types.UILayout, report: Mapping[str, Any]) -> None:

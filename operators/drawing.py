@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import textwrap
+from functools import partial
 
 import bpy
 
+from ..stereo_reproject.report.lines import wrapped
 from ..stereo_reproject.report.verdict import (
     Verdict,
     picture_words,
@@ -15,15 +16,22 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
+from ..stereo_reproject.report.words import Words
+from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
 from .jobs import STEREO_REPROJECT_OT_cancel, running, sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
 from .results import Delivery, Result, result_of
 from .run_words import progress_of, stage_of
 from .slots import content_now
+from .text import shown
 
-CHARACTER_WIDTH_PIXELS = 6.2
-"""Pixels of a letter of Blender's font at a scale of 1, on the average and a little more."""
+ICON_PX = 24.0
+"""Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
+
+NAME_SHARE = 0.6
+"""Share of a row of figures that its name takes, so that figures of several rows stand below each other; less where the
+figure needs more."""
 
 BUTTON_SCALE = 1.3
 """Height of the render buttons, and of what stands in their place while a job runs, over that of a plain button."""
@@ -33,25 +41,34 @@ ICONS = {True: "CHECKMARK", False: "ERROR", None: "INFO"}
 
 
 def paragraph(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Draw a text in as many lines as it needs, since Blender cuts a label off where its panel ends. icon stands before
-    the first line.
+    """Draw a text, translated, in as many lines as it needs, since Blender cuts a label off where its panel ends. icon
+    stands before the first line.
     """
-    scale = context.preferences.system.ui_scale
-    width = context.region.width if context.region else 300
-    letters = max(int((width - 42 * scale) / (CHARACTER_WIDTH_PIXELS * scale)), 20)
+    room = room_for_text(context)
+    if icon != "NONE":
+        room -= ICON_PX * context.preferences.system.ui_scale
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for k, line in enumerate(textwrap.wrap(text, letters - 3 * (icon != "NONE"))):
+    for k, line in enumerate(wrapped(shown(text), room, partial(text_width, context))):
         column.label(text=line, icon=icon if k == 0 else "BLANK1" if icon != "NONE" else "NONE")
 
 
 def draw_row(layout: bpy.types.UILayout, name: str, value: str) -> None:
-    """Draw one line with a name on the left and its value on the right."""
-    split = layout.split(factor=0.6)
-    split.label(text=name)
-    right = split.row()
-    right.alignment = "RIGHT"
-    right.label(text=value)
+    """Draw a name on the left and its value on the right, both translated, in two lines where one has no room for
+    both.
+    """
+    context, name, value = bpy.context, shown(name), shown(value)
+    room, margins = room_for_text(context), TEXT_MARGINS_PX * context.preferences.system.ui_scale
+    left, right = (text_width(context, text) + margins for text in (name, value))
+    if left + right > room:
+        layout.label(text=name)
+        row = layout.row()
+    else:
+        split = layout.split(factor=max(left / room, min(NAME_SHARE, 1.0 - right / room)))
+        split.label(text=name)
+        row = split.row()
+    row.alignment = "RIGHT"
+    row.label(text=value)
 
 
 def draw_buttons(layout: bpy.types.UILayout) -> None:
@@ -67,10 +84,13 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
         column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
         return
     image = RENDER_OT_stereo_reproject_image.bl_idname
-    row = column.row(align=True)
+    beside = fits(bpy.context, "Preview", 0.5, ICON_PX + TEXT_MARGINS_PX)
+    row = column.row(align=True) if beside else column
     row.operator(image, text="Preview", icon="RENDER_STILL").preview = True
     row.operator(image, text="Render", icon="RENDER_RESULT").preview = False
-    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text="Render Animation", icon="RENDER_ANIMATION")
+    text = "Render Animation"
+    icon = "RENDER_ANIMATION" if fits(bpy.context, text, 1.0, ICON_PX + TEXT_MARGINS_PX) else "NONE"
+    column.operator(RENDER_OT_stereo_reproject_animation.bl_idname, text=text, icon=icon)
 
 
 def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -87,13 +107,13 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     slot = None if delivery.content is None else delivery.content.name
     box = layout.box()
     name = picture_words(slot, delivery.frame, delivery.clock, preview=delivery.preview)
-    paragraph(box, context, f"{name}:")
+    paragraph(box, context, Words("{picture}:", picture=name))
     if not _is_shown(context, delivery):
         paragraph(box, context, "Another picture is shown now.", icon="INFO")
     for verdict in verdicts_on(context.scene, result):
-        paragraph(box, context, f"{verdict.words}.", icon=ICONS[verdict.good])
+        paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:
-        paragraph(box, context, f"{sentence(warning)}.", icon="ERROR")
+        paragraph(box, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
@@ -101,8 +121,9 @@ def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:
     if result.animation is not None:
         totals, rows = result.animation["totals"], result.animation["frames"]
         saved = saved_by_animation(totals)
-        frames = f"{totals['frames']} frame{'' if totals['frames'] == 1 else 's'}"
-        quality, words = quality_of_animation(rows), f"{frames}, {saved_words(saved)}"
+        count = totals["frames"]
+        message = "1 frame, {saved}" if count == 1 else "{count} frames, {saved}"
+        quality, words = quality_of_animation(rows), Words(message, count=count, saved=saved_words(saved))
         return [*([] if quality is None else [quality]), Verdict(words, good=None if saved <= 0.0 else True)]
     if result.report is None:
         return []
@@ -130,5 +151,6 @@ def _draw_kept(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the folder of a pair that could not be handed over, and a button that opens it; nothing if there is none."""
     folder = kept_pair()
     if folder is not None:
-        paragraph(layout, context, f"A pair could not be handed over and is kept in {folder}.", icon="ERROR")
+        text = Words("A pair could not be handed over and is kept in {folder}.", folder=folder)
+        paragraph(layout, context, text, icon="ERROR")
         layout.operator(STEREO_REPROJECT_OT_open_kept.bl_idname, icon="CAMERA_STEREO")

@@ -6,6 +6,7 @@ import bpy
 
 from .details import Details
 from .drawing import draw_buttons, draw_outcome
+from .fitting import fits
 from .jobs import running
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
@@ -23,14 +24,15 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         draw_outcome(self.layout, context)
         result = result_of(context.scene)
         if result.report is not None and running() is None:
-            self._draw_pictures(result)
+            self._draw_pictures(context, result)
 
-    def _draw_pictures(self, result: Result) -> None:
+    def _draw_pictures(self, context: bpy.types.Context, result: Result) -> None:
         """Draw a button for the pair and one for each picture that explains it; those of missing pictures are grey."""
         column = self.layout.column(align=True)
         name = STEREO_REPROJECT_OT_show_picture.bl_idname
         column.operator(name, text="Stereo Pair", icon="CAMERA_STEREO").which = "PAIR"
-        grid = column.grid_flow(columns=2, even_columns=True, align=True)
+        beside = all(fits(context, text, 0.5) for _, text, _ in PICTURES.values())
+        grid = column.grid_flow(columns=2 if beside else 1, even_columns=True, align=True)
         for which, (_, text, _) in PICTURES.items():
             row = grid.row(align=True)
             row.enabled = result.picture(which) is not None

@@ -11,8 +11,10 @@ import bpy
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.files import flush
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata, write_stereo
+from ..stereo_reproject.report.words import Words
 from .pictures import show_image
 from .run import BackgroundJob
+from .text import reported
 
 BOTH = "stereo.exr"
 
@@ -98,11 +100,14 @@ class STEREO_REPROJECT_OT_open_kept(bpy.types.Operator):
                 write_stereo(path, eyes, metadata=read_metadata(folder / f"{VIEWS[0]}.exr"))
             image = bpy.data.images.load(str(path))
         except (StereoReprojectError, OSError, RuntimeError) as error:
-            self.report({"ERROR"}, f"The pair in {folder} cannot be opened: {' '.join(str(error).split())}")
+            reason = " ".join(str(error).split())
+            what = Words("The pair in {folder} cannot be opened: {reason}", folder=folder, reason=reason)
+            self.report({"ERROR"}, reported(what))
             return {"CANCELLED"}
         _kept.remove(folder)
         shown = show_image(image)
-        self.report(
-            {"INFO"}, f"{path}" if shown else f"{path} is the image {image.name!r}: choose it in an Image Editor"
+        elsewhere = Words(
+            "{path} is the image {image}: choose it in an Image Editor", path=path, image=repr(image.name)
         )
+        self.report({"INFO"}, str(path) if shown else reported(elsewhere))
         return {"FINISHED"}

@@ -8,12 +8,16 @@ import bpy
 
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
-from ..stereo_reproject.report.verdict import accuracy_name, duration
+from ..stereo_reproject.report.verdict import duration
+from ..stereo_reproject.report.words import Words
 from .depth_panel import draw_depth
-from .details import Details
+from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
+from .fitting import draw_setting, fits
 from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
+from .preferences import EXTENSION
+from .preset_menu import STEREO_REPROJECT_PT_presets
 from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
@@ -27,11 +31,19 @@ from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 MAX_SHOWN_EFFECTS = 6
 
+HEADER_PX = 40.0
+"""Pixels in a panel's header, at a scale of 1, for its triangle and its menu of presets; its grip is in the margins."""
+
 
 class _Main:
     """Contents of the main panel: render buttons, the settings that matter most, and the last result."""
 
     bl_label = "Stereo Reprojection"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the menu of presets in the panel's header, unless it would cover the header's text."""
+        if fits(context, self.bl_label, 1.0, HEADER_PX):
+            STEREO_REPROJECT_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the render buttons, the accuracy and the rendered eye, what is in the way, and the last result."""
@@ -39,10 +51,8 @@ class _Main:
         chosen = scene.stereo_reproject
         draw_buttons(layout)
         column = layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
-        column.prop(chosen, "accuracy")
-        column.row().prop(chosen, "source", expand=True)
+        draw_setting(column, context, chosen, "accuracy")
+        draw_setting(column, context, chosen, "source", expand=True)
         in_the_way = obstacle(scene)
         if in_the_way is not None:
             paragraph(layout, context, in_the_way, icon="ERROR")
@@ -59,25 +69,21 @@ def obstacle(scene: bpy.types.Scene) -> str | None:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
     missing = missing_osl_cameras(scene)
     if chosen.fill in ("auto", "packed") and chosen.packed_by == "osl" and missing:
-        return f"Not possible here: {missing}."
+        return Words("Not possible here: {reason}.", reason=missing)
     return None
 
 
 class _Engine:
     """Contents of the panel for the engine of the rendered eye, and for how missing pixels are rendered."""
 
-    bl_label = "Engine and Hole Rendering"
+    bl_label = "Engine and Holes"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings of engine and hole rendering."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(chosen, "source_engine")
-        layout.prop(chosen, "fill")
-        if chosen.fill in ("auto", "packed"):
-            layout.prop(chosen, "packed_by")
+        for name in ("source_engine", "fill", *["packed_by"] * (chosen.fill in ("auto", "packed"))):
+            draw_setting(layout, context, chosen, name)
 
 
 class _Layout:
@@ -89,11 +95,9 @@ class _Layout:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw Blender's own settings for how the two views are stored in files."""
         layout, settings = self.layout, context.scene.render.image_settings
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(settings, "views_format", text="Layout", expand=False)
+        draw_setting(layout, context, settings, "views_format", text="Layout")
         if settings.views_format == "STEREO_3D":
-            layout.prop(settings.stereo_3d_format, "display_mode", text="Stereo Mode")
+            draw_setting(layout, context, settings.stereo_3d_format, "display_mode", text="Stereo Mode")
 
 
 class _Camera:
@@ -104,23 +108,21 @@ class _Camera:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the camera's stereo settings and the scene's parallax; a note where the scene has no camera."""
         layout, scene = self.layout, context.scene
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         camera = scene.camera
         if camera is None or camera.type != "CAMERA":
             paragraph(layout, context, "The scene has no camera: set one in Scene properties.", icon="ERROR")
             return
         stereo = camera.data.stereo
         column = layout.column(align=True)
-        column.prop(stereo, "convergence_mode", text="Mode")
-        column.prop(stereo, "interocular_distance", text="Interocular")
+        draw_setting(column, context, stereo, "convergence_mode", text="Mode")
+        draw_setting(column, context, stereo, "interocular_distance", text="Interocular")
         sub = column.column(align=True)
         sub.active = stereo.convergence_mode != "PARALLEL"
-        sub.prop(stereo, "convergence_distance", text="Convergence")
-        column.prop(stereo, "pivot")
+        draw_setting(sub, context, stereo, "convergence_distance", text="Convergence")
+        draw_setting(column, context, stereo, "pivot")
         column = layout.column(align=True)
         column.label(text="Set Convergence to:")
-        row = column.row(align=True)
+        row = column.row(align=True) if fits(context, "Active Object", 0.5) else column
         for target, name in (("OBJECT", "Active Object"), ("FOCUS", "Focus")):
             row.operator(STEREO_REPROJECT_OT_set_convergence.bl_idname, text=name).target = target
         draw_depth(layout.column(), context)
@@ -140,25 +142,26 @@ class _Check:
         if found is None:
             return
         size = " x ".join(map(str, found["size"]))
-        how = f"Frame {found['frame']}, {size}, {found['samples']} samples, {accuracy_name(found['accuracy'])}"
-        paragraph(layout, context, f"{how}:")
+        paragraph(layout, context, Words("{how}:", how=made_by(found, size)))
         if not is_current(scene, found):
             paragraph(layout, context, "Something of this was changed since: check again.", icon="ERROR")
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
-            paragraph(layout, context, f"{sentence(warning)}.", icon="ERROR")
+            paragraph(layout, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""
         words = gain_words(predicted)
-        paragraph(layout, context, f"{words}.", icon="INFO" if words.startswith("Predicted") else "ERROR")
+        icon = "INFO" if words.startswith("Predicted") else "ERROR"
+        paragraph(layout, context, Words("{sentence}.", sentence=words), icon=icon)
         total = predicted["total_seconds"]
         if total is not None:
             low, high, fill = duration(total["low"]), duration(total["high"]), predicted["fill"]
-            ours = low if low == high else f"{low} to {high}"
-            paragraph(layout, context, f"{ours}, multiview {duration(predicted['multiview_seconds'])}.")
-            paragraph(layout, context, f"Hole rendering: {fill['method']}, {fill['reason']}.")
+            ours = low if low == high else Words("{low} to {high}", low=low, high=high)
+            both = {"time": ours, "multiview": duration(predicted["multiview_seconds"])}
+            paragraph(layout, context, Words("{time}, multiview {multiview}.", **both))
+            paragraph(layout, context, Words("{sentence}.", sentence=fill_words(fill)))
 
     def _draw_effects(self, layout: bpy.types.UILayout, context: bpy.types.Context, rows: Any) -> None:
         """Draw the effects that the scene calls for; `rows` is the part "effects" of a check's findings."""
@@ -168,10 +171,11 @@ class _Check:
             return
         paragraph(layout, context, "It calls for:")
         for row in called[:MAX_SHOWN_EFFECTS]:
-            more = f" and {len(row['by']) - 1} more" if len(row["by"]) > 1 else ""
-            paragraph(layout, context, f"{row['effect'].capitalize()}: {row['by'][0]}{more}", icon="DOT")
+            named = {"effect": Words(row["effect"].capitalize()), "item": row["by"][0], "count": len(row["by"]) - 1}
+            message = "{effect}: {item} and {count} more" if named["count"] else "{effect}: {item}"
+            paragraph(layout, context, Words(message, **named), icon="DOT")
         if len(called) > MAX_SHOWN_EFFECTS:
-            paragraph(layout, context, f"and {len(called) - MAX_SHOWN_EFFECTS} more effects")
+            paragraph(layout, context, Words("and {count} more effects", count=len(called) - MAX_SHOWN_EFFECTS))
 
 
 class _Preview:
@@ -183,10 +187,8 @@ class _Preview:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings of the preview's size and samples."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        layout.prop(chosen, "preview_percentage")
-        layout.prop(chosen, "preview_samples")
+        draw_setting(layout, context, chosen, "preview_percentage")
+        draw_setting(layout, context, chosen, "preview_samples")
 
 
 class _Advanced:
@@ -198,8 +200,6 @@ class _Advanced:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings of the screen, the warp, the comparison and scripts."""
         layout, chosen = self.layout, context.scene.stereo_reproject
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         for names in (
             ("screen_width", "eye_distance", "viewing_distance"),
             ("grid_threshold", "interpolation", "warp"),
@@ -207,7 +207,10 @@ class _Advanced:
         ):
             column = layout.column(align=True)
             for name in names:
-                column.prop(chosen, name)
+                draw_setting(column, context, chosen, name)
+        # In a script the extension may be there without being switched on.
+        if EXTENSION in context.preferences.addons:
+            layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES").module = EXTENSION
 
 
 def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:

@@ -131,8 +131,8 @@ def show_pair(*, fit: bool) -> None:
 
 
 def load_picture(scene: bpy.types.Scene, which: str) -> bpy.types.Image | None:
-    """Load a picture of the scene's last pair and return it as an image packed into the file, in place of the earlier
-    one. which is a key of `PICTURES`. Return None if the scene has no such picture.
+    """Load a picture of the scene's last pair and return it as an image, in place of the earlier one. It is not saved
+    with the .blend. which is a key of `PICTURES`. Return None if the scene has no such picture.
     """
     path = result_of(scene).picture(which)
     if path is None:
@@ -140,8 +140,9 @@ def load_picture(scene: bpy.types.Scene, which: str) -> bpy.types.Image | None:
     name = NAME.format(PICTURES[which][1])
     old = bpy.data.images.get(name)
     image = bpy.data.images.load(str(path))
-    image.pack()
+    image.is_runtime_data = True
     # The file that it came from is temporary.
+    image.pack()
     image.filepath = image.filepath_raw = ""
     if old is not None:
         old.user_remap(image)

@@ -1,10 +1,14 @@
 """Settings that an artist chooses on the scene, each with its meaning."""
 
+from collections.abc import Callable
+from typing import Any
+
 import bpy
 
 from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, PACKED_CAMERAS, StereoSettings
+from .preferences import MIN_PREVIEW_PX, preferred, promise
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",
@@ -12,9 +16,6 @@ FILLS = {
     "card": "The missing pixels are rendered through a card with openings (any device)",
     "full": "The other eye is rendered whole, as Blender's multiview does",
 }
-
-MIN_PREVIEW_PX = 480
-"""Pixels of a preview's longer side, at least, unless the full picture has fewer."""
 
 CAMERAS = {
     "auto": ("Automatic", "An OSL camera where Cycles has one that can trace the scene, else a Ray Portal"),
@@ -47,13 +48,26 @@ WARP_STAGES = {
 }
 
 
-def promise(name: str) -> str:
-    """Return, in words for artists, the promise of the accuracy setting of this name."""
-    accuracy = SETTINGS[name]
-    if accuracy.promise is None:
-        return "No promise: reflections and glass stay as the first eye sees them"
-    text = f"At most {round(100 * (accuracy.promise - 1.0))} % more error than the noise of a plain render"
-    return f"{text}, in every part of the picture" if accuracy.promises_worst_tiles else text
+def _number(name: str) -> dict[str, Callable[..., Any]]:
+    """Return the accessors of a number that is the preferences' until another is set in the scene, in own_`name`."""
+
+    def get(settings: bpy.types.PropertyGroup) -> Any:
+        return getattr(settings, f"own_{name}") or preferred(name)
+
+    def put(settings: bpy.types.PropertyGroup, value: Any) -> None:
+        setattr(settings, f"own_{name}", value)
+
+    return {"get": get, "set": put}
+
+
+def _accuracy(settings: bpy.types.PropertyGroup) -> int:
+    """Return the number of the scene's accuracy among its items: the one that was chosen, or else the preferences'."""
+    return list(SETTINGS).index(settings.own_accuracy or preferred("accuracy"))
+
+
+def _choose_accuracy(settings: bpy.types.PropertyGroup, item: int) -> None:
+    """Keep the accuracy that was chosen in the scene, given by its number among the items."""
+    settings.own_accuracy = list(SETTINGS)[item]
 
 
 def redraw_views(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -65,16 +79,20 @@ def redraw_views(_settings: bpy.types.PropertyGroup, context: bpy.types.Context)
 
 
 class StereoReprojectSettings(bpy.types.PropertyGroup):
-    """Settings of the extension, kept with each scene. Eye distance and convergence are not here: they are Blender's
-    own settings of the camera.
+    """Settings of the extension, kept with each scene. Interocular distance and convergence are not here: they are
+    Blender's own settings of the camera.
+
+    Those with an own_… beside them follow the preferences until they are set in the scene; own_… is then what was set.
     """
 
     accuracy: bpy.props.EnumProperty(
         name="Accuracy",
         description="How close the second eye comes to one that is rendered whole",
         items=[(name, accuracy_name(name), promise(name)) for name in SETTINGS],
-        default=StereoSettings.accuracy,
+        get=_accuracy,
+        set=_choose_accuracy,
     )
+    own_accuracy: bpy.props.StringProperty(options={"HIDDEN"})
     source: bpy.props.EnumProperty(
         name="Rendered Eye",
         description="The eye that is rendered whole; the other is made from it",
@@ -133,30 +151,37 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
     preview_percentage: bpy.props.IntProperty(
         name="Resolution",
         description="Size of the preview, of the scene's own resolution. The longer side has at least"
-        f" {MIN_PREVIEW_PX} pixels, or as many as the scene's own",
+        f" the pixels that the preferences ask for, {MIN_PREVIEW_PX} if nothing else is set, or those of the scene",
         subtype="PERCENTAGE",
         default=25,
         min=1,
         max=100,
     )
     preview_samples: bpy.props.IntProperty(
-        name="Samples", description="Samples of each pixel of the preview", default=16, min=1, soft_max=1024
+        name="Samples",
+        description="Samples of each pixel of the preview",
+        min=1,
+        soft_max=1024,
+        **_number("preview_samples"),
     )
+    own_preview_samples: bpy.props.IntProperty(options={"HIDDEN"})
     screen_width: bpy.props.FloatProperty(
         name="Screen Width (m)",
         description="Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
-        default=0.6,
         min=0.01,
         soft_max=30.0,
+        **_number("screen_width"),
     )
+    own_screen_width: bpy.props.FloatProperty(options={"HIDDEN"})
     eye_distance: bpy.props.FloatProperty(
         name="Viewer's Eyes (m)",
         description="Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
-        default=0.065,
         min=0.001,
         soft_max=0.08,
         precision=3,
+        **_number("eye_distance"),
     )
+    own_eye_distance: bpy.props.FloatProperty(options={"HIDDEN"})
     viewing_distance: bpy.props.FloatProperty(
         name="Viewing Distance (Widths)",
         description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"

@@ -11,6 +11,7 @@ import bpy
 from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
 from ..stereo_reproject.blender.output.delivery import deliver_to_result
+from ..stereo_reproject.blender.output.stamp import with_render_time
 from ..stereo_reproject.blender.scene.denoiser import has_denoiser
 from ..stereo_reproject.blender.scene.rendered import CYCLES, layers_to_render
 from ..stereo_reproject.blender.scene.rig import FrameRegion, frame_region
@@ -27,15 +28,17 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
+from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from . import under_way
 from .jobs import JobOperator
 from .pictures import redraw_with_both_eyes, show_pair
-from .properties import MIN_PREVIEW_PX
+from .preferences import preferred
 from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
 from .run import Animation, BackgroundJob, Pictures, seconds_of
 from .slots import content_now, unused_slot
+from .text import reported
 from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
@@ -45,6 +48,10 @@ LEAST_GAIN = 1.05
 
 MIN_SAMPLES_FOR_A_LOOK = 64
 """Samples of a full render from which on it begins with a first look, which takes one: less than 2 % of them."""
+
+LEAST_SHOWN_SPAN = 0.1
+"""Difference of two predicted gains from which both are shown: they have one decimal."""
+
 
 PREVIEW_TOOLTIP = (
     "Render a small pair with few samples, denoised where Blender can, to look at the stereo before a full render."
@@ -90,7 +97,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         assert scene is not None
         assert run.report is not None
         keep_pair(scene, run, _delivery(frame, preview=self.preview))
-        return summary(scene) + where
+        return reported(Words("{result}{where}", result=summary(scene), where=where))
 
 
 class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
@@ -129,12 +136,24 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
         if scene is not None:
             delivery = _delivery(report["last"] if shown else None)
             keep_animation(scene, run, delivery if shown else replace(delivery, content=None))
-        there = len(report["there_already"])
-        skipped = f", {there} were there already" if there else ""
-        plays = f"; {VIEWING} plays them" if scene is not None and needs_our_player(scene) else ""
-        rendered = f"{report['rendered']} stereo frame{'' if report['rendered'] == 1 else 's'} rendered"
-        saved = saved_words(saved_by_animation(report["totals"]))
-        return f"{rendered}{skipped}: {report['files'][-1]}{where}{plays}. {saved}"
+        plays = Words("; {name} plays them", name=VIEWING) if scene is not None and needs_our_player(scene) else ""
+        return reported(_words_of_animation(report, where, plays))
+
+
+def _words_of_animation(report: Mapping[str, Any], where: str, plays: str) -> Words:
+    """Return a line about the frames that were rendered; where and plays are parts of it, or empty."""
+    rendered, there = report["rendered"], len(report["there_already"])
+    message = "1 stereo frame rendered" if rendered == 1 else "{count} stereo frames rendered"
+    skipped = Words(", {count} were there already", count=there) if there else ""
+    return Words(
+        "{rendered}{skipped}: {file}{where}{plays}. {saved}",
+        rendered=Words(message, count=rendered),
+        skipped=skipped,
+        file=report["files"][-1],
+        where=where,
+        plays=plays,
+        saved=saved_words(saved_by_animation(report["totals"])),
+    )
 
 
 class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
@@ -158,7 +177,7 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
             raise _deleted(run)
         keep_inspection(scene, run)
         run.close()
-        return gain_words(run.report["predicted"])
+        return reported(gain_words(run.report["predicted"]))
 
 
 def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
@@ -171,7 +190,7 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
     if preview:
         denoise = True if by_cycles and has_denoiser(scene) else None
-        size = preview_size(frame_region(scene.render), chosen.preview_percentage)
+        size = preview_size(frame_region(scene.render), chosen.preview_percentage, preferred("preview_pixels"))
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
@@ -186,11 +205,11 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     )
 
 
-def preview_size(region: FrameRegion, percentage: int) -> tuple[int, int]:
+def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[int, int]:
     """Return the width and height in pixels of the whole frame of a preview: this percentage of the scene's, but so
-    large that the longer side of the rendered part has `MIN_PREVIEW_PX`, and never larger than the scene's.
+    large that the longer side of the rendered part has `least_px`, and never larger than the scene's.
     """
-    scale = min(max(percentage / 100.0, MIN_PREVIEW_PX / max(region.width, region.height, 1)), 1.0)
+    scale = min(max(percentage / 100.0, least_px / max(region.width, region.height, 1)), 1.0)
     width, height = (max(math.ceil(scale * side), MIN_SIDE_PX) for side in (region.full_width, region.full_height))
     return width, height
 
@@ -245,7 +264,7 @@ def _deliver(
     if scene is None:
         raise _deleted(run)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
-    metadata = read_metadata(run.folder / f"{VIEWS[0]}.exr")
+    metadata = with_render_time(read_metadata(run.folder / f"{VIEWS[0]}.exr"), _render_seconds(run, frame))
     with unused_slot() as slot:
         gone = deliver_to_result(
             scene, eyes, frame=frame, to_look_at=to_look_at, metadata=metadata, layers_then=run.layers
@@ -260,7 +279,19 @@ def _deliver(
             redraw_with_both_eyes(fit=fit)
         else:
             show_pair(fit=fit)
-    return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
+    if slot is None:
+        return ""
+    return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot))
+
+
+def _render_seconds(run: BackgroundJob, frame: int | None) -> float | None:
+    """Return the seconds that a finished run's picture took: the pair's, or those of this frame of an animation. None
+    where the animation's report has none for it.
+    """
+    report = run.report
+    assert report is not None
+    rows = {row["frame"]: row for row in report["frames"]} if "frames" in report else {frame: report}
+    return rows[frame]["seconds"]["total"] if frame in rows else None
 
 
 def _named(layers: Sequence[str]) -> str:
@@ -310,7 +341,8 @@ def summary(scene: bpy.types.Scene) -> str:
     """Return a line about the scene's last pair: how good it is, and the time that was saved."""
     report, gain = result_of(scene).report, full_gain_of(scene)
     assert report is not None
-    return f"{quality_of(report, preview=gain is not None).words}. {time_words(report, full_gain=gain)}"
+    quality = quality_of(report, preview=gain is not None).words
+    return Words("{quality}. {time}", quality=quality, time=time_words(report, full_gain=gain))
 
 
 def gain_words(predicted: Mapping[str, Any]) -> str:
@@ -319,6 +351,7 @@ def gain_words(predicted: Mapping[str, Any]) -> str:
     """
     low, high = predicted["gain"]["low"], predicted["gain"]["high"]
     if high < LEAST_GAIN:
-        return f"Reprojection will not pay: {predicted['fill']['reason']}"
-    gain = f"{high:.1f}" if high - low < 0.1 else f"{low:.1f} to {high:.1f}"
-    return f"Predicted: {gain} times as fast as multiview"
+        return Words("Reprojection will not pay: {reason}", reason=predicted["fill"]["reason"])
+    if high - low < LEAST_SHOWN_SPAN:
+        return Words("Predicted: {gain} times as fast as multiview", gain=f"{high:.1f}")
+    return Words("Predicted: {low} to {high} times as fast as multiview", low=f"{low:.1f}", high=f"{high:.1f}")

@@ -29,6 +29,7 @@ from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
+from .preferences import preferred
 
 POLL_SECONDS = 0.1
 
@@ -248,9 +249,12 @@ def _saved_copy(folder: Path) -> tuple[Path, list[str]]:
 
 
 def temporary_folder() -> Path:
-    """Return the folder for temporary files that is set in Blender's preferences; the system's if none is set."""
-    wanted = bpy.context.preferences.filepaths.temporary_directory
-    return Path(wanted) if wanted and Path(wanted).is_dir() else Path(tempfile.gettempdir())
+    """Return the folder for temporary files that is set in the extension's preferences, or else in Blender's; the
+    system's if there is none of either.
+    """
+    set_folders = preferred("temporary_folder"), bpy.context.preferences.filepaths.temporary_directory
+    folders = [Path(bpy.path.abspath(folder)) for folder in set_folders if folder]
+    return next((folder for folder in folders if folder.is_dir()), Path(tempfile.gettempdir()))
 
 
 def link_folder(folder: Path, link: Path) -> bool:

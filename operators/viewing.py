@@ -11,10 +11,10 @@ import bpy
 
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.images.exr import VIEWS
+from ..stereo_reproject.report.words import Words
+from .text import reported
 
 VIEWING = "View Stereo Animation (Ctrl F11)"
-
-_keys: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:
@@ -60,7 +60,8 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
         apart = scene.render.image_settings.views_format == "INDIVIDUAL"
         path = _first_file(scene, VIEWS[0] if apart else "")
         if not path.exists():
-            self.report({"ERROR"}, f"There is no stereo animation to play: {path} does not exist, render it first")
+            what = Words("There is no stereo animation to play: {path} does not exist, render it first", path=path)
+            self.report({"ERROR"}, reported(what))
             return {"CANCELLED"}
         views = scene.render.views
         shown = next((k for k, view in enumerate(views) if view.name == VIEWS[0]), views.active_index)
@@ -71,26 +72,3 @@ class RENDER_OT_stereo_reproject_view_animation(bpy.types.Operator):
             except RuntimeError as error:
                 self.report({"ERROR"}, " ".join(str(error).removeprefix("Error: ").split()))
                 return {"CANCELLED"}
-
-
-def add_key() -> None:
-    """Bind Ctrl F11, Blender's own key for View Animation, to our operator; where Blender's player finds its files,
-    that still plays.
-    """
-    keys = bpy.context.window_manager.keyconfigs.addon
-    if keys is None:
-        # Without a window.
-        return
-    keymap = keys.keymaps.new(name="Screen", space_type="EMPTY")
-    item = keymap.keymap_items.new(
-        RENDER_OT_stereo_reproject_view_animation.bl_idname, type="F11", value="PRESS", ctrl=True
-    )
-    item.properties.unless_plain = True
-    _keys.append((keymap, item))
-
-
-def remove_key() -> None:
-    """Take back the key that `add_key` has bound."""
-    while _keys:
-        keymap, item = _keys.pop()
-        keymap.keymap_items.remove(item)

@@ -30,6 +30,9 @@ KINDS = {
     stat.S_IFBLK: "a device",
 }
 
+FILE_ATTRIBUTE_HIDDEN = 0x2
+"""Mark of a hidden folder, as Windows' SetFileAttributesW takes it."""
+
 JUNCTION_TAG = 0xA0000003
 """IO_REPARSE_TAG_MOUNT_POINT of the Windows API."""
 
@@ -116,6 +119,15 @@ def leads_elsewhere(path: Path) -> bool:
         found = path.lstat()
         return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION_TAG
     return False
+
+
+def hide(folder: Path) -> None:
+    """Have Windows show a folder no longer, unless the user wants to see hidden ones. Elsewhere a name that begins with
+    a dot does that. Does nothing where the drive has no such mark."""
+    if sys.platform == "win32":
+        import ctypes
+
+        ctypes.windll.kernel32.SetFileAttributesW(str(folder), FILE_ATTRIBUTE_HIDDEN)
 
 
 def flush(path: Path) -> None:

@@ -13,6 +13,7 @@ from ..estimate.tracing import NOTHING_DIFFERS
 from ..pipeline.stages import OUTSIDE_TOTAL, Stage
 from ..settings.accuracy import SETTINGS
 from ..settings.animation import spelled
+from .words import Words
 
 UNCERTAIN_AREAS = "Uncertain Areas"
 """Name, for artists, of the picture estimate.png, which shows where the second eye is off by more than noise."""
@@ -54,6 +55,7 @@ class Verdict:
     one that is not, and None where that is not known."""
 
     words: str
+    """Can be made anew in another language, see `words.in_language`."""
     good: bool | None
 
 
@@ -66,7 +68,15 @@ def quality_of(report: Mapping[str, Any], *, preview: bool = False) -> Verdict:
     """Return the verdict on a pair's quality. A comparison with multiview decides where it has measured something;
     else the estimate does. A preview is held against a plain preview, since it tells nothing of more samples."""
     found = _quality_of(report)
-    return Verdict(found.words.replace("a full render", "a plain preview"), found.good) if preview else found
+    return Verdict(_of_preview(found.words), found.good) if preview else found
+
+
+def _of_preview(words: str) -> str:
+    """Return words about a full render as words about a plain preview."""
+    if not isinstance(words, Words):
+        return words.replace("a full render", "a plain preview")
+    fields = {name: _of_preview(field) if isinstance(field, str) else field for name, field in words.fields.items()}
+    return Words(words.message.replace("a full render", "a plain preview"), **fields)
 
 
 def _quality_of(report: Mapping[str, Any]) -> Verdict:
@@ -76,9 +86,9 @@ def _quality_of(report: Mapping[str, Any]) -> Verdict:
     if measured is not None:
         limit = estimate["promise"] or MAX_EQUAL_RATIO
         found = _quality(measured, measured <= limit, compare.get("wrong_tiles") or 0.0)
-        return Verdict(f"{found.words} (measured)", found.good)
+        return Verdict(Words("{verdict} (measured)", verdict=found.words), found.good)
     if report["fractions"]["rerendered"] >= 1.0:
-        return Verdict(f"{AS_GOOD}: all of it was rendered", good=True)
+        return Verdict(Words("{verdict}: all of it was rendered", verdict=Words(AS_GOOD)), good=True)
     if estimate["noise_ratio"] is None:
         return _unchecked(estimate)
     if estimate["kept"] is None:
@@ -92,7 +102,7 @@ def _unchecked(estimate: Mapping[str, Any]) -> Verdict:
         return Verdict(UNPROMISED, good=None)
     if estimate["from"] == NOTHING_DIFFERS:
         return Verdict(AS_GOOD, good=True)
-    return Verdict(f"Not checked: {estimate['from']}", good=None)
+    return Verdict(Words("Not checked: {reason}", reason=estimate["from"]), good=None)
 
 
 def _quality(honest_ratio: float, kept: bool, wrong_tiles: float) -> Verdict:
@@ -100,9 +110,11 @@ def _quality(honest_ratio: float, kept: bool, wrong_tiles: float) -> Verdict:
     share of its tiles, 0 to 1, is wrong so that it can be seen."""
     if not kept:
         return Verdict(NOT_AS_GOOD, good=False)
-    words = AS_GOOD if honest_ratio <= MAX_EQUAL_RATIO else NEARLY_AS_GOOD
+    words = Words(AS_GOOD if honest_ratio <= MAX_EQUAL_RATIO else NEARLY_AS_GOOD)
     if wrong_tiles >= LEAST_NAMED_SHARE:
-        words += f", but for {100.0 * wrong_tiles:.0f} % of it: see {UNCERTAIN_AREAS}"
+        share = f"{100.0 * wrong_tiles:.0f}"
+        seen_in = Words(UNCERTAIN_AREAS)
+        words = Words("{verdict}, but for {share} % of it: see {picture}", verdict=words, share=share, picture=seen_in)
     return Verdict(words, good=True)
 
 
@@ -114,12 +126,14 @@ def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
     if not told:
         return None
     if worse:
-        return Verdict(
-            f"Not as good as full renders: {len(worse)} of {len(told)} frames ({spelled(worse)})", good=False
-        )
+        counts = {"count": len(worse), "all": len(told), "frames": spelled(worse)}
+        words = Words("Not as good as full renders: {count} of {all} frames ({frames})", **counts)
+        return Verdict(words, good=False)
     if None in told.values():
         unknown = sum(good is None for good in told.values())
-        return Verdict(f"Not known of {unknown} of {len(told)} frames if they are as good as full renders", good=None)
+        counts = {"count": unknown, "all": len(told)}
+        words = Words("Not known of {count} of {all} frames if they are as good as full renders", **counts)
+        return Verdict(words, good=None)
     return Verdict("As good as full renders", good=True)
 
 
@@ -140,9 +154,10 @@ def saved_words(seconds: float) -> str:
     """Return in words how much time was saved, such as "3 min 10 s saved"; negative seconds are those that were
     lost."""
     if seconds >= LEAST_SAVED_SECONDS:
-        return f"{duration(seconds)} saved"
-    longer = "" if seconds > -LEAST_SAVED_SECONDS else f": {duration(-seconds)} longer"
-    return f"No time saved{longer}"
+        return Words("{time} saved", time=duration(seconds))
+    if seconds > -LEAST_SAVED_SECONDS:
+        return Words("No time saved")
+    return Words("No time saved: {time} longer", time=duration(-seconds))
 
 
 def saved_seconds(report: Mapping[str, Any]) -> float:
@@ -192,8 +207,8 @@ def predicted_words(gain: float) -> str:
     be."""
     share = 1.0 - 1.0 / gain
     if share < LEAST_SAVED_SHARE:
-        return "Full render: little or no time saved, predicted"
-    return f"Full render: {100.0 * share:.0f} % less time, predicted"
+        return Words("Full render: little or no time saved, predicted")
+    return Words("Full render: {share} % less time, predicted", share=f"{100.0 * share:.0f}")
 
 
 def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:
@@ -205,6 +220,6 @@ def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> 
 def picture_words(slot: str | None, frame: int | None, clock: str, *, preview: bool = False) -> str:
     """Return the name of a picture: "Slot 1, frame 7, 14:32". slot is its render slot's name (None where that is not
     known), frame its number (None for no single frame), clock the time of day at which it was finished."""
-    parts = [slot, None if frame is None else f"frame {frame}", clock]
-    name = ", ".join(part for part in parts if part)
-    return f"Preview: {name}" if preview else name
+    message = ", ".join(["{slot}"] * bool(slot) + ["frame {frame}"] * (frame is not None) + ["{clock}"])
+    fields = {"slot": slot, "frame": frame, "clock": clock}
+    return Words(f"Preview: {message}" if preview else message, **fields)

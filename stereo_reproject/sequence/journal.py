@@ -1,4 +1,5 @@
-"""The journal: facts about an animation's frames in a folder beside them, so that any process can continue them.
+"""The journal: facts about an animation's frames in a hidden folder beside them, so that any process can continue
+them.
 
 0001.json       a finished frame: its settings, its scene, its files with their checksums, its figures (`record_store`)
 0001.claim.1    a run that renders the frame now; of several, the highest number holds it (`claims`)

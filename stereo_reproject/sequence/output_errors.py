@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import OutputError, StereoReprojectError
 from ..jobs.work_folder import is_full_disk_error
-from .journal_folder import JOURNAL
+from .journal_folder import journal_path
 
 KEPT = "finished frames are kept, and --resume renders the rest"
 """Outcome of an animation that ends early, in words."""
@@ -51,11 +51,11 @@ def _is_gone(folder: Path, error: Exception) -> bool:
     """Return True if the error comes from the removal of the folder of frames: its journal is gone. May wait
     REMOVAL_SECONDS, because the removal may be under way."""
     # Blender makes folders that are missing on the way to its files; the journal is made by nobody else.
-    there = _is_folder(folder / JOURNAL)
+    there = _is_folder(journal_path(folder))
     if there and isinstance(error, (FileNotFoundError, NotADirectoryError)):
         # Whoever removes it may be at it just now, and its files go first.
         time.sleep(REMOVAL_SECONDS)
-        there = _is_folder(folder / JOURNAL)
+        there = _is_folder(journal_path(folder))
     return not there and isinstance(error, (FileNotFoundError, NotADirectoryError, StereoReprojectError))
 
 

@@ -10,7 +10,7 @@ from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
 from ..jobs.warn_once import WarnOnce
 from .frames import MAX_FAILURES_IN_A_ROW
-from .journal_folder import JOURNAL
+from .journal_folder import journal_path
 from .output_errors import KEPT
 from .runs import LiveRuns
 
@@ -61,7 +61,7 @@ def run_animation(
         finally:
             if job.output is not None:
                 # Whoever is killed before it has a heartbeat leaves its files in the journal.
-                LiveRuns(job.output / JOURNAL).clear(own="")
+                LiveRuns(journal_path(job.output)).clear(own="")
 
 
 class _Starts:

@@ -7,6 +7,8 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
+
 DEEP = 100_000
 """Levels of nesting, more than any parser's stack has."""
 
@@ -79,7 +81,7 @@ def _odd_files(record: Fields, first: str) -> Iterator[tuple[str, bytes]]:
         "a device": "/dev/zero",
         "a random device": "/dev/urandom",
         "by way of a folder outside": "../../../../../../dev/zero",
-        "the journal": "journal/0001.json",
+        "the journal": f"{JOURNAL}/0001.json",
         "a FIFO": "fifo",
         "empty": "",
         "the folder": ".",

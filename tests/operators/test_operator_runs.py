@@ -10,6 +10,7 @@ import bpy
 import pytest
 
 from stereo_reproject.blender.output.pictures import check_png
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_compositor, mirror_before_wall
 
@@ -18,6 +19,7 @@ STAGES = ["load", "plan", "source", "warp", "fill", "refine", "composite", "acco
 FAILING_WORKER = """
 import sys
 from stereo_reproject.programs import worker
+from stereo_reproject.sequence.journal_folder import JOURNAL
 
 stage = sys.argv[1]
 
@@ -138,8 +140,9 @@ def test_what_an_animation_writes_lies_beside_the_file(extension, animated, plac
     assert [name for name in nodes if "0001" in name]
     assert [name for name in nodes if "0002" in name]
     told = [name for name in written if name.startswith("shots") and not name.endswith((".png", ".svg"))]
-    told = [name for name in told if not name.startswith("shots/journal/found-")]
-    assert told == ["shots/film_animation.json", "shots/journal/film_0001.json", "shots/journal/film_0002.json"]
+    told = [name for name in told if not name.startswith(f"shots/{JOURNAL}/found-")]
+    records = [f"shots/{JOURNAL}/film_000{frame}.json" for frame in (1, 2)]
+    assert sorted(told) == sorted(["shots/film_animation.json", *records])
     assert {name.partition("/")[0] for name in written} == {"shots", "nodes"}
     assert sorted(path.name for path in place.iterdir()) == ["project"]
     assert [type(seconds) for seconds in dict.fromkeys(so_far)] == [type(None), float, float]
@@ -176,7 +179,7 @@ def test_a_cancelled_animation_keeps_what_is_whole_and_the_next_one_goes_on(
     for picture in shots.glob("film_*.png"):
         check_png(picture)
     assert not list(shots.glob("film_0002*"))
-    assert not list(place.rglob(".*"))
+    assert {path.name for path in place.rglob(".*")} == {JOURNAL}
     assert (jobs.running(), [path.name for path in place.iterdir()]) == (None, ["project"])
     monkeypatch.setattr(run.BackgroundJob, "_on_event", told)
     animated.render.use_overwrite = False

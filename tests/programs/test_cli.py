@@ -19,6 +19,7 @@ import pytest
 from stereo_reproject.errors import BadInputError, StereoReprojectError, in_one_line
 from stereo_reproject.jobs import memory, supervisor, work_folder
 from stereo_reproject.programs import cli
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 
 ROOT = Path(cli.__file__).resolve().parents[2]
@@ -32,6 +33,7 @@ DRIVER = """
 import sys
 from stereo_reproject.jobs import worker_process
 from stereo_reproject import __main__
+from stereo_reproject.sequence.journal_folder import JOURNAL
 worker, sys.argv[1:5] = sys.argv[1:5], []
 worker_process.own_worker = lambda: worker
 sys.exit(__main__.run())
@@ -322,7 +324,7 @@ def test_failure_is_one_line_and_leaves_nothing(place, capsys, behaviour, status
 
 @posix
 def test_of_a_killed_blender_nothing_stays_in_the_journal(place, capsys):
-    journal = place / "out" / "journal"
+    journal = place / "out" / JOURNAL
     journal.mkdir(parents=True)
     with subprocess.Popen([sys.executable, "-c", ""]) as gone:
         pass

@@ -18,6 +18,7 @@ import pytest
 
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.working import open_blend
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.delivery.movies import frames as movie_frames
 from tests.delivery.movies import stereo
 
@@ -54,6 +55,7 @@ import os, signal, time
 from pathlib import Path
 from stereo_reproject.programs import worker
 from stereo_reproject.blender.commands import frame_maker
+from stereo_reproject.sequence.journal_folder import JOURNAL
 
 render = frame_maker.BlenderFrameMaker.render
 folder = Path(os.environ["NOTES"])
@@ -124,7 +126,9 @@ def files_in(folder):
     """All but charts, which need matplotlib, and what frames have cost, whose name is a checksum."""
     names = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return sorted(
-        name for name in names if not re.fullmatch(r"animation\.(png|svg)|journal/(found|movie)-[\w-]+\.json", name)
+        name
+        for name in names
+        if not re.fullmatch(rf"animation\.(png|svg)|{re.escape(JOURNAL)}/(found|movie)-[\w-]+\.json", name)
     )
 
 
@@ -196,6 +200,9 @@ def again(first, tmp_path):
 def test_every_file_is_there_and_nothing_else(first):
     assert (first.status, first.err) == (0, "")
     assert first.files == [
+        f"{JOURNAL}/0001.json",
+        f"{JOURNAL}/0002.json",
+        f"{JOURNAL}/0003.json",
         "0001.png",
         "0002.png",
         "0003.png",
@@ -204,9 +211,6 @@ def test_every_file_is_there_and_nothing_else(first):
         "holes/0001.png",
         "holes/0002.png",
         "holes/0003.png",
-        "journal/0001.json",
-        "journal/0002.json",
-        "journal/0003.json",
     ]
     assert first.rendered == [1, 2, 3]
     assert not re.search("Fra:|Saved|Info|Read blend|\r", first.out)
@@ -325,8 +329,8 @@ def test_two_runs_share_the_frames_and_render_each_once(tmp_path):
     assert begun(notes) == [1, 2, 3, 4, 5, 6]
     assert len({path.name.split()[1] for path in notes.iterdir()}) == 2
     names = [f"{frame:04d}.png" for frame in range(1, 7)]
-    journal = [f"journal/{frame:04d}.json" for frame in range(1, 7)]
-    assert files_in(folder) == [*names, "animation.json", *journal]
+    journal = [f"{JOURNAL}/{frame:04d}.json" for frame in range(1, 7)]
+    assert files_in(folder) == [*journal, *names, "animation.json"]
     assert len({json.loads((folder / name).read_text())["run"] for name in journal}) == 2
     report = json.loads((folder / "animation.json").read_text())
     assert [row["frame"] for row in report["frames"]] == [1, 2, 3, 4, 5, 6]
@@ -346,7 +350,7 @@ def test_of_two_runs_of_different_settings_one_has_the_folder(tmp_path):
         _, err = earlier.communicate(timeout=SECONDS)
     assert_one_line(later, f"{folder}: another run renders frames 2-3 there, of other settings: another folder keeps")
     assert (earlier.returncode, err) == (0, "")
-    records = [json.loads((folder / f"journal/{frame:04d}.json").read_text()) for frame in (1, 2, 3)]
+    records = [json.loads((folder / f"{JOURNAL}/{frame:04d}.json").read_text()) for frame in (1, 2, 3)]
     assert len({record["settings"] for record in records}) == 1
     report = json.loads((folder / "animation.json").read_text())
     assert [(row["frame"], row["samples"]) for row in report["frames"]] == [(1, 1), (2, 1), (3, 1)]
@@ -388,7 +392,7 @@ def test_a_run_that_is_killed_leaves_whole_frames_and_the_next_one_goes_on(tmp_p
             assert process.stdout.readline().startswith("frame ")
         process.send_signal(signal.SIGKILL)
     deadline = time.monotonic() + SECONDS
-    while list((folder / "journal").glob("run-*")):
+    while list((folder / JOURNAL).glob("run-*")):
         assert time.monotonic() < deadline, "the worker outlives its parent"
         time.sleep(0.01)
     there = {path.name: path.read_bytes() for path in folder.glob("[0-9]*.png")}
@@ -397,8 +401,8 @@ def test_a_run_that_is_killed_leaves_whole_frames_and_the_next_one_goes_on(tmp_p
     last = max(int(name[:4]) for name in there) + 2
     run = animate(folder, "--frames", f"1-{last}", "--resume")
     assert (run.status, run.err) == (0, "")
-    journal = [f"journal/{frame:04d}.json" for frame in range(1, last + 1)]
-    assert run.files == [*(f"{frame:04d}.png" for frame in range(1, last + 1)), "animation.json", *journal]
+    journal = [f"{JOURNAL}/{frame:04d}.json" for frame in range(1, last + 1)]
+    assert run.files == [*journal, *(f"{frame:04d}.png" for frame in range(1, last + 1)), "animation.json"]
     recorded = [name for name in there if int(name[:4]) not in run.rendered]
     assert len(recorded) >= 3
     assert all((folder / name).read_bytes() == there[name] for name in recorded)

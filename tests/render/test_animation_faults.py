@@ -16,6 +16,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from stereo_reproject.jobs.work_folder import WORK_PREFIX
 from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.render.test_command_line import DEMO, environment, workers_of
 from tests.render.test_command_line import Run as Ended
@@ -213,7 +214,7 @@ def test_interrupted_it_leaves_what_is_finished_and_nothing_else(blend, expected
     for frame in finished_frames(folder):
         for view in "LR":
             assert there[f"{frame}_{view}.png"] == expected[f"{frame}_{view}.png"]
-    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+    assert not [path for path in folder.iterdir() if path.name.startswith(WORK_PREFIX)]
     assert animate(blend, folder, f"1-{FRAMES}", "--resume").status == 0
     assert_whole(folder, expected)
 
@@ -309,7 +310,7 @@ def test_a_full_disk_is_said(blend, expected, small_disk, tmp_path):
     assert (ended.status, len(ended.err.splitlines())) == (2, 1), ended
     assert "the disk is full; free some space: finished frames are kept, and --resume renders the rest" in ended.err
     assert "Traceback" not in ended.err
-    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+    assert not [path for path in folder.iterdir() if path.name.startswith(WORK_PREFIX)]
     finished = sorted(finished_frames(folder))
     assert finished
     for name in (f"{frame}_{view}.png" for frame in finished for view in "LR"):

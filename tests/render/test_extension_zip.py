@@ -16,6 +16,8 @@ from pathlib import Path
 import OpenEXR
 import pytest
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
+
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = Path(__file__).with_name("extension_driver.py")
 DEMO = ROOT / "demo" / "cornell-box" / "cornell-box.blend"
@@ -291,7 +293,7 @@ def test_an_animation_is_written_as_blender_names_it(extension, tmp_path, views_
     assert facts["result"] == ["FINISHED"]
     # Beside them, what tells of them.
     names = {path.name for path in tmp_path.iterdir()}
-    assert sorted(name for name in names if not name.startswith(("journal", "name_animation."))) == files
+    assert sorted(name for name in names if not name.startswith((JOURNAL, "name_animation."))) == files
     assert "name_animation.json" in names
     # Blender's default for both views in one picture is an anaglyph, as large as either.
     assert {size_of_png(tmp_path / name) for name in files} == {SIZE}

@@ -11,6 +11,7 @@ from stereo_reproject.sequence.fingerprints import Fingerprints
 from stereo_reproject.sequence.frame_record import Record
 from stereo_reproject.sequence.frames import FramePlan
 from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from stereo_reproject.sequence.progress import AnimationProgress, Listener
 from stereo_reproject.sequence.report import format_animation, report_path, totals, write_animation_report
 from stereo_reproject.settings.animation import AnimationSettings
@@ -175,7 +176,7 @@ def test_figures_of_odd_kinds_are_named_and_the_rest_is_told(tmp_path, name):
     journal.place.make()
     for number, value in enumerate([*ODD[name], deep(600)], 2):
         recorded(journal, number)
-        path = tmp_path / "journal" / f"{number:04d}.json"
+        path = tmp_path / JOURNAL / f"{number:04d}.json"
         fields = json.loads(path.read_text())
         path.write_text(json.dumps({**fields, "figures": {**fields["figures"], name: value}}))
     recorded(journal, 1)
@@ -219,8 +220,8 @@ def test_a_record_that_cannot_be_read_and_one_too_many_are_named(tmp_path):
     journal = Journal(tmp_path)
     journal.place.make()
     recorded(journal, 1)
-    (tmp_path / "journal" / "0002.json").write_text("{")
-    (tmp_path / "journal" / "00001.json").write_bytes((tmp_path / "journal" / "0001.json").read_bytes())
+    (tmp_path / JOURNAL / "0002.json").write_text("{")
+    (tmp_path / JOURNAL / "00001.json").write_bytes((tmp_path / JOURNAL / "0001.json").read_bytes())
     report = write_animation_report(journal, WANTED, AnimationSettings(), {}, [])
     assert [line["frame"] for line in report["frames"]] == [1]
     assert len(report["warnings"]) == 2
@@ -254,7 +255,7 @@ def test_what_a_kill_leaves_of_a_chart_lies_in_the_journal_and_is_cleared_away(t
     with pytest.raises(AttributeError):
         write_animation_report(journal, WANTED, AnimationSettings(), {}, [])
     monkeypatch.undo()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["animation.json", "journal"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [JOURNAL, "animation.json"]
     assert any(path.name.startswith(".animation.svg.") for path in journal.folder.iterdir())
     journal.runs.clear("0123456789abcdef")
     assert [path.name for path in journal.folder.iterdir()] == ["0001.json"]

@@ -20,7 +20,7 @@ from stereo_reproject.sequence.checksums import checksum
 from stereo_reproject.sequence.fingerprints import Fingerprints, FrameState, digest
 from stereo_reproject.sequence.frame_record import Record, is_confined
 from stereo_reproject.sequence.journal import Journal
-from stereo_reproject.sequence.journal_folder import JOURNAL
+from stereo_reproject.sequence.journal_folder import EARLIER_JOURNAL, JOURNAL
 from stereo_reproject.sequence.runs import BEAT_DIGITS, LiveRuns, machine, run_at_work
 from stereo_reproject.settings.frame import MAX_FRAME
 from tests.jobs.clock import Clock
@@ -129,6 +129,42 @@ def dead_here(journal, token):
     journal.runs.path(token).write_text(f"{json.dumps(facts)}\n{7:0{BEAT_DIGITS}}")
 
 
+# The folder
+
+
+def test_the_journal_is_out_of_sight(journal):
+    assert journal.folder.name.startswith(".")
+    assert [path.name for path in journal.frames_folder.iterdir()] == [journal.folder.name]
+
+
+def test_an_animation_that_an_earlier_version_began_goes_on_in_its_journal(journal, tmp_path):
+    finish(journal, 3)
+    journal.folder.rename(tmp_path / EARLIER_JOURNAL)
+    found = Journal(tmp_path, "shot_")
+    assert found.folder == tmp_path / EARLIER_JOURNAL
+    assert found.known_frames() == {3}
+    assert state(found, 3) is FrameState.WHOLE
+
+
+def test_a_folder_of_the_user_s_with_the_earlier_name_is_left_alone(tmp_path):
+    (tmp_path / EARLIER_JOURNAL).mkdir()
+    (tmp_path / EARLIER_JOURNAL / "monday.txt").write_text("dear diary")
+    assert Journal(tmp_path, "shot_").folder == tmp_path / JOURNAL
+
+
+def test_of_two_journals_the_present_version_s_counts(journal, tmp_path):
+    (tmp_path / EARLIER_JOURNAL).mkdir()
+    (tmp_path / EARLIER_JOURNAL / "shot_0001.json").write_text("{}")
+    assert Journal(tmp_path, "shot_").folder == journal.folder
+
+
+def test_a_link_with_the_earlier_name_is_not_followed(journal, tmp_path):
+    finish(journal, 3)
+    journal.folder.rename(tmp_path / "elsewhere")
+    (tmp_path / EARLIER_JOURNAL).symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    assert Journal(tmp_path, "shot_").folder == tmp_path / JOURNAL
+
+
 # Records
 
 
@@ -230,7 +266,7 @@ def test_whatever_else_lies_in_a_records_place_is_named_and_its_frame_unknown(jo
     assert doubt.endswith("): frame 1 counts as not rendered")
     assert journal.records.new_doubts() == [], "once is enough"
     if make is make_folder:
-        with pytest.raises(OSError, match=re.escape("shot_0001.json in journal is a folder: move it")):
+        with pytest.raises(OSError, match=re.escape("shot_0001.json in .stereo_reproject is a folder: move it")):
             finish(journal, 1)
     else:
         finish(journal, 1)
@@ -607,16 +643,17 @@ def test_a_claim_is_on_the_disk_when_it_is_taken_and_so_is_a_run(journal, monkey
 
     monkeypatch.setattr(os, "fsync", watched)
     journal.claims.take(1, NEXT)
-    assert flushed == ["shot_0001.claim.1", "journal"]
+    assert flushed == ["shot_0001.claim.1", JOURNAL]
     flushed.clear()
     with run_at_work(journal.runs) as token:
-        assert flushed == [f".run-{token}.tmp", "journal"]
+        assert flushed == [f".run-{token}.tmp", JOURNAL]
     flushed.clear()
     finish(journal, 1)
-    assert [name.split(".")[1] if name.startswith(".") else name for name in flushed] == ["shot_0001", "journal"]
+    beside, folder = flushed
+    assert (beside.split(".")[1], folder) == ("shot_0001", JOURNAL)
     flushed.clear()
     journal.agreed.agree_on("key", {"seconds": 1.0})
-    assert flushed == ["found-key.json", "journal"]
+    assert flushed == ["found-key.json", JOURNAL]
 
 
 # A run's own process

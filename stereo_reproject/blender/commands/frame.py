@@ -41,6 +41,7 @@ from ..engines.time_limit import has_time_limit
 from ..output.delivery import deliver_composited, deliver_side_by_side
 from ..output.output_paths import check_file_outputs
 from ..output.pictures import write_difference, write_estimate, write_grid, write_holes
+from ..output.stamp import with_render_time
 from ..scene.compositor import is_composited
 from ..scene.rendered import CYCLES, check_layers
 from ..scene.rig import frame_region
@@ -209,15 +210,16 @@ def _write_pictures(
     pictures = {view: colour(layers[pair.main]) for view, layers in eyes.items()}
     target = pictures[settings.target]
     estimates, number = estimate_map(frame.refinement, frame.traced), report.frame
+    seconds = report.seconds["total"]
     why_none = report.estimate.from_ if frame.refinement.estimate is None else None
     writers: dict[str, Callable[[Path], None]] = {
         "left.exr": lambda path: write_eye(path, eyes["left"], view="left", metadata=pair.metadata),
         "right.exr": lambda path: write_eye(path, eyes["right"], view="right", metadata=pair.metadata),
         "stereo.exr": lambda path: write_stereo(path, eyes, metadata=pair.metadata),
         STEREO_PICTURE: lambda path: (
-            deliver_composited(scene, eyes, path, frame=number, metadata=pair.metadata)
+            deliver_composited(scene, eyes, path, frame=number, metadata=with_render_time(pair.metadata, seconds))
             if is_composited(scene)
-            else deliver_side_by_side(scene, pictures, path, frame=number)
+            else deliver_side_by_side(scene, pictures, path, frame=number, metadata=with_render_time({}, seconds))
         ),
         "holes.png": lambda path: write_holes(path, target, frame.reasons),
         "estimate.png": lambda path: write_estimate(path, target, estimates, why_none=why_none),

@@ -31,6 +31,7 @@ from ...settings.frame import StereoSettings
 from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
 from ..output.pictures import write_hole_mask
+from ..output.stamp import with_render_time
 from ..scene.rendered import camera_at
 from ..scene.working import WorkingScenes
 from .compare import compare_with_multiview
@@ -210,7 +211,8 @@ class BlenderFrameMaker:
             "figures": figures,
         }
         self._on_stage(HANDED_OVER, where)
-        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), dict(pair.metadata), record))
+        metadata = with_render_time(pair.metadata, report.seconds["total"])
+        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), metadata, record))
         # A pair is much to hold while the next one is rendered.
         self._last = frame, pair if self._keeps_last else None
         del pair

@@ -29,6 +29,7 @@ from ..scene.working import changed, return_to_own_frame, stand_at
 from .image_settings import copy_settings, side_by_side_png
 from .output_paths import output_name
 from .pictures import check_png
+from .stamp import stamped
 
 ENGINE = "STEREO_REPROJECT_DELIVERY"
 
@@ -155,10 +156,16 @@ def _registered(delivery: _Delivery) -> Iterator[None]:
 
 
 def deliver_side_by_side(
-    scene: bpy.types.Scene, pictures: Mapping[str, NDArray[np.float32]], path: Path, *, frame: int | None = None
+    scene: bpy.types.Scene,
+    pictures: Mapping[str, NDArray[np.float32]],
+    path: Path,
+    *,
+    frame: int | None = None,
+    metadata: Mapping[str, str] = NOTHING,
 ) -> None:
     """Write the pictures of both views, (H, W, 4) scene-linear, side by side into one PNG, through the scene's view
-    transform. frame is the one at which the scene's settings count; None is the present one.
+    transform. frame is the one at which the scene's settings count; None is the present one. metadata are texts for the
+    file's header.
 
     The compositor is not run, and colour settings of the output are not used. An empty scene with the settings of
     `scene` does it, so that nothing is evaluated and the scene's own engine keeps its data. Raises
@@ -169,7 +176,7 @@ def deliver_side_by_side(
         layer = main_layer(empty)
         eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
         with _as_delivered(empty, eyes, compositing=False), side_by_side_png(empty, path):
-            _hand_over(empty, lambda _: eyes, f"write {path.name}", NOTHING, write_still=True)
+            _hand_over(empty, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
     check_png(path)
 
 
@@ -341,11 +348,13 @@ def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Map
     eyes = eyes_at(scene.frame_current)
     height, width = next(iter(next(iter(eyes.values())).values()))[COLOUR_PASS].shape[:2]
     composited = scene.render.use_compositing
-    delivery = _Delivery(eyes_at, wired_passes(scene) if composited else {}, metadata)
+    wired = wired_passes(scene) if composited else {}
     place = {"resolution_x": width, "resolution_y": height, "resolution_percentage": 100}
     try:
-        with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
-            call_render(scene, **how)
+        with stamped(scene.render, metadata) as texts:
+            delivery = _Delivery(eyes_at, wired, texts)
+            with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
+                call_render(scene, **how)
     except RuntimeError as error:
         raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
     if delivery.failed is not None:

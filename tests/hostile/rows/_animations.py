@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.program import (
     DEMO,
     SMALLEST,
@@ -24,11 +25,12 @@ from tests.hostile.program import (
 
 FRAMES = 8
 OPTIONS = (*SMALLEST, "--frames", f"1-{FRAMES}")
-REPORTS = {"animation.json", "animation.png", "animation.svg", "journal"}
+REPORTS = {"animation.json", "animation.png", "animation.svg", JOURNAL}
 
 # Two marks in Blender's files that are of the clock, and the only ones.
 MAKE_SCENE = """
 import sys, bpy
+from stereo_reproject.sequence.journal_folder import JOURNAL
 bpy.ops.wm.open_mainfile(filepath=sys.argv[1], load_ui=False)
 render = bpy.context.scene.render
 render.use_stamp_date = render.use_stamp_render_time = False
@@ -91,7 +93,7 @@ def resume(folder: Path, output: Path | None = None) -> None:
 def records(output: Path) -> dict[str, dict[str, Any]]:
     """Frames' records by name, those that can be read."""
     found = {}
-    for path in (output / "journal").glob("[0-9]*.json"):
+    for path in (output / JOURNAL).glob("[0-9]*.json"):
         try:
             found[path.name] = json.loads(path.read_bytes())
         except (OSError, ValueError):
@@ -112,8 +114,8 @@ def assert_equal(output: Path, expected: Path) -> None:
     assert {name: lasting(record) for name, record in records(output).items()} == {
         name: lasting(record) for name, record in records(expected).items()
     }, "other records"
-    assert_nothing_left(output, *mine, "animation.json", "animation.png", "animation.svg", "journal/")
-    half = [name for name in names_in(output / "journal") if not name.endswith(".json") or name.startswith(".")]
+    assert_nothing_left(output, *mine, "animation.json", "animation.png", "animation.svg", f"{JOURNAL}/")
+    half = [name for name in names_in(output / JOURNAL) if not name.endswith(".json") or name.startswith(".")]
     assert not half, f"half-made in the journal: {half}"
 
 
@@ -123,11 +125,11 @@ def lasting(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def claimed(output: Path, frame: int) -> bool:
-    return any((output / "journal").glob(f"{frame:04d}.claim.*"))
+    return any((output / JOURNAL).glob(f"{frame:04d}.claim.*"))
 
 
 def recorded(output: Path, frame: int) -> bool:
-    return (output / "journal" / f"{frame:04d}.json").exists()
+    return (output / JOURNAL / f"{frame:04d}.json").exists()
 
 
 def work_folders(output: Path) -> list[Path]:

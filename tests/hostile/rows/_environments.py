@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.case import Case
 from tests.hostile.program import (
     DEMO,
@@ -39,7 +40,7 @@ def _limited(kind: int, value: int, command: tuple[Any, ...], works: bool | None
     if outcome.status == 0:
         assert_nothing_left(folder, "out", *(f"out/{name}" for name in files))
     else:
-        left = {path.name for path in folder.rglob("*") if path.is_file() and "journal" not in path.parts}
+        left = {path.name for path in folder.rglob("*") if path.is_file() and JOURNAL not in path.parts}
         assert left <= set(ANIMATION), f"half-made: {left}"
 
 

@@ -9,6 +9,7 @@ import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.case import Case
 from tests.hostile.program import (
     DEMO,
@@ -171,7 +172,7 @@ def _frame_over(name: str, kind: str, how: str, folder: Path) -> None:
         assert_nothing_left(folder, *before, "out", *(f"out/{file}" for file in ANIMATION))
         assert stat.S_ISREG((output / "0001_L.png").lstat().st_mode), f"the frame is {kind}"
     else:
-        journal = [entry for entry in after - before if not entry.startswith("out/journal")]
+        journal = [entry for entry in after - before if Path(entry).parts[:2] != ("out", JOURNAL)]
         assert not [entry for entry in journal if entry.startswith("out/.")], f"half-made: {journal}"
 
 
@@ -280,7 +281,7 @@ def _drive(command: str, options: str, works: bool | None, folder: Path) -> None
     if works is False:
         assert outcome.status != 0, "there was no room, and it is done"
     files = COMMANDS[command][1] if outcome.status == 0 else ()
-    there = {name for name in names_in(drive) if "/journal" not in name}
+    there = {name for name in names_in(drive) if Path(name).parts[:2] != ("out", JOURNAL)}
     odd = there - {"out", *(f"out/{name}" for name in files)} - {"out/0001_L.png", "out/0001_R.png"}
     assert not odd, f"left on the drive: {sorted(odd)}"
 
@@ -354,7 +355,7 @@ def _in_place() -> Iterator[Case]:
             yield Case(f"{kind} in a frame's place, {how or 'and nothing is said'}", check)
         name = ("animation.json", "animation.png", "animation.svg")[number % 3]
         yield Case(f"{kind} in place of {name}", functools.partial(_frame_over, name, kind, "--resume"))
-        yield Case(f"{kind} in place of the journal", functools.partial(_frame_over, "journal", kind, "--resume"))
+        yield Case(f"{kind} in place of the journal", functools.partial(_frame_over, JOURNAL, kind, "--resume"))
         for command in COMMANDS if number % 2 else ("render",):
             yield Case(f"{command} into {kind}", functools.partial(_output_is, command, kind))
         if kind != "a file without rights":

@@ -9,6 +9,7 @@ import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.case import Case
 from tests.hostile.program import (
     DEMO,
@@ -21,7 +22,7 @@ from tests.hostile.program import (
     run_program,
 )
 
-ANIMATION = ("0001_L.png", "0001_R.png", "animation.json", "animation.png", "animation.svg", "journal/")
+ANIMATION = ("0001_L.png", "0001_R.png", "animation.json", "animation.png", "animation.svg", f"{JOURNAL}/")
 COMMANDS = {"render": (SMALLEST, PAIR), "animate": ((*SMALLEST, "--frames", "1"), ANIMATION)}
 
 NAMES: tuple[str | bytes, ...] = (
@@ -83,7 +84,7 @@ NAMES: tuple[str | bytes, ...] = (
     "left.exr",
     "report.json",
     "0001_L.png",
-    "journal",
+    JOURNAL,
     "out.blend",
     "out.mp4",
     "a\nb",

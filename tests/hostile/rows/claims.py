@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.blends import DONE, EITHER, REFUSED, blends_of, private_folder
 from tests.hostile.case import Case
 from tests.hostile.odd_records import DEEP, LONG, damaged, odd_fields
@@ -46,7 +47,7 @@ class Whole:
     frames: Path
 
     def record(self, frame: int) -> bytes:
-        return (self.frames / "journal" / f"{frame:04d}.json").read_bytes()
+        return (self.frames / JOURNAL / f"{frame:04d}.json").read_bytes()
 
     def files(self, frame: int) -> tuple[str, ...]:
         return tuple(json.loads(self.record(frame))["files"])
@@ -160,7 +161,7 @@ def _assert_nothing_lost(folder: Path, before: Before, outcome: Outcome, *, whol
         assert path.exists(), f"{name} was whole, and is lost: {outcome}"
         assert path.stat().st_mtime_ns == moment, f"{name} was whole, and was rendered again: {outcome}"
     usual = {f"frames/{name}" for name in names_in(whole.frames)} | {"frames/animation.png", "frames/animation.svg"}
-    usual |= {name.replace("frames/journal/", "outside/") for name in usual}
+    usual |= {name.replace(f"frames/{JOURNAL}/", "outside/") for name in usual}
     new = names_in(folder) - before.names - usual
     assert not new, f"left behind: {sorted(new)}: {outcome}"
     if not whole_at_end:
@@ -180,14 +181,14 @@ def _assert_nothing_lost(folder: Path, before: Before, outcome: Outcome, *, whol
 
 def _writing(name: str, content: bytes) -> Damage:
     """The file of this name in the journal has this content."""
-    return lambda frames: (frames / "journal" / name).write_bytes(content)
+    return lambda frames: (frames / JOURNAL / name).write_bytes(content)
 
 
 def _without_frame(files: Iterable[str], then: Damage) -> Damage:
     """The frame is not there, and to be rendered."""
 
     def damage(frames: Path) -> None:
-        (frames / "journal" / f"{LOST:04d}.json").unlink()
+        (frames / JOURNAL / f"{LOST:04d}.json").unlink()
         for name in files:
             (frames / name).unlink()
         then(frames)
@@ -235,7 +236,7 @@ def _odd_places(
 
         def damage(frames: Path, make: Callable[[Path], object] = make) -> None:
             first(frames)
-            path = frames / "journal" / name
+            path = frames / JOURNAL / name
             _clear(path)
             make(path)
 
@@ -263,7 +264,7 @@ def _more_records(whole: Whole) -> Iterator[Case]:
 
 def _crowded(frames: Path) -> None:
     for number in range(10_000):
-        (frames / "journal" / f"note-{number}.txt").touch()
+        (frames / JOURNAL / f"note-{number}.txt").touch()
 
 
 CLAIMS: dict[str, bytes] = {
@@ -336,7 +337,7 @@ def _runs(files: tuple[str, ...]) -> Iterator[Case]:
 
     def claimed_by_fifo(frames: Path) -> None:
         _writing("0002.claim.1", TOKEN.encode())(frames)
-        os.mkfifo(frames / "journal" / f"run-{TOKEN}")
+        os.mkfifo(frames / JOURNAL / f"run-{TOKEN}")
 
     yield _case("run: a FIFO, which has claimed the frame", _without_frame(files, claimed_by_fifo))
 
@@ -364,7 +365,7 @@ FOUND: dict[str, bytes] = {
 
 def _found(files: tuple[str, ...]) -> Iterator[Case]:
     def name_of(frames: Path) -> str:
-        (path,) = (frames / "journal").glob("found-*.json")
+        (path,) = (frames / JOURNAL).glob("found-*.json")
         return path.name
 
     for what, content in FOUND.items():
@@ -374,7 +375,7 @@ def _found(files: tuple[str, ...]) -> Iterator[Case]:
 
         yield _case(f"finding: {what}", _without_frame(files, damage))
     yield from _odd_places("finding", name_of(whole_frames().frames), _without_frame(files, lambda _: None))
-    yield _case("finding: of nobody, a FIFO", lambda frames: os.mkfifo(frames / "journal" / "found-0.json"))
+    yield _case("finding: of nobody, a FIFO", lambda frames: os.mkfifo(frames / JOURNAL / "found-0.json"))
 
 
 def _unfinished(files: tuple[str, ...]) -> Iterator[Case]:
@@ -387,7 +388,7 @@ def _unfinished(files: tuple[str, ...]) -> Iterator[Case]:
 
 def _movies() -> Iterator[Case]:
     def name_of(frames: Path) -> str:
-        (path,) = (frames / "journal").glob("movie-*.json")
+        (path,) = (frames / JOURNAL).glob("movie-*.json")
         return path.name
 
     how = {"options": ("--movie",)}
@@ -400,34 +401,34 @@ def _movies() -> Iterator[Case]:
 
         yield _case(f"movie's note: {what}", damage, statuses=REFUSED, words=("no movie of these frames",), **how)
     yield from _odd_places("movie's note", name_of(whole_frames().frames), lambda _: None, EITHER, ("--movie",))
-    yield _case("movie's note: another, a FIFO", lambda frames: os.mkfifo(frames / "journal" / "movie-0.json"), **how)
+    yield _case("movie's note: another, a FIFO", lambda frames: os.mkfifo(frames / JOURNAL / "movie-0.json"), **how)
 
 
 def _journals() -> Iterator[Case]:
     def moved(make: Callable[[Path], object]) -> Damage:
         def damage(frames: Path) -> None:
-            shutil.rmtree(frames / "journal")
+            shutil.rmtree(frames / JOURNAL)
             for frame in FRAMES:
                 for name in whole_frames().files(frame):
                     if frame == LOST:
                         (frames / name).unlink()
-            make(frames / "journal")
+            make(frames / JOURNAL)
 
         return damage
 
     for what in ("a FIFO", "a link to /dev/zero", "a link to itself", "a socket", "a link outside"):
-        yield _case(f"journal is {what}", moved(PLACES[what]), statuses=REFUSED, words=("journal",))
-    yield _case("journal is a file", moved(Path.touch), statuses=REFUSED, words=("journal",))
+        yield _case(f"journal is {what}", moved(PLACES[what]), statuses=REFUSED, words=(JOURNAL,))
+    yield _case("journal is a file", moved(Path.touch), statuses=REFUSED, words=(JOURNAL,))
     yield _case("journal is a link to a folder outside", _linked_journal, statuses=EITHER)
 
 
 def _linked_journal(frames: Path) -> None:
     """The journal lies elsewhere, beside files that look like ours and are somebody's."""
-    outside = _outside(frames / "journal")
-    for path in (frames / "journal").iterdir():
+    outside = _outside(frames / JOURNAL)
+    for path in (frames / JOURNAL).iterdir():
         shutil.copyfile(path, outside / path.name)
-    shutil.rmtree(frames / "journal")
-    (frames / "journal").symlink_to(outside)
+    shutil.rmtree(frames / JOURNAL)
+    (frames / JOURNAL).symlink_to(outside)
 
 
 def _frames(files: tuple[str, ...]) -> Iterator[Case]:

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.case import Case
 from tests.hostile.program import (
     DEMO,
@@ -104,22 +105,22 @@ def _into_a_link(_run: Run, output: Path) -> None:
 
 
 def _journal_goes(_run: Run, output: Path) -> None:
-    (output / "journal").rename(output / "journal.old")
+    (output / JOURNAL).rename(output / f"{JOURNAL}.old")
 
 
 def _journal_comes(output: Path) -> None:
-    shutil.rmtree(output / "journal", ignore_errors=True)
-    (output / "journal.old").rename(output / "journal")
+    shutil.rmtree(output / JOURNAL, ignore_errors=True)
+    (output / f"{JOURNAL}.old").rename(output / JOURNAL)
 
 
 def _journal_into_a_file(_run: Run, output: Path) -> None:
     _journal_goes(_run, output)
-    (output / "journal").write_bytes(b"")
+    (output / JOURNAL).write_bytes(b"")
 
 
 def _journal_file_goes(output: Path) -> None:
-    if not (output / "journal").is_dir():
-        (output / "journal").unlink(missing_ok=True)
+    if not (output / JOURNAL).is_dir():
+        (output / JOURNAL).unlink(missing_ok=True)
     _journal_comes(output)
 
 
@@ -128,12 +129,12 @@ def _shut(mode: int) -> Fault:
 
 
 def _shut_journal(_run: Run, output: Path) -> None:
-    (output / "journal").chmod(0o500)
+    (output / JOURNAL).chmod(0o500)
 
 
 def _open(output: Path) -> None:
     output.chmod(0o755)
-    (output / "journal").chmod(0o755)
+    (output / JOURNAL).chmod(0o755)
 
 
 def _work_folder_goes(_run: Run, output: Path) -> None:
@@ -148,12 +149,12 @@ def _pid_goes(_run: Run, output: Path) -> None:
 
 
 def _claims_go(_run: Run, output: Path) -> None:
-    for path in (output / "journal").glob("*.claim.*"):
+    for path in (output / JOURNAL).glob("*.claim.*"):
         path.unlink(missing_ok=True)
 
 
 def _runs_go(_run: Run, output: Path) -> None:
-    for path in (output / "journal").glob("run-*"):
+    for path in (output / JOURNAL).glob("run-*"):
         path.unlink(missing_ok=True)
 
 
@@ -181,7 +182,7 @@ def _earlier_frame_damaged(_run: Run, output: Path) -> None:
 
 
 def _earlier_record_goes(_run: Run, output: Path) -> None:
-    (output / "journal" / "0001.json").unlink()
+    (output / JOURNAL / "0001.json").unlink()
 
 
 def _limit(child: str, kind: int, value: int) -> Fault:
@@ -360,7 +361,7 @@ IN_OUTPUT_ALONE = ("getdents64",)
 def _failing(calls: str, error: str, when: str, output: Path) -> tuple[str, ...]:
     """A Python whose system calls fail, and those of its children."""
     # strace cannot join a filter by path and one in the kernel.
-    where = ("-P", str(output), "-P", str(output / "journal")) if calls in IN_OUTPUT_ALONE else ("--seccomp-bpf",)
+    where = ("-P", str(output), "-P", str(output / JOURNAL)) if calls in IN_OUTPUT_ALONE else ("--seccomp-bpf",)
     tracer = ("strace", "-f", *where, "-qq", "-o", "/dev/null", "-e", f"trace={calls}")
     return (*tracer, "-e", f"inject={calls}:error={error}:when={when}", sys.executable)
 

@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.hostile.case import Case
 from tests.hostile.program import (
     DEMO,
@@ -46,7 +47,7 @@ SEEN_BEFORE = 39
 MOMENTS: dict[str, Callable[[Run, Path], object]] = {
     "with its folder just made": lambda _run, output: work_folders(output),
     "with Blender just started": lambda run, _output: run.children("worker"),
-    "with its journal just made": lambda _run, output: (output / "journal").exists(),
+    "with its journal just made": lambda _run, output: (output / JOURNAL).exists(),
     "at the claim of frame 1": lambda _run, output: claimed(output, 1),
     "with its writer just started": lambda run, _output: run.children("writer"),
     "at the claim of frame 3": lambda _run, output: claimed(output, 3),
@@ -108,7 +109,7 @@ def _killed(moment: str, victim: str, signum: int, folder: Path) -> None:
     if VICTIMS[victim] not in (_everything, _main, _main_and_worker):
         assert_one_line_or_done(outcome)
         # A heartbeat that was not yet started cannot clear away what it was to be of; the next run does.
-        for path in (output / "journal").glob("run-*"):
+        for path in (output / JOURNAL).glob("run-*"):
             path.unlink()
         assert_nothing_left(output, *names_in(output))
     _assert_finished(output, expected)

@@ -1,0 +1,120 @@
+"""The extension's preferences: what belongs to a person and a machine, and not to a scene."""
+
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.scene.user_folder import user_folder
+from ..stereo_reproject.report.verdict import accuracy_name
+from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.settings.accuracy import SETTINGS
+from ..stereo_reproject.settings.frame import StereoSettings
+from .text import shown
+
+EXTENSION = __package__.rpartition(".")[0]
+"""Name under which Blender knows the extension, such as "bl_ext.user_default.stereo_reproject"."""
+
+MIN_PREVIEW_PX = 480
+"""Pixels of a preview's longer side, at least, unless the full picture has fewer: smaller ones show little depth."""
+
+PREVIEW_SAMPLES = 16
+"""Samples of each pixel of a preview: few enough to be quick, and enough for a denoiser."""
+
+SCREEN_WIDTH_M = 0.6
+"""Width of a monitor of 27 inches, in metres."""
+
+EYE_DISTANCE_M = 0.065
+"""Distance between an adult's eyes, in metres, as stereo is usually made for; the mean of adults is 63 mm."""
+
+GROUPS = (
+    ("Scenes in Which Nothing Else Was Chosen", ("accuracy", "preview_samples", "screen_width", "eye_distance")),
+    ("Every Preview", ("preview_pixels",)),
+    ("Folders", ("temporary_folder", "costs_folder")),
+)
+"""Titles and preferences, in the order in which they are drawn."""
+
+
+def promise(name: str) -> str:
+    """Return, in words for artists, the promise of the accuracy setting of this name."""
+    accuracy = SETTINGS[name]
+    if accuracy.promise is None:
+        return "No promise: reflections and glass stay as the first eye sees them"
+    text = f"At most {round(100 * (accuracy.promise - 1.0))} % more error than the noise of a plain render"
+    return f"{text}, in every part of the picture" if accuracy.promises_worst_tiles else text
+
+
+class StereoReprojectPreferences(bpy.types.AddonPreferences):
+    """Preferences of the extension, in Preferences > Add-ons."""
+
+    bl_idname = EXTENSION
+
+    accuracy: bpy.props.EnumProperty(
+        name="Accuracy",
+        description="How close the second eye comes to one that is rendered whole",
+        items=[(name, accuracy_name(name), promise(name)) for name in SETTINGS],
+        default=StereoSettings.accuracy,
+    )
+    preview_pixels: bpy.props.IntProperty(
+        name="Smallest Size (px)",
+        description="Pixels of a preview's longer side, at least, unless the full picture has fewer",
+        default=MIN_PREVIEW_PX,
+        min=64,
+        soft_max=2048,
+    )
+    preview_samples: bpy.props.IntProperty(
+        name="Preview Samples",
+        description="Samples of each pixel of a preview",
+        default=PREVIEW_SAMPLES,
+        min=1,
+        soft_max=1024,
+    )
+    screen_width: bpy.props.FloatProperty(
+        name="Screen Width (m)",
+        description="Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
+        default=SCREEN_WIDTH_M,
+        min=0.01,
+        soft_max=30.0,
+    )
+    eye_distance: bpy.props.FloatProperty(
+        name="Viewer's Eyes (m)",
+        description="Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
+        default=EYE_DISTANCE_M,
+        min=0.001,
+        soft_max=0.08,
+        precision=3,
+    )
+    temporary_folder: bpy.props.StringProperty(
+        name="Temporary Files",
+        description="Folder for temporary files of a render, some of them large. Empty: Blender's own",
+        subtype="DIR_PATH",
+    )
+    costs_folder: bpy.props.StringProperty(
+        name="Measured Times",
+        description="Folder in which it is kept how fast this machine renders missing pixels."
+        " Empty: the folder that Blender has for the extension",
+        subtype="DIR_PATH",
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw the preferences, in groups."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for title, names in GROUPS:
+            layout.label(text=title)
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(self, name)
+        kept_in = user_folder()
+        if kept_in is not None and not self.costs_folder:
+            layout.label(text=shown(Words("Measured times are kept in {folder}", folder=kept_in)), icon="INFO")
+
+
+def preferred(name: str) -> Any:
+    """Return the value of a preference; its default where the extension was not switched on as an add-on, and so has no
+    preferences.
+    """
+    addon = bpy.context.preferences.addons.get(EXTENSION)
+    if addon is None or addon.preferences is None:
+        return StereoReprojectPreferences.bl_rna.properties[name].default
+    return getattr(addon.preferences, name)

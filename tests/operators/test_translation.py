@@ -1,0 +1,112 @@
+"""With a table of translations, panels and reports speak its language: texts as they are, and those with figures."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+TABLE = {
+    "{time} saved": "{time} gespart",
+    "{sentence}.": "{sentence}!",
+    "Nearly as good as a full render": "Fast so gut wie ein volles Rendern",
+    "{better} would take {time}": "{time} mehr für {better}",
+    "Exact": "Genau",
+    "Honest ratio": "Ehrliches Verhältnis",
+    "Only Cycles and EEVEE can be reprojected: choose one in Render properties.": "Nur Cycles und EEVEE",
+    "Predicted: {gain} times as fast as multiview": "{gain}-mal so schnell",
+    "1 stereo frame rendered": "Ein Stereobild",
+    "{count} stereo frames rendered": "{count} Stereobilder",
+}
+
+
+@pytest.fixture
+def german(extension, monkeypatch):
+    """Blender in German, with a made-up table for the extension's texts.
+
+    Blender as a Python module has no languages: its own look-up is replaced here, and is used in a window
+    (tests/gui/test_widths_in_window.py).
+    """
+    from stereo_reproject_extension.operators import text
+
+    for name in ("pgettext_iface", "pgettext_rpt"):
+        monkeypatch.setattr(text, name, lambda message: TABLE.get(message, message))
+
+
+class Drawn:
+    """A layout that notes the labels that are drawn into it; it stands for the parts of itself too."""
+
+    def __init__(self):
+        self.labels = []
+
+    def label(self, *, text, **_):
+        self.labels.append(text)
+
+    def __getattr__(self, name):
+        return lambda *_, **__: self
+
+
+def paragraph(text):
+    from stereo_reproject_extension.operators import drawing
+
+    drawn = Drawn()
+    wide = SimpleNamespace(region=SimpleNamespace(width=4000), preferences=bpy.context.preferences)
+    drawing.paragraph(drawn, wide, text)
+    return " ".join(drawn.labels)
+
+
+def test_a_sentence_of_the_panel_is_translated(german):
+    from stereo_reproject_extension.operators.panels import obstacle
+
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    assert paragraph(obstacle(bpy.context.scene)) == "Nur Cycles und EEVEE"
+
+
+def test_the_verdict_is_translated_with_its_figures(german):
+    from stereo_reproject_extension.stereo_reproject.report.verdict import _quality, saved_words
+    from stereo_reproject_extension.stereo_reproject.report.words import Words
+
+    assert paragraph(Words("{sentence}.", sentence=saved_words(190.0))) == "3 min 10 s gespart!"
+    verdict = _quality(1.2, True, 0.0).words
+    assert paragraph(Words("{sentence}.", sentence=verdict)) == "Fast so gut wie ein volles Rendern!"
+
+
+def test_fields_may_stand_in_another_order(german):
+    from stereo_reproject_extension.operators.details import price_words
+
+    price = {"accuracy": "exact", "more_seconds": 4.0, "complete": True}
+    said = paragraph(price_words(price))
+    assert said.endswith(" mehr für Genau")
+    assert "4.0 s" in said
+
+
+def test_rows_of_figures_are_translated(german):
+    from stereo_reproject_extension.operators.drawing import draw_row
+
+    drawn = Drawn()
+    draw_row(drawn, "Honest ratio", "1.020")
+    assert drawn.labels == ["Ehrliches Verhältnis", "1.020"]
+
+
+def test_reports_are_translated(german):
+    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.text import reported
+
+    assert reported(gain_words({"gain": {"low": 1.5, "high": 1.55}, "fill": {}})) == "1.6-mal so schnell"
+
+
+@pytest.mark.parametrize(("count", "expected"), [(1, "Ein Stereobild"), (7, "7 Stereobilder")])
+def test_one_and_many_have_messages_of_their_own(german, count, expected):
+    from stereo_reproject_extension.operators.render import _words_of_animation
+    from stereo_reproject_extension.operators.text import reported
+
+    totals = {"multiview_seconds": 1.0, "seconds": 1.0}
+    report = {"rendered": count, "there_already": [], "files": ["a.png"], "totals": totals}
+    assert reported(_words_of_animation(report, "", "")).startswith(f"{expected}: a.png. ")
+
+
+def test_in_english_all_is_as_written(extension):
+    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.text import reported
+
+    gain = {"gain": {"low": 1.2, "high": 1.6}, "fill": {}}
+    assert reported(gain_words(gain)) == "Predicted: 1.2 to 1.6 times as fast as multiview"
