@@ -18,13 +18,16 @@ def _classes() -> tuple[type, ...]:
         image_panels,
         jobs,
         kept,
+        multiview,
         panels,
         pictures,
         properties,
         render,
         screen_here,
         stereo,
+        view_modes,
         viewing,
+        wiggle_export,
     )
 
     return (
@@ -42,6 +45,10 @@ def _classes() -> tuple[type, ...]:
         screen_here.STEREO_REPROJECT_OT_set_screen_here,
         depth_view.STEREO_REPROJECT_GGT_screen,
         pictures.STEREO_REPROJECT_OT_show_picture,
+        view_modes.STEREO_REPROJECT_OT_show_view,
+        view_modes.STEREO_REPROJECT_OT_wiggle,
+        wiggle_export.STEREO_REPROJECT_OT_export_wiggle,
+        multiview.STEREO_REPROJECT_OT_show_side,
         *panels.PANELS,
         *image_panels.IMAGE_PANELS,
     )
@@ -53,7 +60,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import depth_view, panels, properties, slots, viewing
+    from . import depth_view, panels, properties, slots, view_modes, viewing
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -63,6 +70,7 @@ def register() -> None:
     viewing.add_key()
     depth_view.add_drawing()
     slots.watch()
+    view_modes.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -83,7 +91,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, panels, screen_here, slots, viewing
+    from . import depth_view, panels, screen_here, slots, view_modes, viewing
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -92,6 +100,7 @@ def unregister() -> None:
     viewing.remove_key()
     depth_view.remove_drawing()
     screen_here.put_away()
+    view_modes.unwatch()
     slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject

@@ -50,10 +50,15 @@ def render_result() -> bpy.types.Image | None:
     return next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
 
 
+def editors() -> list[tuple[bpy.types.Window, bpy.types.Area]]:
+    """Return the Image Editors of all windows, each with its window."""
+    areas = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    return [(window, area) for window, area in areas if area.type == "IMAGE_EDITOR"]
+
+
 def _image_editors() -> list[bpy.types.Area]:
     """Return the Image Editors of all windows."""
-    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    return [area for area in areas if area.type == "IMAGE_EDITOR"]
+    return [area for _, area in editors()]
 
 
 def show_image(image: bpy.types.Image) -> bool:
@@ -70,13 +75,16 @@ MAX_FOREIGN_REDRAWS = 50
 
 def fit_result() -> None:
     """Zoom every Image Editor that shows the Render Result so that the whole picture fits into it."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type != "IMAGE_EDITOR" or area.spaces.active.image != render_result():
-                continue
-            region = next(region for region in area.regions if region.type == "WINDOW")
-            with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-                bpy.ops.image.view_all(fit_view=True)
+    for window, area in editors():
+        if area.spaces.active.image == render_result():
+            fit_editor(window, area)
+
+
+def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """Zoom an Image Editor so that the whole picture fits into it."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        bpy.ops.image.view_all(fit_view=True)
 
 
 def redraw_with_both_eyes(*, fit: bool = False) -> None:

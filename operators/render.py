@@ -18,7 +18,7 @@ from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress
-from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.report.verdict import (
     full_render_gain,
@@ -30,11 +30,12 @@ from ..stereo_reproject.report.verdict import (
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from .jobs import JobOperator
-from .pictures import show_pair
+from .multiview import hand_over_multiview
 from .properties import MIN_PREVIEW_PX
 from .results import Delivery, keep_animation, keep_inspection, keep_pair, result_of
 from .run import BackgroundJob, seconds_of
-from .slots import content_now, unused_slot
+from .slots import content_now, leave_multiview, multiview_now, unused_slot
+from .view_images import show_delivered
 from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
@@ -71,7 +72,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
-        files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
+        files = (DIFFERENCE, *MULTIVIEW_EYES.values(), *PAIR_FILES) if settings.compare else PAIR_FILES
         return BackgroundJob(scene, settings, "render", files, _pair_progress(scene, settings))
 
     def take(self, scene: bpy.types.Scene | None, run: BackgroundJob) -> str:
@@ -80,7 +81,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         where = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
-        keep_pair(scene, run, _delivery(frame, preview=self.preview))
+        keep_pair(scene, run, _delivery(frame, preview=self.preview, compared=run.settings.compare))
         return summary(scene) + where
 
 
@@ -183,9 +184,9 @@ def preview_size(region: FrameRegion, percentage: int) -> tuple[int, int]:
     return width, height
 
 
-def _delivery(frame: int | None, *, preview: bool = False) -> Delivery:
-    """Return the picture of this frame that was handed over just now."""
-    return Delivery(content_now(), frame, time.strftime("%H:%M"), preview)
+def _delivery(frame: int | None, *, preview: bool = False, compared: bool = False) -> Delivery:
+    """Return the picture of this frame that was handed over just now; if it was compared, with multiview's."""
+    return Delivery(content_now(), frame, time.strftime("%H:%M"), preview, multiview_now() if compared else None)
 
 
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings) -> Progress:
@@ -231,6 +232,9 @@ def _deliver(
     """
     if scene is None:
         raise _deleted(run)
+    before = result_of(scene).delivery
+    leave_multiview(None if before is None else before.content)
+    hand_over_multiview(scene, run, frame=frame)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
     metadata = read_metadata(run.folder / f"{VIEWS[0]}.exr")
     with unused_slot() as slot:
@@ -242,8 +246,7 @@ def _deliver(
     if gone:
         run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
-        before = result_of(scene).delivery
-        show_pair(fit=preview or (before is not None and before.preview))
+        show_delivered(scene, fit=preview or (before is not None and before.preview))
     return "" if slot is None else f"; in the render slot {slot!r}, as another render was made meanwhile"
 
 
