@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 
 from ..stereo_reproject.blender.output.delivery import deliver_to_result
@@ -12,7 +14,7 @@ from .jobs import sentence
 from .pictures import render_result
 from .results import Delivery, SlotContent, result_of
 from .run import BackgroundJob
-from .slots import content_now, holds, multiview_slot, show_slot
+from .slots import content_now, holds, multiview_slot, note_own_render, show_slot
 from .view_images import kind_of, pair_shown_in, renew
 
 OURS, MULTIVIEW = "OURS", "MULTIVIEW"
@@ -34,9 +36,16 @@ def hand_over_multiview(scene: bpy.types.Scene, run: BackgroundJob, *, frame: in
         return
     eyes = {view: read_eye(path) for view, path in paths.items()}
     metadata = read_metadata(next(iter(paths.values())))
+    deliver = partial(
+        deliver_to_result, scene, eyes, frame=frame, to_look_at=True, metadata=metadata, layers_then=run.layers
+    )
     try:
+        if render_result() is None:
+            # Only a render makes one, and with it the slots.
+            deliver()
+            note_own_render()
         with multiview_slot():
-            deliver_to_result(scene, eyes, frame=frame, to_look_at=True, metadata=metadata, layers_then=run.layers)
+            deliver()
     except StereoReprojectError as error:
         run.warnings.append(f"multiview's pair is in no render slot: {error}")
     for path in paths.values():

@@ -46,6 +46,13 @@ def note_start() -> None:
     _before.update(_renders)
 
 
+def note_own_render() -> None:
+    """Note that the last render into the active slot is ours, which a pair may replace: it is none of the user's."""
+    content = content_now()
+    if content is not None:
+        _before[content.place] = content.renders
+
+
 @bpy.app.handlers.persistent
 def _count(*_: Any) -> None:
     """Count a render into the active slot. Blender calls this in another thread when a render begins."""

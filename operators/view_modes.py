@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from . import wiggling
 from .jobs import sentence
@@ -24,6 +25,9 @@ MODES = {
     WIGGLE: ("Wiggle", "The eyes one after the other, so that depth is seen without glasses. Esc ends it"),
 }
 """Names and tooltips of the modes."""
+
+_SHOWN = [(mode, *texts) for mode, texts in MODES.items() if mode != WIGGLE]
+"""Modes that an editor stays in, as items of an enumeration."""
 
 NO_PAIR = "There is no stereo pair to look at: click Preview or Render first"
 
@@ -77,7 +81,7 @@ class STEREO_REPROJECT_OT_show_view(_OfPair, bpy.types.Operator):
     bl_idname = "stereo_reproject.show_view"
     bl_label = "Look at Stereo Pair"
 
-    mode: bpy.props.EnumProperty(name="Mode", items=[(key, *texts) for key, texts in MODES.items() if key != WIGGLE])
+    mode: bpy.props.EnumProperty(name="Mode", items=_SHOWN)
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -119,7 +123,7 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
             space.image = pair
             return {"FINISHED"}
         try:
-            _show_made(context, pair, WIGGLE)
+            show(context, pair, WIGGLE)
         except (StereoReprojectError, OSError) as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
@@ -143,8 +147,8 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
 
 
 def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
-    """Show the pair in this image in the Image Editor of the context, in a mode other than Wiggle. Raises
-    BadInputError where the image holds no pair, OSError, and StereoReprojectError.
+    """Show the pair in this image in the Image Editor of the context, in one of `MODES`; Wiggle's first eye stays until
+    its operator shows the other. Raises BadInputError where the image holds no pair, OSError, and StereoReprojectError.
     """
     if mode != ANAGLYPH:
         _show_made(context, pair, mode)
@@ -155,7 +159,7 @@ def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
     space.image, space.show_stereo_3d = pair, True
     redraw_with_both_eyes(fit=was_wide)
     remove_unused(keep=wiggling.kinds_in_use())
-    _last_modes.pop(space.as_pointer(), None)
+    _last_modes[space.as_pointer()] = (mode, pair.name)
 
 
 def _show_made(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
@@ -196,14 +200,24 @@ def _show_again(*_: Any) -> None:
     for window, area in editors():
         space = area.spaces.active
         mode, name = _last_modes.get(space.as_pointer(), ("", ""))
-        pair = bpy.data.images.get(name) or render_result()
-        if not mode or space.image is not None or pair is None:
+        if not mode or space.image is not None:
             continue
         with bpy.context.temp_override(window=window, area=area):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            pair = bpy.data.images.get(name) or render_result() or _render_result_again()
             try:
-                _show_made(bpy.context, pair, mode)
+                if pair is not None:
+                    show(bpy.context, pair, mode)
             except (StereoReprojectError, OSError) as error:
                 print(f"Stereo Reproject cannot show the pair again: {error}")
+
+
+def _render_result_again() -> bpy.types.Image | None:
+    """Have Blender make its Render Result again, which an undo to before the first render takes away although the
+    render itself stays. It is shown in an Image Editor that is empty.
+    """
+    with changed(bpy.context.preferences.view, render_display_type="AREA"):
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+    return render_result()
 
 
 @bpy.app.handlers.persistent

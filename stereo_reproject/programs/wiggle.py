@@ -23,8 +23,11 @@ def main() -> None:
         from ..blender.output.wiggle import write_wiggle_movie
 
         bpy.ops.wm.read_factory_settings(use_empty=True)
+        scene = bpy.context.scene
+        # Blender renders nothing without one.
+        scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
         made = write_wiggle_movie(
-            bpy.context.scene, [Path(name) for name in task["pictures"]], Path(task["folder"]), task["seconds"]
+            scene, [Path(name) for name in task["pictures"]], Path(task["folder"]), task["seconds"]
         )
         # It may be wanted on another drive.
         shutil.move(made, task["movie"])

@@ -30,7 +30,7 @@ from drive_common import (
     window,
 )
 
-PERCENT, SAMPLES = [int(number) for number in MORE] or (50, 8)
+PERCENT, SAMPLES = [int(number) for number in MORE] or (25, 4)
 
 MODES = ("ANAGLYPH", "LEFT", "RIGHT", "SIDE_BY_SIDE", "CROSS_EYED")
 
@@ -66,6 +66,8 @@ def over_the_picture():
 
 def open_the_tab():
     facts["result_at_start"] = any(image.type == "RENDER_RESULT" for image in bpy.data.images)
+    # The sidebar stands beside the picture, not over it.
+    bpy.context.preferences.system.use_region_overlap = False
     area_of("VIEW_3D").type = "IMAGE_EDITOR"
     yield 0.5
     yield from show_sidebar("IMAGE_EDITOR", "Stereo")
@@ -89,7 +91,7 @@ def render_and_compare():
     facts["size"] = list(results().report["size"]) if results().report else None
     facts["warnings"] = list(results().warnings)
     region = region_of("IMAGE_EDITOR", "WINDOW")
-    facts["editor"] = [region.x, region.y, region.width - region_of("IMAGE_EDITOR", "UI").width, region.height]
+    facts["editor"] = [region.x, region.y, region.width, region.height]
 
 
 def look_in_every_mode():
@@ -156,19 +158,21 @@ def end_wiggles_by_buttons():
 
 
 def undo():
-    """What was before our images were made comes back, and they stay."""
+    """To before our images were made, and then to before the first render, where even Blender's own is gone."""
     over_the_picture()
     bpy.ops.ed.undo_push(message="Before")
     yield from click("IMAGE_EDITOR", "UI", "show_view(mode='SIDE_BY_SIDE')")
-    scene = bpy.context.scene
-    scene.frame_current += 1
-    bpy.ops.ed.undo_push(message="Frame")
+    bpy.ops.ed.undo_push(message="After")
     over_the_picture()
-    for _ in range(2):
+    for name in ("undo", "undo_of_all"):
         press("Z", ctrl=True)
         yield from redrawn()
-    facts["after_undo"] = [*shown(), space().image.size[0] if space().image else 0]
-    shoot("undone")
+        facts[f"after_{name}"] = [*shown(), space().image.size[0] if space().image else 0]
+        shoot(name)
+    for _ in range(2):
+        press("Z", ctrl=True, shift=True)
+        yield from redrawn()
+    facts["after_redo"] = [*shown(), space().image.size[0] if space().image else 0]
 
 
 def flip_to_multiview():

@@ -44,7 +44,7 @@ def facts():
 
 
 def editor(facts, name):
-    """What a screenshot has in the Image Editor, (H, W, 3), without the sidebar."""
+    """What a screenshot has in the Image Editor, (H, W, 3)."""
     x, y, width, height = facts["editor"]
     image = bpy.data.images.load(str(SEEN / f"{name}.png"))
     pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], -1)
@@ -135,8 +135,9 @@ def test_a_picture_with_one_view_is_refused_in_one_line(facts):
     assert facts["image_after_one_view"] == "Render Result"
 
 
-def test_an_undo_to_before_an_image_was_made_leaves_it_in_place(facts):
-    name, mode, width = facts["after_undo"]
+@pytest.mark.parametrize("step", ["undo", "undo_of_all", "redo"])
+def test_an_undo_to_before_an_image_was_made_leaves_it_in_place(facts, step):
+    name, mode, width = facts[f"after_{step}"]
     assert (name, mode) == ("Stereo Side by Side", "SIDE_BY_SIDE")
     assert width == 2 * facts["size"][0]
 
