@@ -9,7 +9,6 @@ from .multiview import draw_sides
 from .view_modes import MODES, WIGGLE, STEREO_REPROJECT_OT_show_view, STEREO_REPROJECT_OT_wiggle, mode_of
 from .wiggle_export import STEREO_REPROJECT_OT_export_wiggle
 
-
 MAX_COLUMNS = 3
 """Buttons beside each other, at most: the six modes in two full rows."""
 

@@ -4,6 +4,7 @@ It needs BLENDER_WINDOW, see tests/gui/window. What is seen is left in build/gui
 GUI_RENDER names the render's percentage and samples.
 """
 
+import itertools
 import os
 
 import bpy
@@ -106,7 +107,7 @@ def test_a_wiggle_alternates_in_its_time_and_the_window_lives(facts):
     assert facts["wiggling"][1] == "WIGGLE"
     names = [name for name, _ in facts["turns"]]
     assert set(names) == {"Stereo Left", "Stereo Right"}
-    assert all(first != second for first, second in zip(names, names[1:], strict=False))
+    assert all(first != second for first, second in itertools.pairwise(names))
     times = np.diff([when for _, when in facts["turns"]])[1:]
     assert LEAST_SECONDS < np.median(times) < MOST_SECONDS
     assert facts["navigates"]

@@ -47,13 +47,12 @@ def _saved(scene: bpy.types.Scene, image: bpy.types.Image, path: Path, values: d
     view. Raises BadInputError where there are not two.
     """
     paths = {view: path.with_stem(f"{path.stem}{_suffix(view)}") for view in VIEWS}
-    # Blender looks for a file without a view's suffix when it has saved both, and takes it for a failure if there is none.
-    path.touch()
     with _individual_views(scene, values):
         try:
             image.save_render(output_path(path), scene=scene)
             reason = "it has one view"
         except RuntimeError as error:
+            # Of a Render Result with two views Blender says so each time, also when it has saved both: the files tell.
             reason = " ".join(str(error).removeprefix("Error: ").split())
     if not all(path.exists() for path in paths.values()):
         raise BadInputError(f"{image.name!r} is no stereo pair ({reason}): render one, or open one")
