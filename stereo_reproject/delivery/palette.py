@@ -13,14 +13,18 @@ HISTOGRAM_BITS = 5
 """Bits of each channel by which colours are counted: 32768 bins, Heckbert's own choice."""
 
 LOOKUP_BITS = 6
-"""Bits of each channel by which a pixel finds its palette entry: steps of 4, a fifth of the dither's range."""
+"""Bits of each channel by which a pixel finds its palette entry: steps of 4, half of the dither's range."""
 
 LOOKUP_CHUNK_COLOURS = 1 << 14
 """Colours that are compared with all of the palette at once: some 16 MiB of distances."""
 
-DITHER_LEVELS = 20.0
-"""Range of the dither in steps of 8 bits: the distance of neighbours in a palette of 256 that fill a cube with an edge
-of 128, half of what a channel can have, which pictures seldom exceed."""
+DITHER_LEVELS = 8.0
+"""Range of the dither in steps of 8 bits: about the distance of neighbours in a palette of 256 made for a picture. In a
+render of a bathroom, 20 shows as a pattern and 0 as bands."""
+
+EXACT_LEVELS = 2
+"""Steps of 8 bits by which a channel may be off its palette entry and is not dithered: the half of a step of
+`LOOKUP_BITS`."""
 
 
 def palette_of(pictures: NDArray[np.uint8], colours: int) -> NDArray[np.uint8]:
@@ -40,13 +44,20 @@ def palette_of(pictures: NDArray[np.uint8], colours: int) -> NDArray[np.uint8]:
 
 def in_palette(picture: NDArray[np.uint8], palette: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return for each pixel of a picture (H, W, 3) its entry of the palette (at most 256, 3), as (H, W) bytes. A dither
-    that has the same pattern in each picture hides the steps between entries.
+    that has the same pattern in each picture hides the steps between entries; colours that the palette has are left.
     """
     height, width = picture.shape[:2]
     offsets = np.tile(_bayer(), (height // 8 + 1, width // 8 + 1))[:height, :width, None]
     dithered = np.clip(np.round(picture + DITHER_LEVELS * offsets), 0, 255).astype(np.uint8)
-    used, places = np.unique(_bin_numbers(dithered, LOOKUP_BITS), return_inverse=True)
-    return _nearest(used, palette)[places].reshape(height, width)
+    plain = _nearest_of(picture, palette)
+    is_exact = np.abs(palette[plain].astype(np.int16) - picture).max(axis=-1) <= EXACT_LEVELS
+    return np.where(is_exact, plain, _nearest_of(dithered, palette))
+
+
+def _nearest_of(picture: NDArray[np.uint8], palette: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the nearest palette entry of each pixel of a picture (H, W, 3), as (H, W) bytes."""
+    used, places = np.unique(_bin_numbers(picture, LOOKUP_BITS), return_inverse=True)
+    return _nearest(used, palette)[places].reshape(picture.shape[:2])
 
 
 def _histogram(pictures: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -10,9 +10,9 @@ from stereo_reproject.delivery.gif import write_gif
 from stereo_reproject.delivery.palette import DITHER_LEVELS, LOOKUP_BITS, in_palette, palette_of
 from stereo_reproject.errors import BadInputError
 
-MAX_MEAN_LEVELS = DITHER_LEVELS / 2
-"""Mean difference of a smooth picture's channels, at most: half of the dither's range, of which the mean is a quarter,
-and as much for the distance to the nearest entry."""
+MAX_MEAN_LEVELS = 1.5 * DITHER_LEVELS
+"""Mean difference of a picture's channels, at most: a quarter of the dither's range, and the distance to the nearest
+entry where 256 colours are to do for ramps of all three channels."""
 
 LOOKUP_LEVELS = 1 << (8 - LOOKUP_BITS)
 
@@ -78,8 +78,8 @@ def test_any_picture_in_its_own_palette_is_read_as_it_is(tmp_path_factory, seed,
 
 def test_the_mean_of_a_dithered_grey_is_that_grey():
     """Between two entries, the dither mixes them in the right shares."""
-    palette = np.array([[96] * 3, [112] * 3], np.uint8)
-    for grey in (100, 104, 108):
+    palette = np.array([[100] * 3, [108] * 3], np.uint8)
+    for grey in (103, 104, 105):
         picture = np.full((64, 64, 3), grey, np.uint8)
         mean = palette[in_palette(picture, palette)].mean()
         assert abs(mean - grey) < LOOKUP_LEVELS
