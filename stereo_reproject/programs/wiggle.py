@@ -18,17 +18,10 @@ def main() -> None:
     task = json.loads(sys.stdin.buffer.readline())
     status = 0
     try:
-        import bpy
-
         from ..blender.output.wiggle import write_wiggle_movie
 
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-        scene = bpy.context.scene
-        # Blender renders nothing without one.
-        scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-        made = write_wiggle_movie(
-            scene, [Path(name) for name in task["pictures"]], Path(task["folder"]), task["seconds"]
-        )
+        pictures = [Path(name) for name in task["pictures"]]
+        made = write_wiggle_movie(pictures, Path(task["folder"]), task["seconds"])
         # It may be wanted on another drive.
         shutil.move(made, task["movie"])
     except Exception as error:  # noqa: BLE001 - whatever goes wrong is reported in one line

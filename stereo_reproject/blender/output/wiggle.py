@@ -55,12 +55,16 @@ def wiggle_pictures(
     return [np.round(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8) for picture in smaller]
 
 
-def write_wiggle_movie(scene: bpy.types.Scene, pictures: Sequence[Path], folder: Path, seconds: float) -> Path:
+def write_wiggle_movie(pictures: Sequence[Path], folder: Path, seconds: float) -> Path:
     """Write the pictures of a wiggle, PNG files, as an MP4 into `folder`, and return its path. Each is shown for about
     `seconds`, a whole number of frames, again and again for `MOVIE_SECONDS`. Raises StereoReprojectError.
 
-    Blender renders to encode: call this in a process of its own, for it takes the scene's Render Result.
+    Blender renders to encode, in an empty file in place of the open one: call this in a process of its own.
     """
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    # Blender renders nothing without one.
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     held = max(round(seconds * MOVIE_FRAMES_PER_SECOND), 1)
     rounds = int(np.ceil(MOVIE_SECONDS * MOVIE_FRAMES_PER_SECOND / (held * len(pictures))))
     shown = []
