@@ -87,11 +87,15 @@ class STEREO_REPROJECT_OT_show_side(bpy.types.Operator):
         if not holds(content):
             self.report({"ERROR"}, f"The render slot {content.name!r} holds another render by now")
             return {"CANCELLED"}
+        before = content_now()
         show_slot(content)
         space = context.space_data
         try:
             renew(context.scene)
         except (StereoReprojectError, OSError) as error:
+            # An undo to before the first render empties the slots.
+            if before is not None:
+                show_slot(before)
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         result = render_result()

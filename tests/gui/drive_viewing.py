@@ -129,8 +129,7 @@ def wiggle():
     # Zooming and panning go on meanwhile.
     zoom = space().zoom[0]
     press("WHEELUPMOUSE")
-    yield from redrawn()
-    facts["navigates"] = space().zoom[0] > zoom
+    yield from until(lambda: space().zoom[0] > zoom, "the picture cannot be zoomed meanwhile")
     press("WHEELDOWNMOUSE")
     yield from redrawn()
     for kind in ("Left", "Right"):
@@ -294,12 +293,12 @@ STEPS = (
     look_in_every_mode,
     wiggle,
     end_wiggles_by_buttons,
-    undo,
     flip_to_multiview,
     render_again_side_by_side,
     wiggle_until_a_render,
     export,
     close_a_window_that_wiggles,
+    undo,
     look_where_it_is_narrow,
     switch_off_under_way,
 )
