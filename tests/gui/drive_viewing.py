@@ -36,6 +36,9 @@ MODES = ("ANAGLYPH", "LEFT", "RIGHT", "SIDE_BY_SIDE", "CROSS_EYED")
 
 PREVIEW_PERCENT = 25
 
+SHOTS = 6
+"""Pictures that are taken of a wiggle: so many that not all of them fall on one eye."""
+
 
 def modes():
     return importlib.import_module(f"{MODULE}.operators.view_modes")
@@ -96,12 +99,15 @@ def render_and_compare():
 
 def look_in_every_mode():
     """By its button; the mouse goes out of the way before the picture is taken."""
-    facts["modes"] = {}
+    facts["modes"], facts["places"] = {}, {}
     for mode in MODES:
         yield from click("IMAGE_EDITOR", "UI", f"show_view(mode='{mode}')")
         over_the_picture()
         yield from redrawn()
         facts["modes"][mode] = [*shown(), space().zoom[0]]
+        view = region_of("IMAGE_EDITOR", "WINDOW").view2d
+        corners = [view.view_to_region(corner, corner, clip=False) for corner in (0.0, 1.0)]
+        facts["places"][mode.lower()] = [*corners[0], *corners[1]]
         shoot(mode.lower())
     facts["dirty"] = [image.name for image in bpy.data.images if image.is_dirty]
 
@@ -132,10 +138,9 @@ def wiggle():
     yield from until(lambda: space().zoom[0] > zoom, "the picture cannot be zoomed meanwhile")
     press("WHEELDOWNMOUSE")
     yield from redrawn()
-    for kind in ("Left", "Right"):
-        yield from until(lambda kind=kind: space().image.name.endswith(kind), "the eyes do not alternate")
-        yield 0.1
-        shoot(f"wiggle_{kind.lower()}")
+    for number in range(SHOTS):
+        yield 0.25
+        shoot(f"wiggle_{number}")
     press("ESC")
     yield from until(lambda: shown()[1] != "WIGGLE", "Esc does not end it")
     yield from redrawn()
@@ -199,7 +204,6 @@ def flip_to_multiview():
 def render_again_side_by_side():
     """A preview, while both eyes are shown beside each other: they are the new pair's then."""
     yield from click("IMAGE_EDITOR", "UI", "show_view(mode='SIDE_BY_SIDE')")
-    facts["width_before"] = space().image.size[0]
     yield from click("IMAGE_EDITOR", "UI", "stereo_reproject_image(preview=True)")
     yield from until(lambda: jobs().running() is None, "the preview never ended")
     yield from redrawn()
