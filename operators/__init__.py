@@ -18,6 +18,7 @@ def _classes() -> tuple[type, ...]:
         image_panels,
         jobs,
         kept,
+        multiview,
         panels,
         pictures,
         preferences,
@@ -26,7 +27,9 @@ def _classes() -> tuple[type, ...]:
         render,
         screen_here,
         stereo,
+        view_modes,
         viewing,
+        wiggle_export,
     )
 
     return (
@@ -47,6 +50,10 @@ def _classes() -> tuple[type, ...]:
         pictures.STEREO_REPROJECT_OT_show_picture,
         preset_menu.STEREO_REPROJECT_OT_add_preset,
         preset_menu.STEREO_REPROJECT_PT_presets,
+        view_modes.STEREO_REPROJECT_OT_show_view,
+        view_modes.STEREO_REPROJECT_OT_wiggle,
+        wiggle_export.STEREO_REPROJECT_OT_export_wiggle,
+        multiview.STEREO_REPROJECT_OT_show_side,
         *panels.PANELS,
         *image_panels.IMAGE_PANELS,
     )
@@ -58,7 +65,7 @@ def register() -> None:
     """
     import bpy
 
-    from . import depth_view, keys, manual, panels, preset_menu, properties, slots
+    from . import depth_view, keys, manual, panels, preset_menu, properties, slots, view_modes
     from .command import COMMAND, run_command
 
     for cls in _classes():
@@ -70,6 +77,7 @@ def register() -> None:
     manual.add_manual()
     preset_menu.add_own_presets()
     slots.watch()
+    view_modes.watch()
     atexit.register(_end)
     _commands.append(bpy.utils.register_cli_command(COMMAND, run_command))
 
@@ -90,7 +98,7 @@ def unregister() -> None:
     """End the running job and undo `register`. Blender calls this when the extension is switched off."""
     import bpy
 
-    from . import depth_view, keys, manual, panels, preset_menu, screen_here, slots
+    from . import depth_view, keys, manual, panels, preset_menu, screen_here, slots, view_modes
 
     while _commands:
         bpy.utils.unregister_cli_command(_commands.pop())
@@ -101,6 +109,7 @@ def unregister() -> None:
     keys.remove_shortcuts()
     depth_view.remove_drawing()
     screen_here.put_away()
+    view_modes.unwatch()
     slots.unwatch()
     bpy.types.TOPBAR_MT_render.remove(panels.draw_menu)
     del bpy.types.Scene.stereo_reproject

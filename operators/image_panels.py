@@ -10,6 +10,7 @@ from .fitting import fits
 from .jobs import running
 from .pictures import STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
+from .view_row import draw_view_modes
 
 
 class IMAGE_PT_stereo_reproject(bpy.types.Panel):
@@ -22,6 +23,7 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         """Draw the panel: the render buttons, the last result, and buttons that show its pictures."""
         draw_buttons(self.layout)
         draw_outcome(self.layout, context)
+        draw_view_modes(self.layout, context)
         result = result_of(context.scene)
         if result.report is not None and running() is None:
             self._draw_pictures(context, result)

@@ -50,6 +50,17 @@ def render_result() -> bpy.types.Image | None:
     return next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
 
 
+KIND = "stereo_reproject_kind"
+"""Property of the images in which a pair is seen without glasses: which one it is, see `view_images`."""
+
+
+def kind_of(image: bpy.types.Image | None) -> str | None:
+    """Return what an image in which a pair is seen without glasses shows, as `view_images.ARRANGEMENTS` names it; None
+    for any other image.
+    """
+    return image.get(KIND) if image is not None and image.is_runtime_data else None
+
+
 def image_editors() -> list[tuple[bpy.types.Window, bpy.types.Area]]:
     """Return the Image Editors of all windows, each with its window."""
     areas = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas]
@@ -61,14 +72,18 @@ def picture_names() -> set[str]:
     return {NAME.format(name) for _, name, _ in PICTURES.values()}
 
 
+def is_ours(image: bpy.types.Image) -> bool:
+    """Return whether an image explains a pair, or shows it without glasses."""
+    return image.name in picture_names() or kind_of(image) is not None
+
+
 def find_editor() -> bpy.types.Area | None:
-    """Return the Image Editor in which a pair is shown: the one that shows the Render Result, or else one of our
-    pictures; None where there is none.
+    """Return the Image Editor in which a pair is shown: the one that shows the Render Result, or else an image of ours;
+    None where there is none.
     """
     editors = [area for _, area in image_editors() if area.spaces.active.image is not None]
     shows_result = (area for area in editors if area.spaces.active.image.type == "RENDER_RESULT")
-    names = picture_names()
-    ours = (area for area in editors if area.spaces.active.image.name in names)
+    ours = (area for area in editors if is_ours(area.spaces.active.image))
     return next(shows_result, None) or next(ours, None)
 
 
@@ -87,11 +102,15 @@ MAX_FOREIGN_REDRAWS = 50
 def fit_result() -> None:
     """Zoom every Image Editor that shows the Render Result so that the whole picture fits into it."""
     for window, area in image_editors():
-        if area.spaces.active.image != render_result():
-            continue
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
-            bpy.ops.image.view_all(fit_view=True)
+        if area.spaces.active.image == render_result():
+            fit_editor(window, area)
+
+
+def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """Zoom an Image Editor so that the whole picture fits into it."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+        bpy.ops.image.view_all(fit_view=True)
 
 
 def redraw_with_both_eyes(*, fit: bool = False) -> None:

@@ -19,7 +19,7 @@ from ..stereo_reproject.blender.scene.working import MIN_SIDE_PX
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata
 from ..stereo_reproject.jobs.progress import USUAL, Progress, with_look
-from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.report.verdict import (
     full_render_gain,
@@ -33,12 +33,13 @@ from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from . import under_way
 from .jobs import JobOperator
-from .pictures import redraw_with_both_eyes, show_pair
+from .multiview import hand_over_multiview
 from .preferences import preferred
 from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
 from .run import Animation, BackgroundJob, Pictures, seconds_of
-from .slots import content_now, unused_slot
+from .slots import content_now, leave_multiview, multiview_now, unused_slot
 from .text import reported
+from .view_images import show_delivered
 from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
@@ -81,7 +82,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
-        files = (DIFFERENCE, *PAIR_FILES) if settings.compare else PAIR_FILES
+        files = (DIFFERENCE, *MULTIVIEW_EYES.values(), *PAIR_FILES) if settings.compare else PAIR_FILES
         pictures = under_way.wanted_pictures(first_look=self.preview or scene.cycles.samples >= MIN_SAMPLES_FOR_A_LOOK)
         progress = _pair_progress(scene, settings, looks=pictures is Pictures.FROM_THE_FIRST_SAMPLE)
         return BackgroundJob(scene, settings, "render", files, progress, pictures=pictures)
@@ -96,7 +97,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         where = _deliver(scene, run, frame=frame, to_look_at=self.preview, preview=self.preview)
         assert scene is not None
         assert run.report is not None
-        keep_pair(scene, run, _delivery(frame, preview=self.preview))
+        keep_pair(scene, run, _delivery(frame, preview=self.preview, compared=run.settings.compare))
         return reported(Words("{result}{where}", result=summary(scene), where=where))
 
 
@@ -214,9 +215,9 @@ def preview_size(region: FrameRegion, percentage: int, least_px: int) -> tuple[i
     return width, height
 
 
-def _delivery(frame: int | None, *, preview: bool = False) -> Delivery:
-    """Return the picture of this frame that was handed over just now."""
-    return Delivery(content_now(), frame, time.strftime("%H:%M"), preview)
+def _delivery(frame: int | None, *, preview: bool = False, compared: bool = False) -> Delivery:
+    """Return the picture of this frame that was handed over just now; if it was compared, with multiview's."""
+    return Delivery(content_now(), frame, time.strftime("%H:%M"), preview, multiview_now() if compared else None)
 
 
 def _pair_progress(scene: bpy.types.Scene, settings: StereoSettings, *, looks: bool) -> Progress:
@@ -263,6 +264,9 @@ def _deliver(
     """
     if scene is None:
         raise _deleted(run)
+    before = result_of(scene).delivery
+    leave_multiview(None if before is None else before.content)
+    hand_over_multiview(scene, run, frame=frame)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
     metadata = with_render_time(read_metadata(run.folder / f"{VIEWS[0]}.exr"), _render_seconds(run, frame))
     with unused_slot() as slot:
@@ -275,10 +279,8 @@ def _deliver(
         run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
     if bpy.context.window is not None and not bpy.app.background:
         fit = preview or has_preview(scene)
-        if under_way.hand_over():
-            redraw_with_both_eyes(fit=fit)
-        else:
-            show_pair(fit=fit)
+        # An editor that the user has turned to something else since the job began is left alone.
+        show_delivered(scene, fit=fit, opens=not under_way.hand_over())
     if slot is None:
         return ""
     return Words("; in the render slot {slot}, as another render was made meanwhile", slot=repr(slot))

@@ -40,13 +40,15 @@ class SlotContent:
 @dataclass(frozen=True)
 class Delivery:
     """A picture that was handed over: what its render slot held then (None without a Render Result), its frame (None
-    where it stands for many), the time of day, and whether it is a preview.
+    where it stands for many), the time of day, and whether it is a preview. multiview is what a slot held that got
+    multiview's pair to compare with.
     """
 
     content: SlotContent | None
     frame: int | None
     clock: str
     preview: bool = False
+    multiview: SlotContent | None = None
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,18 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.errors import StereoReprojectError
 from .pictures import render_result
 from .results import SlotContent
 
 NAME = "Stereo Pair"
 """Name of the slot that a pair goes to when the user's own is taken, and of those after it with a number."""
+
+MULTIVIEW = "Multiview"
+"""Name of the slot that multiview's own pair goes to after a comparison, and of further ones with a number."""
+
+_multiview: list[SlotContent] = []
+"""Multiview's pair that was handed over last, if any."""
 
 _renders: Counter[int] = Counter()
 """Number of renders into each render slot since the extension was switched on, by the slot's place."""
@@ -39,6 +46,13 @@ def note_start() -> None:
     _before.update(_renders)
 
 
+def note_own_render() -> None:
+    """Note that the last render into the active slot is ours, which a pair may replace: it is none of the user's."""
+    content = content_now()
+    if content is not None:
+        _before[content.place] = content.renders
+
+
 @bpy.app.handlers.persistent
 def _count(*_: Any) -> None:
     """Count a render into the active slot. Blender calls this in another thread when a render begins."""
@@ -56,6 +70,56 @@ def content_now() -> SlotContent | None:
     slots = image.render_slots
     # Without a name, Blender shows the slot's number.
     return SlotContent(place, slots[place].name or f"Slot {place + 1}", _renders[place])
+
+
+def holds(content: SlotContent) -> bool:
+    """Return whether a render slot still holds this."""
+    image = render_result()
+    there = image is not None and content.place < len(image.render_slots)
+    return there and _renders[content.place] == content.renders
+
+
+def show_slot(content: SlotContent) -> None:
+    """Have the slot active that holds this."""
+    image = render_result()
+    assert image is not None
+    image.render_slots.active_index = content.place
+
+
+@contextmanager
+def multiview_slot() -> Iterator[None]:
+    """Have a render slot active that is multiview's, for the time of a `with` block, and then the earlier one again:
+    the slot of multiview's earlier pair if that is still in it, or else a new one.
+    """
+    image = render_result()
+    if image is None:
+        raise StereoReprojectError("Blender has no Render Result yet")
+    slots, before, earlier = image.render_slots, image.render_slots.active_index, multiview_now()
+    if earlier is None:
+        taken = sum(slot.name.startswith(MULTIVIEW) for slot in slots)
+        slots.new(name=f"{MULTIVIEW} {taken + 1}" if taken else MULTIVIEW)
+    _multiview.clear()
+    try:
+        slots.active_index = len(slots) - 1 if earlier is None else earlier.place
+        yield
+        _multiview.extend(filter(None, [content_now()]))
+    finally:
+        slots.active_index = before
+
+
+def multiview_now() -> SlotContent | None:
+    """Return multiview's pair that was handed over last, if it is still in its slot; None otherwise."""
+    return next((content for content in _multiview if holds(content)), None)
+
+
+def leave_multiview(pair: SlotContent | None) -> None:
+    """If the active slot holds multiview's pair, have the slot of `pair` active instead, or else the first one: what is
+    handed over next is no multiview's.
+    """
+    image, multiview = render_result(), multiview_now()
+    if image is None or multiview is None or image.render_slots.active_index != multiview.place:
+        return
+    image.render_slots.active_index = 0 if pair is None or pair.place == multiview.place else pair.place
 
 
 @contextmanager

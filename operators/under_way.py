@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..stereo_reproject.jobs.supervisor import Event
-from .pictures import NAME, find_editor, image_editors, picture_names, render_result
+from .pictures import NAME, find_editor, image_editors, is_ours, kind_of, render_result
 from .run import Pictures
 
 UNDER_WAY = NAME.format("Render ({} eye)")
@@ -130,7 +130,7 @@ def _put_into(editor: _Editor, image: bpy.types.Image) -> None:
     if area is None:
         return
     space = area.spaces.active
-    if space.image is not None and space.image.name not in (editor.before, *picture_names()):
+    if space.image is not None and space.image.name != editor.before and not is_ours(space.image):
         return
     if space.image is not None:
         editor.before = space.image.name
@@ -143,13 +143,16 @@ def _put_into(editor: _Editor, image: bpy.types.Image) -> None:
 
 
 def hand_over() -> bool:
-    """Have the Render Result take the place of the job's image wherever that is shown, and end with it. Return False
-    where no picture of the job was ever shown, so that an editor is still to be chosen.
+    """Have the Render Result, or the image in which the pair before was seen without glasses, take the place of the
+    job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown, so
+    that an editor is still to be chosen.
     """
     if not _editors or not _editors[0].image:
         _editors.clear()
         return False
-    _replace(_editors.pop(), render_result())
+    editor = _editors.pop()
+    before = bpy.data.images.get(editor.before)
+    _replace(editor, before if kind_of(before) is not None else render_result())
     return True
 
 

@@ -46,6 +46,9 @@ FILES = (
 DIFFERENCE = "difference.png"
 """Name of a file that a pair has besides when it is compared with multiview."""
 
+MULTIVIEW_EYES = {"left": "multiview-left.exr", "right": "multiview-right.exr"}
+"""Names, by view, of files with multiview's own pair. A pair has them only where they are asked for by name."""
+
 
 def pair_files(*, compare: bool) -> tuple[str, ...]:
     """Return the names of the files of a rendered pair, the report last; `compare` adds the picture of the difference

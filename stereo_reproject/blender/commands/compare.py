@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...images.exr import VIEWS
 from ...images.metrics import bias_sigmas, honest_ratio, noise_ratio, rmse, worst_tiles, wrong_tiles
 from ...images.seen_light import MIDDLE_GREY, display_scale, scaled_colour
 from ...pipeline.stereo_frame import colour
@@ -21,7 +22,7 @@ from ...settings.frame import StereoSettings
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
-from ..output.delivery import deliver_side_by_side
+from ..output.delivery import Eyes, deliver_side_by_side
 from ..output.pictures import read_png
 from ..scene.rendered import CYCLES
 from ..scene.working import rendered_layer, working_scene
@@ -37,7 +38,7 @@ REPEATED_SEED_OFFSET = 2_000_003
 class MultiviewReference:
     """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
     once more with another seed. Pictures are scene-linear. light_scale is the number by which light is multiplied to be
-    judged as it is seen.
+    judged as it is seen. eyes are both eyes by view and view layer, if they were asked for.
     """
 
     engine: str
@@ -45,6 +46,7 @@ class MultiviewReference:
     reference: NDArray[np.float32]
     again: NDArray[np.float32]
     light_scale: float
+    eyes: Eyes = field(default_factory=dict)
 
     @property
     def noise_rmse(self) -> float:
@@ -79,43 +81,52 @@ def render_reference(
     *,
     layers: Sequence[str] | None = None,
     light_scale: float | None = None,
+    keeps_eyes: bool = False,
 ) -> MultiviewReference:
     """Render the pair by multiview, and its target eye once more with another seed. It is done in a scene copy of its
     own, which finds nothing that our render has synced, so that its seconds are those of a plain render.
 
     layers are the view layers to render, by default the first alone; pictures are those of the first. light_scale is
-    that of the pair to be judged, None for that of the reference itself.
+    that of the pair to be judged, None for that of the reference itself. keeps_eyes: True if `eyes` is wanted.
     """
     target = settings.target
     with working_scene(scene, settings.scene) as copy:
         engine, seed = copy.render.engine, copy.cycles.seed
         main = rendered_layer(copy).name
-        _use_layers(copy, layers or [main])
-        both = render_views(copy, ("left", "right"), folder, seed=shifted_seed(seed, REFERENCE_SEED_OFFSET))
+        used = layers or [main]
+        _use_layers(copy, used)
+        kept, other = (used if keeps_eyes else ()), shifted_seed(seed, REFERENCE_SEED_OFFSET)
+        both = render_views(copy, VIEWS, folder, seed=other, layers=kept)
         _use_layers(copy, [main])
         again = render_views(copy, (target,), folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
     reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
     scale = display_scale(reference) if light_scale is None else light_scale
-    return MultiviewReference(engine, both.seconds, reference, repeated, scale)
+    eyes = {
+        view: {name: replace_non_finite(passes)[0] for name, passes in of.items()} for view, of in both.layers.items()
+    }
+    return MultiviewReference(engine, both.seconds, reference, repeated, scale, eyes if keeps_eyes else {})
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
-    """Switch on the view layers of these names, and switch off all others."""
+    """Switch on the view layers of these names, with depth, and switch off all others."""
     for layer in scene.view_layers:
         layer.use = layer.name in names
+        # Without it a pass is missing where a render is read.
+        layer.use_pass_z = layer.use_pass_z or layer.use
 
 
 def compare_with_multiview(
-    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path
-) -> tuple[CompareReport, NDArray[np.float32]]:
+    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, folder: Path, *, keeps_eyes: bool = False
+) -> tuple[CompareReport, MultiviewReference]:
     """Render the same frame by multiview, and compare the pair with it. Return the `compare` part of the report, and
-    multiview's target eye (H, W, 4).
+    multiview's render.
 
     Seconds are of all view layers; the picture that is judged is the main layer's, before any compositor. folder is
-    private.
+    private; keeps_eyes is as for `render_reference`.
     """
     scale = pair.main_frame.light_scale
-    multiview = render_reference(scene, settings, folder, layers=list(pair.frames), light_scale=scale)
+    layers = list(pair.frames)
+    multiview = render_reference(scene, settings, folder, layers=layers, light_scale=scale, keeps_eyes=keeps_eyes)
     ours = colour(pair.main_frame.eyes[settings.target])
     flip, noise_flip = flips(scene, settings, ours, multiview, folder)
     errors = multiview.judge(ours, pair.main_frame.variance_share)
@@ -132,7 +143,7 @@ def compare_with_multiview(
         noise_flip=noise_flip,
         flip_ratio=flip / noise_flip if flip is not None and noise_flip and no_noise is ABSENT else None,
     )
-    return report, multiview.reference
+    return report, multiview
 
 
 def _why_no_noise(errors: Mapping[str, float], engine: str) -> str | Absent:

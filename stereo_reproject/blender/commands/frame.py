@@ -20,7 +20,7 @@ from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
 from ...images.seen_light import scaled_colour
 from ...jobs.memory import give_back_freed
-from ...jobs.work_folder import DIFFERENCE, pair_files
+from ...jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES, pair_files
 from ...pipeline.frame import render_stereo_frame
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
@@ -30,7 +30,7 @@ from ...pipeline.stereo_pair import StereoPair
 from ...pipeline.stopwatch import Stopwatch
 from ...report.as_json import ABSENT, as_json
 from ...report.estimates import estimate_map
-from ...report.frame_report import FrameReport, MemoryReport, ParallaxReport
+from ...report.frame_report import CompareReport, FrameReport, MemoryReport, ParallaxReport
 from ...report.header import ReportHeader, StereoReport
 from ...report.making import LayerFacts, pair_report
 from ...settings.frame import StereoSettings
@@ -82,15 +82,29 @@ def render_files(
     report = replace(report, seconds={**report.seconds, **own})
     if settings.compare:
         onlooker.on_stage(Stage.COMPARE)
-        compare, reference = compare_with_multiview(scene, settings, pair, work)
-        report = replace(report, compare=compare)
-        if DIFFERENCE in files:
-            ours, scale = colour(pair.main_frame.eyes[settings.target]), pair.main_frame.light_scale
-            write_difference(out / DIFFERENCE, scaled_colour(ours, scale), scaled_colour(reference, scale))
+        report = replace(report, compare=_compare(scene, settings, pair, work, files))
     late = [*scene_warnings(scene, settings.scene), *value_warnings(pair)]
     written = as_json(replace(report, warnings=(*report.warnings, *late)))
     write_json(out / "report.json", written)
     return written, list(files)
+
+
+def _compare(
+    scene: bpy.types.Scene, settings: StereoSettings, pair: StereoPair, work: Path, files: Sequence[str]
+) -> CompareReport:
+    """Render the same frame by multiview, and write those pictures of it that `files` names into work/out. Return the
+    comparison.
+    """
+    out, wants_eyes = work / "out", not set(MULTIVIEW_EYES.values()).isdisjoint(files)
+    compare, multiview = compare_with_multiview(scene, settings, pair, work, keeps_eyes=wants_eyes)
+    if DIFFERENCE in files:
+        ours, scale = colour(pair.main_frame.eyes[settings.target]), pair.main_frame.light_scale
+        reference = scaled_colour(multiview.reference, scale)
+        write_difference(out / DIFFERENCE, scaled_colour(ours, scale), reference)
+    for view, name in MULTIVIEW_EYES.items():
+        if name in files:
+            write_eye(out / name, multiview.eyes[view], view=view, metadata=pair.metadata)
+    return compare
 
 
 def render_pair(

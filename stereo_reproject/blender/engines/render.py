@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +21,27 @@ from ..scene.working import changed, rendered_layer
 class Rendered:
     """A finished render call: passes by view name, the seconds of the call, and the part of them in which Cycles synced
     the scene (0 if several views were rendered). attributes are the texts in the header of the file that Blender wrote.
+    layers has the passes of the view layers that were asked for, by view name and then by layer.
     """
 
     views: dict[str, Passes]
     seconds: float
     sync_seconds: float
     attributes: dict[str, str]
+    layers: dict[str, dict[str, Passes]] = field(default_factory=dict)
 
 
-def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *, seed: int | None = None) -> Rendered:
+def render_views(
+    scene: bpy.types.Scene,
+    views: tuple[str, ...],
+    folder: Path,
+    *,
+    seed: int | None = None,
+    layers: Sequence[str] = (),
+) -> Rendered:
     """Render these views of a scene that `working_scene` has set up. seed, if given, is Cycles' for this render alone.
-    folder is private. Raises StereoReprojectError when Blender cannot render.
+    folder is private. layers are the view layers whose passes are all to be returned; those of the first that is
+    rendered are in any case. Raises StereoReprojectError when Blender cannot render.
     """
     for view in scene.render.views:
         view.use = view.name in views
@@ -53,10 +63,11 @@ def render_views(scene: bpy.types.Scene, views: tuple[str, ...], folder: Path, *
     attributes: dict[str, str] = {}
     for view in views:
         passes[view], attributes = read_render(path, layer=layer, view=view)
+    of_layers = {view: {name: read_render(path, layer=name, view=view)[0] for name in layers} for view in views}
     path.unlink()
     sync = cycles_seconds(attributes, layer, "synchronization")
     # For several views, Cycles counts the other views' render time as synchronization.
-    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0, attributes)
+    return Rendered(passes, seconds, sync if len(views) == 1 else 0.0, attributes, of_layers)
 
 
 def _write_exr(render: bpy.types.RenderSettings, path: Path) -> None:

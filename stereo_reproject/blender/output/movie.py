@@ -91,7 +91,7 @@ def write_movie(
     """
     folder.mkdir(exist_ok=True)
     finished = []
-    with _movie_scene(scene, path.suffix.lower()) as copy:
+    with movie_scene(scene, path.suffix.lower()) as copy:
         for suffix, part in _parts(scene, layout):
             of_part = {frame: files[part] for frame, files in pictures.items()}
             made, height = _encode(copy, of_part, folder, file_format)
@@ -115,9 +115,9 @@ def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folde
     folder.mkdir(exist_ok=True)
     black = np.zeros((height, width, 4), np.float32)
     try:
-        with _movie_scene(scene, path.suffix.lower()) as copy:
+        with movie_scene(scene, path.suffix.lower()) as copy:
             deliver_movie(copy, lambda _: black, folder / "tried", frames=range(1, 2))
-        _only_file(folder / "tried")
+        only_file(folder / "tried")
     except StereoReprojectError as error:
         size = f"{width} x {height}"
         raise BadInputError(
@@ -126,7 +126,7 @@ def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folde
 
 
 @contextmanager
-def _movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scene]:
+def movie_scene(scene: bpy.types.Scene, suffix: str) -> Iterator[bpy.types.Scene]:
     """Have a copy of the scene that is set to write movies, without the collections of its objects, so that none is
     evaluated, for the time of a `with` block; the copy is removed afterwards. suffix is the extension of the movie,
     such as ".mp4".
@@ -171,7 +171,7 @@ def _encode(
     out = folder / f"encoded-{len(list(folder.iterdir()))}"
     with nullcontext() if linear else display_values(copy):
         deliver_movie(copy, picture_at, out, frames=frames)
-    return _only_file(out), picture_at(frames[-1]).shape[0]
+    return only_file(out), picture_at(frames[-1]).shape[0]
 
 
 def _beside_each_other(files: Sequence[Path], layer: str, *, linear: bool) -> NDArray[np.float32]:
@@ -192,7 +192,7 @@ def _span(numbers: list[int]) -> range:
     return regular if list(regular) == numbers else range(numbers[0], numbers[0] + len(numbers))
 
 
-def _only_file(folder: Path) -> Path:
+def only_file(folder: Path) -> Path:
     """Return the one file in the folder. Raises StereoReprojectError where there is none, more than one, or an empty
     one.
     """

@@ -1,0 +1,248 @@
+"""Ways to look at a stereo pair in an Image Editor: with red-cyan glasses, or without any."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..stereo_reproject.blender.scene.working import changed
+from ..stereo_reproject.errors import BadInputError, StereoReprojectError
+from . import wiggling
+from .jobs import sentence
+from .pictures import fit_editor, image_editors, kind_of, redraw_with_both_eyes, render_result
+from .results import result_of
+from .view_images import ARRANGEMENTS, has_two_views, made_images, pair_shown_in, remove_all, remove_unused
+
+ANAGLYPH, WIGGLE = "ANAGLYPH", "WIGGLE"
+
+MODES = {
+    ANAGLYPH: ("Anaglyph", "Both eyes in one picture, for red-cyan glasses"),
+    "LEFT": ("Left", "The left eye alone"),
+    "RIGHT": ("Right", "The right eye alone"),
+    "SIDE_BY_SIDE": ("Side by Side", "The left eye on the left: look through the screen to see depth without glasses"),
+    "CROSS_EYED": ("Cross-Eyed", "The left eye on the right: squint to see depth without glasses"),
+    WIGGLE: ("Wiggle", "The eyes one after the other, so that depth is seen without glasses. Esc ends it"),
+}
+"""Names and tooltips of the modes."""
+
+_SHOWN = [(mode, *texts) for mode, texts in MODES.items() if mode != WIGGLE]
+"""Modes that an editor stays in, as items of an enumeration."""
+
+NO_PAIR = "There is no stereo pair to look at: click Preview or Render first"
+
+_last_modes: dict[int, tuple[str, str]] = {}
+"""Mode in which an Image Editor was last set to show a pair, and the name of the pair's image, by the editor's space:
+an undo to before that takes our images away."""
+
+
+def mode_of(context: bpy.types.Context) -> str | None:
+    """Return the mode in which the Image Editor of the context shows a pair, a key of `MODES`; None if in none."""
+    space, window = context.space_data, context.window
+    if wiggling.is_wiggling(space):
+        return WIGGLE
+    kind = kind_of(space.image)
+    if kind is not None or space.image is None:
+        return kind
+    in_stereo = has_two_views(space.image) and space.show_stereo_3d
+    return ANAGLYPH if in_stereo and window.stereo_3d_display.display_mode == ANAGLYPH else None
+
+
+def pair_in(context: bpy.types.Context) -> bpy.types.Image | None:
+    """Return the image with the pair that the Image Editor of the context shows or would show, or that was rendered
+    last where the context has no Image Editor; None if there is none, as far as Blender knows without a look at the
+    pixels.
+    """
+    space = context.space_data
+    pair = pair_shown_in(space) if space is not None and space.type == "IMAGE_EDITOR" else render_result()
+    if pair is None or has_two_views(pair):
+        return pair
+    return pair if result_of(context.scene).delivery is not None else None
+
+
+class _OfPair:
+    """Mixin of operators that need an Image Editor and a pair."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return whether the operator is called in an Image Editor and there is a pair."""
+        if context.space_data is None or context.space_data.type != "IMAGE_EDITOR":
+            cls.poll_message_set("A pair is looked at in an Image Editor")  # pyright: ignore[reportAttributeAccessIssue]
+            return False
+        if pair_in(context) is None:
+            cls.poll_message_set(NO_PAIR)  # pyright: ignore[reportAttributeAccessIssue]
+            return False
+        return True
+
+
+class STEREO_REPROJECT_OT_show_view(_OfPair, bpy.types.Operator):
+    """Look at the stereo pair in this Image Editor"""
+
+    bl_idname = "stereo_reproject.show_view"
+    bl_label = "Look at Stereo Pair"
+
+    mode: bpy.props.EnumProperty(name="Mode", items=_SHOWN)
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip, which is its mode's."""
+        return MODES[properties.mode][1]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show the pair in this mode; report an error where the image holds no pair."""
+        space = context.space_data
+        pair = pair_in(context)
+        assert pair is not None
+        wiggling.end(space)
+        try:
+            show(context, pair, self.mode)
+        except (StereoReprojectError, OSError) as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
+    """Show the eyes one after the other, so that depth is seen without glasses"""
+
+    bl_idname = "stereo_reproject.wiggle"
+    bl_label = "Wiggle"
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, _properties: bpy.types.OperatorProperties) -> str:
+        """Return the button's tooltip."""
+        return MODES[WIGGLE][1]
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Begin to alternate; where this editor alternates already, end that and show the pair."""
+        space = context.space_data
+        pair = pair_in(context)
+        assert pair is not None
+        if wiggling.is_wiggling(space):
+            wiggling.end(space)
+            space.image = pair
+            return {"FINISHED"}
+        try:
+            show(context, pair, WIGGLE)
+        except (StereoReprojectError, OSError) as error:
+            self.report({"ERROR"}, sentence(error))
+            return {"CANCELLED"}
+        self._number = wiggling.begin(context, pair)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, _context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Handle an event of the window: Esc ends it, in its time the other eye is shown, and all else goes on."""
+        if event.type == "ESC" and event.value == "PRESS" and wiggling.finish(self._number):
+            remove_unused(keep=wiggling.kinds_in_use())
+            return {"FINISHED"}
+        if wiggling.step(self._number):
+            return {"PASS_THROUGH"}
+        remove_unused(keep=wiggling.kinds_in_use())
+        return {"FINISHED", "PASS_THROUGH"}
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """End it. Blender calls this when the window is closed, or another file is opened."""
+        wiggling.forget(self._number)
+
+
+def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
+    """Show the pair in this image in the Image Editor of the context, in one of `MODES`; Wiggle's first eye stays until
+    its operator shows the other. Raises BadInputError where the image holds no pair, OSError, and StereoReprojectError.
+    """
+    if mode != ANAGLYPH:
+        _show_made(context, pair, mode)
+        return
+    space = context.space_data
+    was_wide = _is_wide(space)
+    _in_anaglyph(context.window)
+    space.image, space.show_stereo_3d = pair, True
+    redraw_with_both_eyes(fit=was_wide)
+    remove_unused(keep=wiggling.kinds_in_use())
+    _last_modes[space.as_pointer()] = (mode, pair.name)
+
+
+def _show_made(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
+    """Show images of ours, made anew from the pair, in the Image Editor of the context; of a wiggle the left eye."""
+    space = context.space_data
+    was_wide = _is_wide(space)
+    kinds = wiggling.KINDS if mode == WIGGLE else (mode,)
+    made = made_images(context.scene, pair, kinds)
+    space.image = made[kinds[0]]
+    if _is_wide(space) != was_wide and not bpy.app.background:
+        fit_editor(context.window, context.area)
+    remove_unused(keep=(*kinds, *wiggling.kinds_in_use()))
+    _last_modes[space.as_pointer()] = (mode, pair.name)
+
+
+def _is_wide(space: bpy.types.SpaceImageEditor) -> bool:
+    """Return whether an Image Editor shows both eyes beside each other."""
+    return len(ARRANGEMENTS.get(kind_of(space.image) or "", ())) > 1
+
+
+def _in_anaglyph(window: bpy.types.Window) -> None:
+    """Have a window draw stereo as an anaglyph. Raises BadInputError where Blender refuses."""
+    display = window.stereo_3d_display
+    if display.display_mode == ANAGLYPH:
+        return
+    try:
+        # It also leaves the full screen that other modes need.
+        bpy.ops.wm.set_stereo_3d(display_mode=ANAGLYPH, anaglyph_type=display.anaglyph_type)
+    except RuntimeError as error:
+        raise BadInputError(" ".join(str(error).removeprefix("Error: ").split())) from error
+
+
+@bpy.app.handlers.persistent
+def _show_again(*_: Any) -> None:
+    """Show pairs as before in Image Editors from which an undo has taken our images away. Blender calls this after an
+    undo or redo.
+    """
+    for window, area in image_editors():
+        space = area.spaces.active
+        mode, name = _last_modes.get(space.as_pointer(), ("", ""))
+        if not mode or space.image is not None:
+            continue
+        with bpy.context.temp_override(window=window, area=area):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
+            pair = bpy.data.images.get(name) or render_result() or _render_result_again()
+            try:
+                if pair is not None:
+                    show(bpy.context, pair, mode)
+            except (StereoReprojectError, OSError) as error:
+                print(f"Stereo Reproject cannot show the pair again: {error}")
+
+
+def _render_result_again() -> bpy.types.Image | None:
+    """Have Blender make its Render Result again, which an undo to before the first render takes away although the
+    render itself stays. It is shown in an Image Editor that is empty.
+    """
+    with changed(bpy.context.preferences.view, render_display_type="AREA"):
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+    return render_result()
+
+
+@bpy.app.handlers.persistent
+def _forget_modes(*_: Any) -> None:
+    """Forget how the editors of an earlier file showed pairs. Blender calls this after a file was loaded."""
+    _last_modes.clear()
+
+
+def watch() -> None:
+    """Begin to look after editors that show pairs. Called when the extension is switched on."""
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.append(_show_again)
+    bpy.app.handlers.load_post.append(_forget_modes)
+
+
+def unwatch() -> None:
+    """End all that alternates, and remove our images. Called when the extension is switched off."""
+    wiggling.forget_all()
+    _last_modes.clear()
+    remove_all()
+    handlers = bpy.app.handlers
+    for taken, function in (
+        (handlers.undo_post, _show_again),
+        (handlers.redo_post, _show_again),
+        (handlers.load_post, _forget_modes),
+    ):
+        if function in taken:
+            taken.remove(function)

@@ -1,0 +1,81 @@
+"""Both views of an image that Blender shows, as arrays: of the Render Result, whose pixels Blender hands to no script,
+and of image files with two views.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import BadInputError
+from ...images.exr import VIEWS, read_channels
+from ..engines.render import output_path
+from ..scene.working import changed
+from .image_settings import FORMAT, format_kept, set_changed
+from .pictures import read_pixels
+
+LINEAR = {"media_type": "IMAGE", "file_format": "OPEN_EXR", "color_mode": "RGBA", "color_depth": "32"}
+SHOWN = {"media_type": "IMAGE", "file_format": "PNG", "color_mode": "RGBA", "color_depth": "8"}
+
+
+def linear_views(scene: bpy.types.Scene, image: bpy.types.Image, folder: Path) -> dict[str, NDArray[np.float32]]:
+    """Return both views of an image, (H, W, 4) scene-linear, by name; of the Render Result they are those of the active
+    render slot. folder takes files meanwhile. Raises BadInputError where the image has not both views.
+    """
+    paths = _saved(scene, image, folder / "view.exr", {**LINEAR, "exr_codec": "NONE"})
+    channels = {view: read_channels(path) for view, path in paths.items()}
+    return {view: np.stack([of_view[letter] for letter in "RGBA"], axis=-1) for view, of_view in channels.items()}
+
+
+def shown_views(scene: bpy.types.Scene, image: bpy.types.Image, folder: Path) -> dict[str, NDArray[np.float32]]:
+    """Return both views of an image as a screen shows them through the scene's view transform, (H, W, 3) from 0 to 1,
+    over black where they are transparent; all else is as for `linear_views`.
+    """
+    paths = _saved(scene, image, folder / "view.png", SHOWN)
+    pixels = {view: read_pixels(path) for view, path in paths.items()}
+    return {view: of_view[..., :3] * of_view[..., 3:] for view, of_view in pixels.items()}
+
+
+def _saved(scene: bpy.types.Scene, image: bpy.types.Image, path: Path, values: dict[str, Any]) -> dict[str, Path]:
+    """Save each view of the image as a file beside `path` in the format that `values` say, and return the files by
+    view. Raises BadInputError where there are not two.
+    """
+    paths = {view: path.with_stem(f"{path.stem}{_suffix(view)}") for view in VIEWS}
+    with _individual_views(scene, values):
+        try:
+            image.save_render(output_path(path), scene=scene)
+            reason = "it has one view"
+        except RuntimeError as error:
+            # Of a Render Result with two views Blender says so each time, also when it has saved both: the files tell.
+            reason = " ".join(str(error).removeprefix("Error: ").split())
+    if not all(path.exists() for path in paths.values()):
+        raise BadInputError(f"{image.name!r} is no stereo pair ({reason}): render one, or open one")
+    return paths
+
+
+def _suffix(view: str) -> str:
+    """Return the ending of a view's file name."""
+    return f"-{view}"
+
+
+@contextmanager
+def _individual_views(scene: bpy.types.Scene, values: dict[str, Any]) -> Iterator[None]:
+    """Have the scene's output set to this format with a file for each view, in the scene's own colours, for the time of
+    a `with` block; the settings are restored afterwards.
+    """
+    render, settings = scene.render, scene.render.image_settings
+    with ExitStack() as changes:
+        changes.enter_context(format_kept(settings))
+        # A dither is random: what stands still would flicker where the views alternate.
+        changes.enter_context(changed(render, use_multiview=True, use_stamp=False, dither_intensity=0.0))
+        for view in render.views:
+            changes.enter_context(changed(view, file_suffix=_suffix(view.name)))
+        set_changed(settings, {name: values[name] for name in FORMAT if name in values and hasattr(settings, name)})
+        set_changed(settings, {"views_format": "INDIVIDUAL", "color_management": "FOLLOW_SCENE"})
+        yield

@@ -1,0 +1,220 @@
+"""Looking at a pair without glasses, as far as it needs no window: images, the export, and multiview's slot."""
+
+import subprocess
+import sys
+
+import bpy
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.blender.snapshot import everything
+from tests.blender.toolbox import add_camera, add_plane, add_sun, diffuse, empty_scene, noise_image
+from tests.delivery.movies import described
+
+SIZE = (96, 54)
+
+GIF_LEVELS = 10.0
+"""Mean difference of a GIF's channels from the eyes, at most: half of its dither's range."""
+
+MOVIE_LEVELS = 12.0
+"""Mean difference of a movie's channels from the eyes, at most: H.264 at Blender's own quality, with half the colour
+along each side, of a noisy picture."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    scene = empty_scene(*SIZE, samples=4)
+    add_plane(scene, diffuse(image=noise_image(tmp_path)), size=(30, 20), location=(0, 0, -8), rotation=(-0.5, 0, 0))
+    add_plane(scene, diffuse(colour=(0.8, 0.2, 0.1)), size=(1, 2), location=(0.3, 0.2, -4))
+    add_sun(scene, strength=1.5)
+    add_camera(scene)
+    scene.render.dither_intensity = 0.0
+    return scene
+
+
+@pytest.fixture
+def pair(extension, scene):
+    """A scene whose pair is the Render Result."""
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    return scene
+
+
+def render_result():
+    return next(image for image in bpy.data.images if image.type == "RENDER_RESULT")
+
+
+def eyes(scene, folder):
+    """Both eyes as a screen shows them, in bytes."""
+    from stereo_reproject_extension.stereo_reproject.blender.output.saved_views import shown_views
+
+    folder.mkdir(exist_ok=True)
+    return {name: 255.0 * view for name, view in shown_views(scene, render_result(), folder).items()}
+
+
+def pixels(image):
+    width, height = image.size
+    return np.array(image.pixels[:], np.float32).reshape(height, width, 4)[::-1]
+
+
+def test_our_images_hold_the_eyes_and_are_not_saved(pair, tmp_path):
+    from stereo_reproject_extension.operators.view_images import ARRANGEMENTS, made_images
+    from stereo_reproject_extension.stereo_reproject.blender.output.saved_views import linear_views
+
+    views = linear_views(pair, render_result(), tmp_path)
+    assert np.abs(views["left"] - views["right"]).mean() > 0.0
+    images = made_images(pair, render_result(), list(ARRANGEMENTS))
+    for kind, order in ARRANGEMENTS.items():
+        expected = np.concatenate([views[view] for view in order], axis=1)
+        np.testing.assert_array_equal(pixels(images[kind]), expected)
+        assert not images[kind].is_dirty
+        assert images[kind].use_view_as_render
+    names = {image.name for image in images.values()}
+    assert names == {"Stereo Left", "Stereo Right", "Stereo Side by Side", "Stereo Cross-Eyed"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"), copy=True)
+    with bpy.data.libraries.load(str(tmp_path / "saved.blend")) as (there, _):
+        assert names.isdisjoint(there.images)
+
+
+def test_images_made_anew_take_the_place_of_the_earlier_ones(pair):
+    from stereo_reproject_extension.operators.view_images import made_images, remove_all
+
+    before = len(bpy.data.images)
+    for _ in range(2):
+        made_images(pair, render_result(), ["LEFT"])
+    assert len(bpy.data.images) == before + 1
+    remove_all()
+    assert len(bpy.data.images) == before
+
+
+def test_a_user_s_own_image_of_that_name_is_left_alone(pair):
+    from stereo_reproject_extension.operators.view_images import made_images, remove_all
+
+    own = bpy.data.images.new("Stereo Left", 4, 4)
+    made_images(pair, render_result(), ["LEFT"])
+    made_images(pair, render_result(), ["LEFT"])
+    assert own.name == "Stereo Left"
+    assert tuple(own.size) == (4, 4)
+    remove_all()
+    assert bpy.data.images["Stereo Left"] == own
+
+
+def test_a_gif_shows_left_and_right_for_ever_and_changes_nothing(pair, tmp_path):
+    path = tmp_path / "wiggle.gif"
+    before = everything()
+    assert bpy.ops.stereo_reproject.export_wiggle(filepath=str(path), percentage=100, seconds=0.25) == {"FINISHED"}
+    assert everything() == before
+    expected = eyes(pair, tmp_path / "eyes")
+    with Image.open(path) as file:
+        assert (file.size, file.n_frames, file.info["loop"], file.info["duration"]) == (SIZE, 2, 0, 250)
+        for number, view in enumerate(("left", "right")):
+            file.seek(number)
+            off = {name: np.abs(np.array(file.convert("RGB")) - eye).mean() for name, eye in expected.items()}
+            assert off[view] < GIF_LEVELS
+            assert off[view] == min(off.values())
+
+
+def test_a_gif_follows_the_view_transform(pair, tmp_path):
+    means = []
+    for transform in ("Raw", "Standard"):
+        pair.view_settings.view_transform = transform
+        bpy.ops.stereo_reproject.export_wiggle(filepath=str(tmp_path / f"{transform}.gif"))
+        with Image.open(tmp_path / f"{transform}.gif") as file:
+            means.append(np.array(file.convert("RGB")).mean())
+    assert means[1] > means[0] + 10.0
+
+
+def test_a_movie_alternates_and_has_even_sides(pair, tmp_path):
+    path = tmp_path / "wiggle.mp4"
+    assert bpy.ops.stereo_reproject.export_wiggle(filepath=str(path), percentage=99, seconds=0.2) == {"FINISHED"}
+    width, height = 94, 52
+    assert f"{width}x{height}" in described(path)
+    assert "30 fps" in described(path)
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run(command, capture_output=True, check=True).stdout
+    shown = np.frombuffer(raw, np.uint8).reshape(-1, height, width, 3).astype(float)
+    assert len(shown) == 300
+    from stereo_reproject.images.resizing import made_smaller
+
+    expected = {name: made_smaller(eye, width, height) for name, eye in eyes(pair, tmp_path / "eyes").items()}
+    # Six frames for each eye: the middle one of each turn.
+    for number, frame in enumerate(shown[3::6]):
+        view = ("left", "right")[number % 2]
+        off = {name: np.abs(frame - eye).mean() for name, eye in expected.items()}
+        assert off[view] == min(off.values())
+        assert off[view] < MOVIE_LEVELS
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("wiggle.avi", "must end in"), ("no/where/wiggle.gif", "There is no folder"), ("a.gif", "folder")],
+)
+def test_a_path_that_cannot_be_is_one_line_and_leaves_nothing(pair, tmp_path, name, words):
+    place = tmp_path / "place"
+    (place / "a.gif").mkdir(parents=True)
+    with pytest.raises(RuntimeError, match=words) as error:
+        bpy.ops.stereo_reproject.export_wiggle(filepath=str(place / name))
+    assert len(str(error.value).strip().splitlines()) == 1
+    assert [path.name for path in place.iterdir()] == ["a.gif"]
+    assert list((place / "a.gif").iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of names are others there")
+def test_an_earlier_file_stays_where_the_new_one_cannot_be_written(pair, tmp_path):
+    """Its name fits, but not the longer one of the file that takes its place."""
+    place = tmp_path / "place"
+    place.mkdir()
+    path = place / f"{240 * 'w'}.gif"
+    path.write_bytes(b"earlier")
+    with pytest.raises(RuntimeError, match="cannot be written"):
+        bpy.ops.stereo_reproject.export_wiggle(filepath=str(path))
+    assert path.read_bytes() == b"earlier"
+    assert list(place.iterdir()) == [path]
+
+
+def test_without_a_pair_nothing_can_be_exported(extension, scene):
+    assert not bpy.ops.stereo_reproject.export_wiggle.poll()
+
+
+def test_a_comparison_puts_multiview_s_pair_into_a_slot_of_its_own(extension, scene, tmp_path):
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.stereo_reproject.compare = True
+    second = scene.view_layers.new("Second")
+    second.use_pass_normal = True
+    before = everything()
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert everything() == before
+    slots = render_result().render_slots
+    count, active = len(slots), slots.active_index
+    assert [slot.name for slot in slots].index("Multiview") == count - 1 != active
+    delivery = result_of(scene).delivery
+    assert result_of(scene).warnings == []
+    assert (delivery.content.place, delivery.multiview.place) == (active, count - 1)
+    ours = eyes(scene, tmp_path / "ours")
+    slots.active_index = delivery.multiview.place
+    multiview = eyes(scene, tmp_path / "multiview")
+    assert not np.array_equal(multiview["left"], ours["left"]), "another seed"
+    apart = np.abs(ours["right"] - multiview["right"]).mean()
+    assert 0.0 < apart < 0.5 * np.abs(multiview["right"] - multiview["left"]).mean() + apart
+    # Once more while multiview's slot is active: each goes where it was.
+    assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert len(slots) == count
+    again = result_of(scene).delivery
+    assert (again.content.place, again.multiview.place) == (active, delivery.multiview.place)
+    assert slots.active_index == active
+
+
+def test_a_user_s_render_in_multiview_s_slot_is_left_alone(extension, scene):
+    from stereo_reproject_extension.operators.results import result_of
+
+    scene.stereo_reproject.compare = True
+    bpy.ops.render.stereo_reproject_image()
+    slots, place = render_result().render_slots, result_of(scene).delivery.multiview.place
+    slots.active_index = place
+    bpy.ops.render.render()
+    slots.active_index = 0
+    bpy.ops.render.stereo_reproject_image()
+    assert result_of(scene).delivery.multiview.place != place
+    assert slots[result_of(scene).delivery.multiview.place].name == "Multiview 2"
