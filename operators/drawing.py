@@ -20,7 +20,8 @@ from ..stereo_reproject.report.words import Words
 from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
 from .jobs import STEREO_REPROJECT_OT_cancel, running, sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
-from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image, full_gain_of
+from .prediction import full_gain_of
+from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run_words import progress_of, stage_of
 from .slots import content_now

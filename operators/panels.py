@@ -16,14 +16,13 @@ from .drawing import draw_buttons, draw_outcome, paragraph
 from .fitting import draw_setting, fits
 from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
+from .prediction import gain_words, is_current
 from .preferences import EXTENSION
 from .preset_menu import STEREO_REPROJECT_PT_presets
 from .render import (
     RENDER_OT_stereo_reproject_animation,
     RENDER_OT_stereo_reproject_image,
     STEREO_REPROJECT_OT_check_scene,
-    gain_words,
-    is_current,
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence

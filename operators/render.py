@@ -22,7 +22,6 @@ from ..stereo_reproject.jobs.progress import USUAL, Progress, with_look
 from ..stereo_reproject.jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES
 from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.report.verdict import (
-    full_render_gain,
     quality_of,
     saved_by_animation,
     saved_words,
@@ -34,6 +33,7 @@ from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from . import under_way
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
+from .prediction import full_gain_of, gain_words
 from .preferences import preferred
 from .results import Delivery, has_preview, keep_animation, keep_inspection, keep_pair, result_of
 from .run import Animation, BackgroundJob, Pictures, seconds_of
@@ -44,14 +44,9 @@ from .viewing import VIEWING, needs_our_player
 
 PAIR_FILES = ("left.exr", "right.exr", "holes.png", "estimate.png", "grid.png", "report.json")
 
-LEAST_GAIN = 1.05
-"""Least predicted gain over multiview that counts as one."""
 
 MIN_SAMPLES_FOR_A_LOOK = 64
 """Samples of a full render from which on it begins with a first look, which takes one: less than 2 % of them."""
-
-LEAST_SHOWN_SPAN = 0.1
-"""Difference of two predicted gains from which both are shown: they have one decimal."""
 
 
 PREVIEW_TOOLTIP = (
@@ -307,53 +302,9 @@ def _deleted(run: BackgroundJob) -> BadInputError:
     return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
 
 
-def full_gain_of(scene: bpy.types.Scene) -> float | None:
-    """Return how many times as fast as multiview the scene's full render is predicted to be, by a check of the scene as
-    it is, or else by its last preview; None where its last pair is no preview.
-    """
-    result = result_of(scene)
-    if result.report is None or result.delivery is None or not result.delivery.preview:
-        return None
-    found = result.inspection
-    # Without a sketch nothing is known of the seconds, and the gain is a guess.
-    if found is not None and found["predicted"]["total_seconds"] is not None and is_current(scene, found):
-        gain = found["predicted"]["gain"]
-        return 0.5 * (gain["low"] + gain["high"])
-    region = frame_region(scene.render)
-    return full_render_gain(result.report, (region.width, region.height), _samples(scene, result.report["engine"]))
-
-
-def is_current(scene: bpy.types.Scene, found: Mapping[str, Any]) -> bool:
-    """Return whether the findings of a check, `found`, are for the scene's present frame, size, samples and
-    accuracy.
-    """
-    region = frame_region(scene.render)
-    now = (scene.frame_current, [region.width, region.height], scene.stereo_reproject.accuracy)
-    return (found["frame"], found["size"], found["accuracy"]) == now and found["samples"] == _samples(
-        scene, found["engine"]
-    )
-
-
-def _samples(scene: bpy.types.Scene, engine: str) -> int:
-    """Return the samples per pixel that the scene asks of this engine."""
-    return scene.cycles.samples if engine == CYCLES else scene.eevee.taa_render_samples
-
-
 def summary(scene: bpy.types.Scene) -> str:
     """Return a line about the scene's last pair: how good it is, and the time that was saved."""
     report, gain = result_of(scene).report, full_gain_of(scene)
     assert report is not None
     quality = quality_of(report, preview=gain is not None).words
     return Words("{quality}. {time}", quality=quality, time=time_words(report, full_gain=gain))
-
-
-def gain_words(predicted: Mapping[str, Any]) -> str:
-    """Return a line about the gain over multiview that a check predicts; `predicted` is the part of that name of its
-    findings.
-    """
-    low, high = predicted["gain"]["low"], predicted["gain"]["high"]
-    if high < LEAST_GAIN:
-        return Words("Reprojection will not pay: {reason}", reason=predicted["fill"]["reason"])
-    if high - low < LEAST_SHOWN_SPAN:
-        return Words("Predicted: {gain} times as fast as multiview", gain=f"{high:.1f}")
-    return Words("Predicted: {low} to {high} times as fast as multiview", low=f"{low:.1f}", high=f"{high:.1f}")

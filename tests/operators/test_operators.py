@@ -420,7 +420,7 @@ def test_what_is_better_has_its_price(extension, accuracy, more, complete, words
 
 
 def test_a_check_says_what_is_to_be_gained(extension, scene):
-    from stereo_reproject_extension.operators.render import is_current
+    from stereo_reproject_extension.operators.prediction import is_current
     from stereo_reproject_extension.operators.results import result_of
     from stereo_reproject_extension.operators.stereo import is_comfortable, parallax_now
 
@@ -442,7 +442,7 @@ def test_a_check_says_what_is_to_be_gained(extension, scene):
 
 
 def test_a_check_says_where_there_is_nothing_to_be_gained(extension, scene):
-    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.prediction import gain_words
     from stereo_reproject_extension.operators.results import result_of
 
     scene.stereo_reproject.source_engine = "eevee"

@@ -88,7 +88,7 @@ def test_rows_of_figures_are_translated(german):
 
 
 def test_reports_are_translated(german):
-    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.prediction import gain_words
     from stereo_reproject_extension.operators.text import reported
 
     assert reported(gain_words({"gain": {"low": 1.5, "high": 1.55}, "fill": {}})) == "1.6-mal so schnell"
@@ -105,7 +105,7 @@ def test_one_and_many_have_messages_of_their_own(german, count, expected):
 
 
 def test_in_english_all_is_as_written(extension):
-    from stereo_reproject_extension.operators.render import gain_words
+    from stereo_reproject_extension.operators.prediction import gain_words
     from stereo_reproject_extension.operators.text import reported
 
     gain = {"gain": {"low": 1.2, "high": 1.6}, "fill": {}}
