@@ -1,4 +1,4 @@
-"""What a run says of itself: how far it is, what it is doing, and what stays of it after a cancel."""
+"""Words about a run: how far it is, which stage it is in, and what stays of it after a cancel."""
 
 from __future__ import annotations
 

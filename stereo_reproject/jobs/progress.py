@@ -57,7 +57,7 @@ class Progress:
         self._expected = dict(stages)
         self._pace = 1.0 if in_seconds else None
         self._tells = in_seconds
-        """Whether the pace tells how long the rest takes."""
+        """True where the pace tells how long the rest takes."""
         self._frames = max(frames, 1)
         self._started = self._since = now
         self._stage = next(iter(self._expected))
