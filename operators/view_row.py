@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .drawing import CHARACTER_WIDTH_PIXELS
+from .fitting import TEXT_MARGINS_PX, fits
 from .multiview import draw_sides
 from .view_modes import MODES, WIGGLE, STEREO_REPROJECT_OT_show_view, STEREO_REPROJECT_OT_wiggle, mode_of
 from .wiggle_export import STEREO_REPROJECT_OT_export_wiggle
@@ -12,17 +12,11 @@ from .wiggle_export import STEREO_REPROJECT_OT_export_wiggle
 MAX_COLUMNS = 3
 """Buttons beside each other, at most: the six modes in two full rows."""
 
-MARGIN_PIXELS, BUTTON_MARGIN_PIXELS = 42, 16
-"""Pixels of a panel that no button has, and of a button that no letter has, at a scale of 1."""
-
-
 def _columns(context: bpy.types.Context) -> int:
     """Return how many buttons fit beside each other without a name cut off."""
-    scale = context.preferences.system.ui_scale
-    width = context.region.width if context.region else 0
-    longest = max(len(name) for name, _ in MODES.values())
-    button = longest * CHARACTER_WIDTH_PIXELS + BUTTON_MARGIN_PIXELS
-    return max(min(int((width / scale - MARGIN_PIXELS) // button), MAX_COLUMNS), 1)
+    names = [name for name, _ in MODES.values()]
+    counts = range(MAX_COLUMNS, 1, -1)
+    return next((n for n in counts if all(fits(context, name, 1.0 / n, TEXT_MARGINS_PX) for name in names)), 1)
 
 
 def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
