@@ -11,7 +11,8 @@ from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
-from .drawing import paragraph
+from .drawing import ICON_PX, paragraph
+from .fitting import TEXT_MARGINS_PX, fits
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here
 from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
@@ -65,7 +66,8 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
     layout.use_property_split = False
-    row = layout.split(factor=FIT_SHARE, align=True)
+    fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX + TEXT_MARGINS_PX)
+    row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
     scene = context.scene
@@ -75,12 +77,18 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
         return
     column = layout.column(align=True)
-    row = column.row()
-    row.label(text=_when(known, scene))
-    row.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, text="", icon="FILE_REFRESH")
+    when, measure = _when(known, scene), STEREO_REPROJECT_OT_measure_depth.bl_idname
+    if fits(context, when, 1.0, ICON_PX + TEXT_MARGINS_PX):
+        row = column.row()
+        row.label(text=when)
+        row.operator(measure, text="", icon="FILE_REFRESH")
+    else:
+        paragraph(column, context, when)
+        column.operator(measure, icon="FILE_REFRESH")
     limits = comfort_limits(viewing_conditions(scene))
     percents = [parallax.percent for _, parallax in found]
     _draw_bar(column, min(percents), max(percents), limits)
+    _draw_ends(column, context)
     for name, parallax in found:
         paragraph(layout, context, f"{name}: {side_words(parallax.percent)} ({abs(parallax.pixels):.0f} px)")
     for warning in warnings_on(scene, known):
@@ -108,11 +116,18 @@ def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limit
             cell.alert = piece.alert
             cell.operator(name, text="", depress=piece.filled and not piece.alert)
             row, left = part, left - piece.share
+
+
+def _draw_ends(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what the bar's two ends stand for, without their figures where the panel is too narrow for them."""
+    words = (f"{BAR_PERCENT:g} % in front", f"behind {BAR_PERCENT:g} %")
+    if not all(fits(context, text, 0.5) for text in words):
+        words = ("in front", "behind")
     ends = layout.split(factor=0.5)
-    ends.label(text=f"{BAR_PERCENT:g} % in front")
+    ends.label(text=words[0])
     row = ends.row()
     row.alignment = "RIGHT"
-    row.label(text=f"behind {BAR_PERCENT:g} %")
+    row.label(text=words[1])
 
 
 def warnings_on(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:

@@ -78,7 +78,7 @@ class RENDER_OT_stereo_reproject_image(JobOperator, bpy.types.Operator):
         """Start a job that renders the pair of the present frame, and return it."""
         settings = settings_of(scene, preview=self.preview)
         files = (DIFFERENCE, *MULTIVIEW_EYES.values(), *PAIR_FILES) if settings.compare else PAIR_FILES
-        pictures = under_way.wanted_pictures(first_look=self.preview or scene.cycles.samples >= MIN_SAMPLES_FOR_A_LOOK)
+        pictures = under_way.wanted_pictures(first_look=_has_look(scene, preview=self.preview))
         progress = _pair_progress(scene, settings, looks=pictures is Pictures.FROM_THE_FIRST_SAMPLE)
         return BackgroundJob(scene, settings, "render", files, progress, pictures=pictures)
 
@@ -176,16 +176,30 @@ class STEREO_REPROJECT_OT_check_scene(JobOperator, bpy.types.Operator):
         return reported(gain_words(run.report["predicted"]))
 
 
+def _by_cycles(scene: bpy.types.Scene) -> bool:
+    """Return whether Cycles renders the rendered eye, by the panel's choice or else the scene's."""
+    chosen = scene.stereo_reproject.source_engine
+    return chosen == "cycles" or (chosen == "scene" and scene.render.engine == CYCLES)
+
+
+def _has_look(scene: bpy.types.Scene, *, preview: bool) -> bool:
+    """Return whether a render begins with a first look: a preview, or one of so many samples that the look's costs next
+    to nothing, and only where Cycles can render the first sample alone.
+    """
+    if not _by_cycles(scene) or scene.cycles.use_sample_subset:
+        return False
+    return preview or scene.cycles.samples >= MIN_SAMPLES_FOR_A_LOOK
+
+
 def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     """Return the settings chosen in the scene's panel, for its present frame; with preview, with the preview's size and
     samples. Raises BadInputError.
     """
     chosen = scene.stereo_reproject
     engine = None if chosen.source_engine == "scene" else chosen.source_engine
-    by_cycles = engine == "cycles" or (engine is None and scene.render.engine == CYCLES)
     overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
     if preview:
-        denoise = True if by_cycles and has_denoiser(scene) else None
+        denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
         size = preview_size(frame_region(scene.render), chosen.preview_percentage, preferred("preview_pixels"))
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(

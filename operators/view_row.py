@@ -12,6 +12,7 @@ from .wiggle_export import STEREO_REPROJECT_OT_export_wiggle
 MAX_COLUMNS = 3
 """Buttons beside each other, at most: the six modes in two full rows."""
 
+
 def _columns(context: bpy.types.Context) -> int:
     """Return how many buttons fit beside each other without a name cut off."""
     names = [name for name, _ in MODES.values()]
@@ -33,4 +34,4 @@ def draw_view_modes(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
         else:
             grid.operator(STEREO_REPROJECT_OT_show_view.bl_idname, text=name, depress=now == mode).mode = mode
     draw_sides(column, context)
-    column.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle...")
+    column.operator(STEREO_REPROJECT_OT_export_wiggle.bl_idname, text="Export Wiggle")

@@ -20,7 +20,7 @@ JOURNAL = ".stereo_reproject"
 EARLIER_JOURNAL = "journal"
 """Name of the folder in earlier versions. An animation that was begun there goes on there."""
 
-FILES_OF_A_JOURNAL = re.compile(r".*\d{4,}(\.json|\.claim\.\d+)|run-.+|(movie|found)-.+\.json")
+FILES_OF_A_JOURNAL = re.compile(r".*\d{4,}(\.json|\.claim\.\d+)|(movie|found)-[0-9a-f]{16}.*\.json")
 """Names by which an earlier version's journal is told from a folder of the user's that is called alike."""
 
 UNREADABLE_ERRORS = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)

@@ -26,6 +26,8 @@ from typing import Any
 
 import numpy as np
 
+from stereo_reproject.sequence.journal_folder import EARLIER_JOURNAL, JOURNAL
+
 ROOT = Path(__file__).resolve().parents[2]
 LAYERED_SCENE = "veach-mis"
 """The scene that is given a second view layer."""
@@ -172,7 +174,7 @@ def differences_of(before: Path, after: Path) -> Iterator[str]:
             yield f"{name}: a channel differs by {worst:.3g}"
     for path in sorted(before.rglob("*.json")):
         name = path.relative_to(before)
-        if "journal" in name.parts:
+        if not {JOURNAL, EARLIER_JOURNAL}.isdisjoint(name.parts):
             # Full of times; animation.json has what was decided.
             continue
         if not (after / name).exists():

@@ -97,7 +97,8 @@ def _by_part(values: NDArray) -> NDArray:
 def pair_of(scene: Scene, accuracy: Accuracy, place: int) -> tuple[Pair, Target]:
     target, estimate = scene.finished(accuracy, place)
     _, _, reference, again = scene.shifted(place)
-    pictures, share = (target.colour, reference, again), target.variance_share(scene.warped.variance_share)
+    share = target.variance_share(scene.warped.variance_share, averages_probes=True)
+    pictures = target.colour, reference, again
     traced = float(np.mean(target.traced))
     told = estimate if estimate is not None and math.isfinite(estimate.honest_low) else None
     return Pair(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import bpy
 
+from stereo_reproject.sequence.journal_folder import JOURNAL
 from tests.blender.toolbox import Material, add_compositor
 from tests.hostile.blends import DONE, EITHER, OUTSIDE, NotInThisBlenderError, odd
 
@@ -459,7 +460,8 @@ def _(scene, suffix):
         "up in a template": "{blend_dir}/../out_",
         "an end in dots": "//frames/..",
         "a dot": "//frames/.",
-        "a journal": "//frames/journal",
+        "a journal": f"//frames/{JOURNAL}",
+        "an earlier journal": "//frames/journal",
         "a record": "//x.json",
         "hashes alone": "//####",
         "a number": "//0001",

@@ -445,7 +445,7 @@ def _is_whole(folder: Path, files: Any) -> bool:
 
 
 def _left_over(soak: Soak) -> list[str]:
-    report = re.compile(r"animation\.(json|png|svg)|journal|\d{4,}(_[LR])?\.png")
+    report = re.compile(rf"animation\.(json|png|svg)|{re.escape(JOURNAL)}|\d{{4,}}(_[LR])?\.png")
     record = re.compile(r"\d{4,}\.json|found-[0-9a-f]{16}(-gpu|-costs-[a-z]+)?\.json")
     stray = [path.name for path in soak.folder.iterdir() if not report.fullmatch(path.name)]
     stray += [path.name for path in (soak.folder / JOURNAL).iterdir() if not record.fullmatch(path.name)]
