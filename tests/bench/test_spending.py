@@ -108,13 +108,18 @@ def test_a_stored_trace_is_what_the_renders_have_at_its_pixels_in_the_masks_orde
     np.testing.assert_array_equal(traced[:, 0], [0.0, 8.0, 16.0, 108.0])
 
 
-def test_a_scene_is_the_same_after_a_target_was_made_of_it():
-    """Pixels are traced into a target in place."""
+def room_of_noise():
+    """A scene whose target's renders are noise alone."""
     left, right = eyes(96, 64)
     source = RenderedView(View("left", left), room(96, 64))
     rng = np.random.default_rng(1)
     targets = [rng.random((64, 96, 4), np.float32) for _ in range(4)]
-    scene = Scene("room", reproject([source], View("right", right), SHIPPED), targets, 1.0, needs_probes=True)
+    return Scene("room", reproject([source], View("right", right), SHIPPED), targets, 1.0, needs_probes=True)
+
+
+def test_a_scene_is_the_same_after_a_target_was_made_of_it():
+    """Pixels are traced into a target in place."""
+    scene = room_of_noise()
     (first, _), (other, _), (again, _) = (scene.finished(SHIPPED, seed) for seed in (1, 2, 1))
     assert first.traced.any()
     assert not np.array_equal(first.colour, other.colour), "it is made of other renders"

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from stereo_reproject.images.metrics import honest_ratio
-from tests.bench.stored_pairs import COLUMNS, Pair, Row, honest_error, line, parse, swing
+from stereo_reproject.settings.accuracy import SETTINGS
+from tests.bench.stored_pairs import COLUMNS, Pair, Row, honest_error, line, pair_of, parse, swing
+from tests.bench.test_spending import room_of_noise
 
 pytestmark = pytest.mark.blender
 
@@ -41,6 +43,14 @@ def test_an_interval_holds_what_the_comparison_is_unsure_of_only_if_it_is_widene
     assert not pair().holds(widened=False)
     assert pair().holds(widened=True)
     assert not pair(honest_error=0.001).holds(widened=True)
+
+
+def test_a_completed_target_is_judged_by_renders_that_it_is_not_made_of():
+    found, target = pair_of(room_of_noise(), SETTINGS["balanced"], 1)
+    assert found.traced == np.mean(target.traced)
+    assert found.cost >= found.traced
+    # Its colours are noise of the same kind, and so as good as another render's.
+    assert found.honest == pytest.approx(1.0, abs=5.0 * found.honest_error)
 
 
 def test_a_row_has_a_cell_for_each_column_and_leaves_out_frames_without_an_estimate():
