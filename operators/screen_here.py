@@ -12,6 +12,8 @@ from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.depth_range import FramePixels
 from .jobs import sentence
+from .results import result_of
+from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
@@ -181,9 +183,20 @@ def _depth_in_picture(
     """
     if not all(0.0 <= part < 1.0 for part in share):
         raise BadInputError("point at something in the picture")
-    frame: FramePixels = frame_pixels(frame_region(scene.render))
+    frame = _pixels_shown(scene)
     x, y = frame.left + share[0] * frame.width, frame.top + (1.0 - share[1]) * frame.height
     left = stereo_cameras(camera, scene.render)["left"]
     clip = camera.data.clip_start, camera.data.clip_end
     depth, _ = next(cast_rays(scene, depsgraph, left, (np.array([x]), np.array([y])), clip))
     return depth
+
+
+def _pixels_shown(scene: bpy.types.Scene) -> FramePixels:
+    """Return what the Render Result shows, in the left eye's pixel positions: the whole frame, in which Blender leaves
+    all but the render region empty, or the render region alone, where that is cropped, as it always is in our pairs.
+    """
+    region, delivery, content = frame_region(scene.render), result_of(scene).delivery, content_now()
+    is_ours = content is not None and delivery is not None and content in (delivery.content, delivery.multiview)
+    if is_ours or scene.render.use_crop_to_border:
+        return FramePixels(0.0, 0.0, region.width, region.height)
+    return frame_pixels(region)

@@ -128,7 +128,8 @@ def fit_off_axis(near: float, far: float, limits: Limits, unit_width: float, inf
 
     Depths are in scene units, 0 < near <= far <= inf. unit_width is the width of the view plane at unit depth.
     infinity_percent is the parallax that infinity must not exceed: where it would, as in a flat scene, near stays at
-    its limit and far comes closer to the screen. Raises BadInputError if near is not above 0.
+    its limit and far comes closer to the screen. Raises BadInputError if near is not above 0, or if far is infinite and
+    limits.far is 0: the screen would be at infinity.
 
     In percent, the parallax of the depth z is p = 100 b / w (1 / c - 1 / z), with the interocular distance b, the
     screen at c and the width w: linear in 1 / z, so two depths determine b and c.
@@ -137,6 +138,8 @@ def fit_off_axis(near: float, far: float, limits: Limits, unit_width: float, inf
     nearness = 1.0 / near - 1.0 / far
     infinity = limits.far + (limits.far - limits.near) / (far * nearness) if nearness > 0.0 else math.inf
     infinity = min(infinity, infinity_percent)
+    if infinity <= 0.0:
+        raise BadInputError("no depth is left behind the screen, and the sky is in view: raise Behind")
     interocular = 0.01 * unit_width * (infinity - limits.near) * near
     return Fit(interocular, 100.0 * interocular / (unit_width * infinity))
 
@@ -144,9 +147,12 @@ def fit_off_axis(near: float, far: float, limits: Limits, unit_width: float, inf
 def fit_parallel(near: float, limits: Limits, unit_width: float) -> Fit:
     """Return the parallel rig that shows the depth `near` at limits.near; as `fit_off_axis` has it.
 
-    Parallel eyes show infinity at the screen and all else in front of it: p = -100 b / (w z).
+    Parallel eyes show infinity at the screen and all else in front of it: p = -100 b / (w z). Raises BadInputError if
+    near is not above 0, or if limits.near is 0: the pair would be flat.
     """
     _check_depths(near, near)
+    if limits.near == 0.0:
+        raise BadInputError("a parallel camera shows everything in front of the screen: raise In Front")
     return Fit(-0.01 * unit_width * limits.near * near, math.inf)
 
 

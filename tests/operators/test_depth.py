@@ -123,20 +123,30 @@ def looking_away(scene):
     scene.camera.rotation_euler.x = math.pi
 
 
+def without_a_wall(_scene):
+    bpy.data.objects.remove(bpy.data.objects["Wall"])
+
+
+def parallel(scene):
+    scene.camera.data.stereo.convergence_mode = "PARALLEL"
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "options", "words"),
     [
-        (orthographic, "make it perspective"),
-        (toe_in, "set the mode to Off-Axis"),
-        (looking_away, "nothing whose depth can be measured"),
+        (orthographic, {}, "make it perspective"),
+        (toe_in, {}, "set the mode to Off-Axis"),
+        (looking_away, {}, "nothing whose depth can be measured"),
+        (without_a_wall, {"behind": 0.0}, "the sky is in view: raise Behind"),
+        (parallel, {"in_front": 0.0}, "raise In Front"),
     ],
 )
-def test_what_cannot_be_fitted_is_said_and_nothing_is_changed(extension, scene, change, words):
+def test_what_cannot_be_fitted_is_said_and_nothing_is_changed(extension, scene, change, options, words):
     stereo = scene.camera.data.stereo
     change(scene)
     before = stereo.interocular_distance, stereo.convergence_distance
     with pytest.raises(RuntimeError, match=words):
-        bpy.ops.stereo_reproject.fit_to_comfort()
+        bpy.ops.stereo_reproject.fit_to_comfort(**options)
     assert (stereo.interocular_distance, stereo.convergence_distance) == before
 
 
@@ -221,6 +231,58 @@ def test_the_eyedropper_sees_the_picture_s_depth(extension, scene):
     camera = scene.camera.evaluated_get(depsgraph)
     assert _depth_in_picture(scene, depsgraph, camera, (0.52, 0.52)) == pytest.approx(NEAR)
     assert _depth_in_picture(scene, depsgraph, camera, (0.1, 0.9)) == pytest.approx(FAR)
+
+
+def depth_seen_at(scene, share):
+    from stereo_reproject_extension.operators.screen_here import _depth_in_picture
+
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return _depth_in_picture(scene, depsgraph, scene.camera.evaluated_get(depsgraph), share)
+
+
+def border_around_the_card(scene):
+    """A render region in which the card is at its left and bottom edge, and the wall at the others."""
+    render = scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.5, 1.0, 0.5, 1.0
+
+
+IN_THE_CARD_OF_THE_REGION, IN_THE_WALL_OF_THE_REGION = (0.04, 0.04), (0.55, 0.55)
+"""Places in a picture of that region alone; the same shares of the whole frame show the wall and the card."""
+
+
+def test_a_picture_of_a_render_region_in_its_frame_is_read_over_the_whole_frame(extension, scene):
+    border_around_the_card(scene)
+    assert depth_seen_at(scene, IN_THE_CARD_OF_THE_REGION) == pytest.approx(FAR)
+    assert depth_seen_at(scene, IN_THE_WALL_OF_THE_REGION) == pytest.approx(NEAR)
+
+
+def test_a_picture_that_is_cropped_to_its_render_region_is_read_over_the_region(extension, scene):
+    border_around_the_card(scene)
+    scene.render.use_crop_to_border = True
+    assert depth_seen_at(scene, IN_THE_CARD_OF_THE_REGION) == pytest.approx(NEAR)
+    assert depth_seen_at(scene, IN_THE_WALL_OF_THE_REGION) == pytest.approx(FAR)
+
+
+def render_a_sample(scene):
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    bpy.ops.render.render()
+
+
+@pytest.mark.parametrize("which", ["content", "multiview"])
+def test_a_pair_of_ours_is_read_over_its_render_region(extension, scene, which):
+    from stereo_reproject_extension.operators.results import Delivery, SlotContent, result_of
+    from stereo_reproject_extension.operators.slots import content_now
+
+    border_around_the_card(scene)
+    render_a_sample(scene)
+    pair = {"content": SlotContent(7, "Another Slot", 1), which: content_now()}
+    result_of(scene).delivery = Delivery(**pair, frame=1, clock="12:00")
+    assert depth_seen_at(scene, IN_THE_CARD_OF_THE_REGION) == pytest.approx(NEAR)
+    assert depth_seen_at(scene, IN_THE_WALL_OF_THE_REGION) == pytest.approx(FAR)
+    # What F12 renders into that slot is the whole frame again.
+    render_a_sample(scene)
+    assert depth_seen_at(scene, IN_THE_CARD_OF_THE_REGION) == pytest.approx(FAR)
 
 
 def warnings(scene):

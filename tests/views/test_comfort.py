@@ -126,6 +126,19 @@ def test_depths_that_are_none_are_refused(near, far):
         fit_off_axis(near, far, BROADCAST, UNIT_WIDTH, 10.0)
 
 
+def test_a_sky_needs_depth_behind_the_screen_and_a_wall_does_not():
+    in_front = Limits(-1.0, 0.0)
+    with pytest.raises(BadInputError, match="raise Behind"):
+        fit_off_axis(1.0, math.inf, in_front, UNIT_WIDTH, 10.0)
+    fit = fit_off_axis(1.0, 8.0, in_front, UNIT_WIDTH, 10.0)
+    assert percent(fit, 8.0) == pytest.approx(0.0, abs=PERCENT_TOLERANCE)
+
+
+def test_parallel_eyes_need_depth_in_front_of_the_screen():
+    with pytest.raises(BadInputError, match="raise In Front"):
+        fit_parallel(1.0, Limits(0.0, 2.0), UNIT_WIDTH)
+
+
 def test_conditions_that_nobody_has_are_refused():
     with pytest.raises(BadInputError, match="above 0"):
         Viewing(0.6, 0.0, 1.7)
