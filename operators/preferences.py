@@ -26,8 +26,15 @@ SCREEN_WIDTH_M = 0.6
 EYE_DISTANCE_M = 0.065
 """Distance between an adult's eyes, in metres, as stereo is usually made for; the mean of adults is 63 mm."""
 
+VIEWING_DISTANCE_WIDTHS = 1.7
+"""Distance of the viewer from the screen, in its widths: about 1 m from a monitor of 27 inches, the middle of a
+cinema."""
+
 GROUPS = (
-    ("Scenes in Which Nothing Else Was Chosen", ("accuracy", "preview_samples", "screen_width", "eye_distance")),
+    (
+        "Scenes in Which Nothing Else Was Chosen",
+        ("accuracy", "preview_samples", "screen_width", "eye_distance", "viewing_distance"),
+    ),
     ("Every Preview", ("preview_pixels",)),
     ("Folders", ("temporary_folder", "costs_folder")),
 )
@@ -82,6 +89,16 @@ class StereoReprojectPreferences(bpy.types.AddonPreferences):
         min=0.001,
         soft_max=0.08,
         precision=3,
+    )
+    viewing_distance: bpy.props.FloatProperty(
+        name="Viewing Distance (Widths)",
+        description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
+        " in the middle of a cinema, 2 to 3 for a television",
+        default=VIEWING_DISTANCE_WIDTHS,
+        min=0.1,
+        soft_max=5.0,
+        precision=1,
+        step=10,
     )
     temporary_folder: bpy.props.StringProperty(
         name="Temporary Files",

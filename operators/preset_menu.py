@@ -23,6 +23,7 @@ KEPT = (
     "preview_samples",
     "screen_width",
     "eye_distance",
+    "viewing_distance",
 )
 """Settings that a preset holds. Those that belong to a single shot, such as the rendered eye, are not among them."""
 

@@ -186,12 +186,13 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         name="Viewing Distance (Widths)",
         description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
         " in the middle of a cinema, 2 to 3 for a television",
-        default=1.7,
         min=0.1,
         soft_max=5.0,
         precision=1,
         step=10,
+        **_number("viewing_distance"),
     )
+    own_viewing_distance: bpy.props.FloatProperty(options={"HIDDEN"})
     show_depth: bpy.props.BoolProperty(
         name="Show in 3D View",
         description="Draw the screen, and where comfort ends before and behind it, in the 3D View; an arrow at the"

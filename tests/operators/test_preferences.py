@@ -33,6 +33,7 @@ FOLLOWING = {
     "preview_samples": (32, 8),
     "screen_width": (4.0, 12.0),
     "eye_distance": (0.05, 0.06),
+    "viewing_distance": (1.2, 2.5),
 }
 """Settings that follow the preferences: a value for the preferences, and another for the scene."""
 
