@@ -15,9 +15,16 @@ SCRIPTS = Path(bpy.utils.system_resource("SCRIPTS"))
 # bpy has no `blender --command extension`; this file is what that calls.
 EXTENSION_COMMAND = SCRIPTS / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
 VALID_TAGS = SCRIPTS / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-PAGES = {"docs/artists.md", "docs/troubleshooting.md"}
+PAGES = {
+    f"docs/{name}.md"
+    for name in (
+        *("accuracy", "animation", "artists", "numerics", "performance", "production", "report", "results"),
+        *("scripting", "troubleshooting"),
+    )
+}
 SHIPPED = {
-    *("__init__.py", "LICENSE", "blender_manifest.toml", "docs/farm", "operators", "stereo_reproject", "wheels"),
+    *("__init__.py", "LICENSE", "blender_manifest.toml", "operators", "stereo_reproject", "wheels"),
+    *("docs/farm", "docs/images"),
     *PAGES,
 }
 

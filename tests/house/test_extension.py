@@ -1,10 +1,11 @@
 """blender_manifest.toml says what the design says, and says alone what only it may say. That Blender accepts it is
 checked by `make extension`."""
 
+import posixpath
 import re
 import tomllib
 from importlib.metadata import files
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import pytest
 
@@ -15,6 +16,13 @@ WHEEL = re.compile(
 # Python of Blender 4.5 LTS, of 5.x, and of what follows.
 PYTHONS = {"cp311", "cp313", "cp314"}
 SYSTEM_OF_WHEEL = {"manylinux": "linux", "macosx": "macos", "win": "windows"}
+LINK = re.compile(r"\]\((?!https?://)([^)#]+)")
+NOT_SHIPPED = {
+    # The front page of the repository, not of the extension.
+    ("accuracy.md", "../README.md"),
+    ("results.md", "../README.md"),
+}
+"""Links, by page, that lead to nothing in the zip; the charts of accuracy.md do not ship either, for their size."""
 MACHINE_OF_WHEEL = {"x86_64": "x64", "amd64": "x64", "arm64": "arm64"}
 
 
@@ -82,3 +90,31 @@ def test_version_stands_in_the_manifest_alone(manifest):
         rf"(?<![\d.]){re.escape(manifest['version'])}(?![\d.])|__version__\s*=\s*[\"']|^bl_info\b", re.M
     )
     assert [str(file.relative_to(ROOT)) for file in files if version.search(file.read_text(encoding="utf-8"))] == []
+
+
+def is_shipped(name: str, manifest: dict) -> bool:
+    """Whether a file, by its path from docs/, is in the zip."""
+    path = PurePosixPath(posixpath.normpath(f"/docs/{name}"))
+    patterns = manifest["build"]["paths_exclude_pattern"]
+    assert not any(pattern.startswith("!") for pattern in patterns), "no exceptions are thought of here"
+    return not any(path.match(pattern) for pattern in patterns)
+
+
+def test_what_the_pages_of_the_manual_lead_to_comes_with_them(manifest):
+    pages = [page for page in (ROOT / "docs").glob("*.md") if is_shipped(page.name, manifest)]
+    assert {"artists.md", "troubleshooting.md"} <= {page.name for page in pages}
+    dead = {
+        (page.name, link)
+        for page in pages
+        for link in LINK.findall(page.read_text(encoding="utf-8"))
+        if not is_shipped(link, manifest) or not (ROOT / "docs" / link).exists()
+    }
+    charts = {(page, link) for page, link in dead if page == "accuracy.md" and link.startswith("images/")}
+    assert dead - charts == NOT_SHIPPED
+
+
+def test_only_pictures_that_a_shipped_page_shows_come_along(manifest):
+    pages = [page for page in (ROOT / "docs").glob("*.md") if is_shipped(page.name, manifest)]
+    links = {link for page in pages for link in LINK.findall(page.read_text(encoding="utf-8"))}
+    pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
+    assert {picture for picture in pictures if is_shipped(picture, manifest)} - links == set()

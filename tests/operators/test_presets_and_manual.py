@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import bpy
-import pytest
 from bl_operators.wm import WM_OT_doc_view_manual, _wm_doc_get_id
 
 from tests.operators.conftest import PACKAGE, ROOT
@@ -99,9 +98,3 @@ def test_the_manual_is_gone_with_the_extension(package):
     before = len(list(bpy.utils.manual_map()))
     package.unregister()
     assert len(list(bpy.utils.manual_map())) == before - 1
-
-
-@pytest.mark.parametrize("page", ["artists.md", "troubleshooting.md"])
-def test_the_pages_come_with_the_extension(page):
-    manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
-    assert f'"!/docs/{page}"' in manifest

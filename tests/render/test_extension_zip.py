@@ -43,6 +43,8 @@ SHIPPED_FILES = {
     "docs/farm/stereo-animation.openjd.yaml",
     "docs/farm/stereo_reproject_animate.js",
 }
+MAX_PAGES_BYTES = 4_000_000
+"""Of the pages of the manual and their pictures, which most users never open: less than the wheels take."""
 SHIPPED_FOLDERS = ("operators", "stereo_reproject")
 SHIPPED_KINDS = (".py", ".osl")
 
@@ -173,7 +175,11 @@ def test_it_holds_what_ships_and_nothing_else(archive):
     sources = (
         path for folder in SHIPPED_FOLDERS for path in (ROOT / folder).rglob("*") if path.suffix in SHIPPED_KINDS
     )
-    assert names - wheels == SHIPPED_FILES | {path.relative_to(ROOT).as_posix() for path in sources}
+    # Which of them there are, tests/house/test_extension.py says.
+    pages = {name for name in names if re.fullmatch(r"docs/([^/]+\.md|images/[^/]+\.png)", name)}
+    assert names - wheels - pages == SHIPPED_FILES | {path.relative_to(ROOT).as_posix() for path in sources}
+    with zipfile.ZipFile(archive) as content:
+        assert sum(content.getinfo(name).compress_size for name in pages) < MAX_PAGES_BYTES
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     assert len(wheels) == len(manifest["wheels"]) / len(manifest["platforms"])
 
