@@ -7,11 +7,13 @@ import bpy
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS, measure_depth
 from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen, frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from .jobs import sentence
 from .results import KnownDepth, result_of
 from .stereo import EditsCamera, check_editable, parallax_now, viewing_conditions
+from .text import reported
 
 MAX_INTEROCULAR = 100.0
 """Interocular distance, in scene units, up to which Blender's own setting goes."""
@@ -38,9 +40,9 @@ class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
         try:
             measure(context)
         except BadInputError as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, reported(sentence(error)))
             return {"CANCELLED"}
-        self.report({"INFO"}, sentence(parallax_line(context.scene)))
+        self.report({"INFO"}, sentence(reported(parallax_line(context.scene))))
         return {"FINISHED"}
 
 
@@ -64,13 +66,15 @@ def camera_state(scene: bpy.types.Scene) -> tuple[float, ...]:
 def side_words(percent: float) -> str:
     """Return a parallax in percent of the width as words: how much, and on which side of the screen."""
     if abs(percent) < 0.05:
-        return "at the screen"
-    return f"{abs(percent):.1f} % {'behind' if percent > 0.0 else 'in front'}"
+        return Words("at the screen")
+    message = "{percent} % behind" if percent > 0.0 else "{percent} % in front"
+    return Words(message, percent=f"{abs(percent):.1f}")
 
 
 def parallax_line(scene: bpy.types.Scene) -> str:
-    """Return the parallax of the nearest and farthest point as one line."""
-    return ", ".join(f"{name.lower()} {side_words(found.percent)}" for name, found in parallax_now(scene))
+    """Return the parallax of the nearest and farthest point as one line; "" where it is not known."""
+    sides = [side_words(found.percent) for _, found in parallax_now(scene)]
+    return Words("nearest {nearest}, farthest {farthest}", nearest=sides[0], farthest=sides[1]) if sides else ""
 
 
 class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
@@ -119,13 +123,14 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
             data = check_editable(scene).data
             fit = self._fit(context, data)
         except BadInputError as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, reported(sentence(error)))
             return {"CANCELLED"}
         data.stereo.interocular_distance = fit.interocular
         if data.stereo.convergence_mode == "OFFAXIS":
             data.stereo.convergence_distance = convergence_of_screen(data, fit.screen_depth)
         length = bpy.utils.units.to_string(scene.unit_settings.system, "LENGTH", fit.interocular, precision=3)
-        self.report({"INFO"}, f"Interocular {length}: {parallax_line(scene)}")
+        line = Words("Interocular {length}: {parallax}", length=length, parallax=parallax_line(scene))
+        self.report({"INFO"}, reported(line))
         return {"FINISHED"}
 
     def _fit(self, context: bpy.types.Context, data: bpy.types.Camera) -> Fit:

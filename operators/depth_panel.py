@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
+from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
@@ -16,12 +17,33 @@ from .fitting import TEXT_MARGINS_PX, fits
 from .results import KnownDepth, result_of
 from .screen_here import STEREO_REPROJECT_OT_set_screen_here
 from .stereo import eyes_of, is_comfortable, parallax_now, viewing_conditions
+from .text import shown
 
 BAR_PERCENT = 3.0
 """Parallax at either end of the bar, in percent of the width: the rule of thumb of stereographers, and about one degree
 on most screens."""
 
 MAX_NAMED_CUTS = 2
+
+TURNED_APART = (
+    "Too far behind a screen {width} m wide: wider apart than a viewer's eyes ({eyes} mm). Lower the interocular"
+    " distance, or set the convergence farther away."
+)
+TOO_FAR = (
+    "Too far behind the screen: more than {percent} %."
+    " Lower the interocular distance, or set the convergence farther away."
+)
+TOO_NEAR = (
+    "Too near in front of the screen: more than {percent} %."
+    " Lower the interocular distance, or set the convergence nearer."
+)
+"""Warnings of the panel, each with figures in braces."""
+
+CUT = {
+    "left": "{name} is in front of the screen and cut by its left edge. Set the convergence nearer, or move it.",
+    "right": "{name} is in front of the screen and cut by its right edge. Set the convergence nearer, or move it.",
+}
+"""Message about what the frame cuts, by the side of its edge."""
 
 FIT_SHARE = 0.43
 """Share of the row that Fit to Comfort has: the other button has an icon, and both must fit into a narrow panel."""
@@ -80,7 +102,7 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     when, measure = _when(known, scene), STEREO_REPROJECT_OT_measure_depth.bl_idname
     if fits(context, when, 1.0, ICON_PX + TEXT_MARGINS_PX):
         row = column.row()
-        row.label(text=when)
+        row.label(text=shown(when))
         row.operator(measure, text="", icon="FILE_REFRESH")
     else:
         paragraph(column, context, when)
@@ -90,16 +112,18 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     _draw_bar(column, min(percents), max(percents), limits)
     _draw_ends(column, context)
     for name, parallax in found:
-        paragraph(layout, context, f"{name}: {side_words(parallax.percent)} ({abs(parallax.pixels):.0f} px)")
+        fields = {"side": side_words(parallax.percent), "pixels": f"{abs(parallax.pixels):.0f}"}
+        paragraph(layout, context, Words("{end}: {side} ({pixels} px)", end=Words(name), **fields))
     for warning in warnings_on(scene, known):
         paragraph(layout, context, warning, icon="ERROR")
 
 
 def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:
     """Return for which frame the depth was found, as words, and whether the camera sees something else by now."""
+    if known.frame != scene.frame_current:
+        return Words("Depth at frame {frame} (now {now})", frame=known.frame, now=scene.frame_current)
     moved = bool(known.seen_from) and known.seen_from != camera_state(scene)
-    since = f" (now {scene.frame_current})" if known.frame != scene.frame_current else ", camera moved" if moved else ""
-    return f"Depth at frame {known.frame}{since}"
+    return Words("Depth at frame {frame}, camera moved" if moved else "Depth at frame {frame}", frame=known.frame)
 
 
 def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limits) -> None:
@@ -120,14 +144,15 @@ def _draw_bar(layout: bpy.types.UILayout, near: float, far: float, limits: Limit
 
 def _draw_ends(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what the bar's two ends stand for, without their figures where the panel is too narrow for them."""
-    words = (f"{BAR_PERCENT:g} % in front", f"behind {BAR_PERCENT:g} %")
+    percent = f"{BAR_PERCENT:g}"
+    words = (Words("{percent} % in front", percent=percent), Words("behind {percent} %", percent=percent))
     if not all(fits(context, text, 0.5) for text in words):
         words = ("in front", "behind")
     ends = layout.split(factor=0.5)
-    ends.label(text=words[0])
+    ends.label(text=shown(words[0]))
     row = ends.row()
     row.alignment = "RIGHT"
-    row.label(text=words[1])
+    row.label(text=shown(words[1]))
 
 
 def warnings_on(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
@@ -137,21 +162,12 @@ def warnings_on(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
     limits = comfort_limits(viewing)
     found = []
     if not is_comfortable(scene, far):
-        found.append(
-            f"Too far behind a screen {viewing.screen_width:g} m wide: wider apart than a viewer's eyes"
-            f" ({1000.0 * viewing.eye_distance:.0f} mm). Lower the interocular distance, or set the convergence farther"
-            " away."
-        )
+        sizes = {"width": f"{viewing.screen_width:g}", "eyes": f"{1000.0 * viewing.eye_distance:.0f}"}
+        found.append(Words(TURNED_APART, **sizes))
     elif far.percent > limits.far:
-        found.append(
-            f"Too far behind the screen: more than {limits.far:.1f} %. Lower the interocular distance, or set the"
-            " convergence farther away."
-        )
+        found.append(Words(TOO_FAR, percent=f"{limits.far:.1f}"))
     if near.percent < limits.near:
-        found.append(
-            f"Too near in front of the screen: more than {-limits.near:.1f} %. Lower the interocular distance, or set"
-            " the convergence nearer."
-        )
+        found.append(Words(TOO_NEAR, percent=f"{-limits.near:.1f}"))
     return found + _cut(scene, known)
 
 
@@ -165,6 +181,5 @@ def _cut(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
     if depth is None:
         return []
     return [
-        f"{name!r} is in front of the screen and cut by its {side} edge. Set the convergence nearer, or move it."
-        for name, side in cut_in_front(known.edges, depth, EDGE_ROWS)[:MAX_NAMED_CUTS]
+        Words(CUT[side], name=repr(name)) for name, side in cut_in_front(known.edges, depth, EDGE_ROWS)[:MAX_NAMED_CUTS]
     ]

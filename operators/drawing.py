@@ -81,7 +81,7 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
     column.scale_y = BUTTON_SCALE
     if run is not None:
         fraction, words = progress_of(run)
-        column.progress(factor=fraction, text=words)
+        column.progress(factor=fraction, text=shown(words))
         column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
         return
     image = RENDER_OT_stereo_reproject_image.bl_idname

@@ -11,11 +11,13 @@ import bpy
 from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
 from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.errors import StereoReprojectError
+from ..stereo_reproject.report.words import Words
 from . import slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .results import has_preview
 from .run import BackgroundJob
 from .run_words import cancelled_words, progress_of, stage_of
+from .text import reported, shown
 
 TICK_SECONDS = 0.1
 
@@ -131,7 +133,7 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self._tell(f"{progress_of(run)[1]}.  {stage_of(run)}")
+        self._tell(shown(Words("{far}.  {stage}", far=progress_of(run)[1], stage=stage_of(run))))
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
@@ -191,7 +193,7 @@ class JobOperator:
             taken = True
         except StereoReprojectError as error:
             if run.cancelled:
-                self.report({"INFO"}, cancelled_words(run))
+                self.report({"INFO"}, reported(cancelled_words(run)))
             else:
                 self.report({"ERROR"}, sentence(error) + _words_of_kept(run))
             return {"CANCELLED"}

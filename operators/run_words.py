@@ -6,6 +6,7 @@ from ..stereo_reproject.jobs.progress import left_words
 from ..stereo_reproject.jobs.supervisor import FRAME
 from ..stereo_reproject.pipeline.stages import words_of
 from ..stereo_reproject.report.verdict import saved_words
+from ..stereo_reproject.report.words import Words
 from .run import BackgroundJob
 
 
@@ -14,9 +15,10 @@ def progress_of(run: BackgroundJob) -> tuple[float, str]:
     and the time that is left.
     """
     fraction, remaining = run.far()
-    share = f"{100.0 * fraction:.0f} %"
-    left = "" if remaining is None else f", {left_words(remaining)}"
-    return fraction, "  ".join(filter(None, [frame_words(run), f"{share}{left}"]))
+    words, frame = Words("{share} %", share=f"{100.0 * fraction:.0f}"), frame_words(run)
+    if remaining is not None:
+        words = Words("{share}, {left}", share=words, left=left_words(remaining))
+    return fraction, Words("{frame}  {far}", frame=frame, far=words) if frame else words
 
 
 def frame_words(run: BackgroundJob) -> str:
@@ -26,20 +28,23 @@ def frame_words(run: BackgroundJob) -> str:
     if run.animation is None or not run.detail.startswith(FRAME):
         return ""
     frame, frames = int(run.detail.removeprefix(FRAME)), run.animation.frames
-    return f"Frame {frame} ({frames.index(frame) + 1} of {len(frames)})"
+    return Words("Frame {frame} ({place} of {count})", frame=frame, place=frames.index(frame) + 1, count=len(frames))
 
 
 def stage_of(run: BackgroundJob) -> str:
     """Return in words what a run is doing; of an animation with the time saved so far."""
-    saved = "" if run.saved is None else f"{saved_words(run.saved)} so far"
-    detail = "" if frame_words(run) else run.detail
-    return ", ".join(filter(None, [words_of(run.stage), detail, saved]))
+    words = Words(words_of(run.stage))
+    if run.detail and not frame_words(run):
+        words = Words("{stage}, {detail}", stage=words, detail=run.detail)
+    if run.saved is not None:
+        words = Words("{stage}, {saved} so far", stage=words, saved=saved_words(run.saved))
+    return words
 
 
 def cancelled_words(run: BackgroundJob) -> str:
     """Return a line that says what stays of a run that was cancelled."""
     if run.animation is None:
-        return "Cancelled: nothing was changed"
-    done = run.frames_finished
-    frames = {0: "no frame was finished", 1: "1 frame is finished and stays"}
-    return f"Cancelled: {frames.get(done, f'{done} frames are finished and stay')}"
+        return Words("Cancelled: nothing was changed")
+    few = {0: "Cancelled: no frame was finished", 1: "Cancelled: 1 frame is finished and stays"}
+    message = few.get(run.frames_finished, "Cancelled: {count} frames are finished and stay")
+    return Words(message, count=run.frames_finished)

@@ -10,11 +10,13 @@ from mathutils import Vector
 from ..stereo_reproject.blender.scene.depth import cast_rays, first_seen, frame_pixels
 from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.depth_range import FramePixels
 from .jobs import sentence
 from .results import result_of
 from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
+from .text import reported, shown
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
 """Events that are left to Blender while the eyedropper is out, so that the view can be moved."""
@@ -63,7 +65,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         """Take out the eyedropper and wait for a click."""
         _out.append(self.bl_idname)
         context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(HELP)
+        context.workspace.status_text_set(shown(HELP))
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -81,12 +83,12 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         try:
             depth = depth_under_mouse(context, event)
         except BadInputError as error:
-            context.workspace.status_text_set(f"{sentence(error)}    {HELP}")
+            show_help(context, sentence(error))
             if clicked:
-                self.report({"WARNING"}, sentence(error))
+                self.report({"WARNING"}, reported(sentence(error)))
             return {"RUNNING_MODAL"}
         if not clicked:
-            context.workspace.status_text_set(f"Depth {length_words(context.scene, depth)}    {HELP}")
+            show_help(context, Words("Depth {length}", length=length_words(context.scene, depth)))
             return {"RUNNING_MODAL"}
         put_away()
         self.depth = depth
@@ -102,12 +104,18 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         try:
             check_editable(scene)
         except BadInputError as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, reported(sentence(error)))
             return {"CANCELLED"}
         set_screen_depth(scene, self.depth)
-        self.report({"INFO"}, f"The screen is {length_words(scene, self.depth)} before the camera")
+        words = Words("The screen is {length} before the camera", length=length_words(scene, self.depth))
+        self.report({"INFO"}, reported(words))
         warn_if_parallel(self, scene)
         return {"FINISHED"}
+
+
+def show_help(context: bpy.types.Context, text: str) -> None:
+    """Show a text about what is under the mouse in the status bar, and after it what can be done."""
+    context.workspace.status_text_set(f"{shown(text)}    {shown(HELP)}")
 
 
 def length_words(scene: bpy.types.Scene, length: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..pipeline.stages import Stage
+from ..report.words import Words
 
 _PAIR = {
     Stage.PLAN: 1.0,
@@ -125,9 +126,10 @@ def left_words(seconds: float) -> str:
     """Return the seconds that remain as words, the last minute alone in seconds: "42 s left", "3 min left", "1 h 5 min
     left"."""
     if round(seconds) < 60:
-        return f"{max(round(seconds), 1)} s left"
+        return Words("{time} left", time=f"{max(round(seconds), 1)} s")
     hours, minutes = divmod(round(seconds / 60.0), 60)
-    return " ".join([*([f"{hours} h"] if hours else []), *([f"{minutes} min"] if minutes else []), "left"])
+    time = " ".join([*([f"{hours} h"] if hours else []), *([f"{minutes} min"] if minutes else [])])
+    return Words("{time} left", time=time)
 
 
 def clock(seconds: float) -> str:

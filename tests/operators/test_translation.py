@@ -16,6 +16,17 @@ TABLE = {
     "Predicted: {gain} times as fast as multiview": "{gain}-mal so schnell",
     "1 stereo frame rendered": "Ein Stereobild",
     "{count} stereo frames rendered": "{count} Stereobilder",
+    "{end}: {side} ({pixels} px)": "{end}: {side}, {pixels} Pixel",
+    "Nearest": "Nächster",
+    "{percent} % in front": "{percent} % davor",
+    "nearest {nearest}, farthest {farthest}": "von {nearest} bis {farthest}",
+    "at the screen": "auf dem Schirm",
+    "{frame}  {far}": "{far} ({frame})",
+    "Frame {frame} ({place} of {count})": "Bild {frame}, {place}/{count}",
+    "{share}, {left}": "{share}, {left}",
+    "{time} left": "noch {time}",
+    "{stage}, {saved} so far": "{stage}, bisher {saved}",
+    "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
 }
 
 
@@ -102,6 +113,49 @@ def test_one_and_many_have_messages_of_their_own(german, count, expected):
     totals = {"multiview_seconds": 1.0, "seconds": 1.0}
     report = {"rendered": count, "there_already": [], "files": ["a.png"], "totals": totals}
     assert reported(_words_of_animation(report, "", "")).startswith(f"{expected}: a.png. ")
+
+
+def test_sides_of_the_screen_are_translated(german):
+    from stereo_reproject_extension.operators.depth import side_words
+    from stereo_reproject_extension.operators.text import shown
+    from stereo_reproject_extension.stereo_reproject.report.words import Words
+
+    assert shown(side_words(-1.25)) == "1.2 % davor"
+    line = Words("{end}: {side} ({pixels} px)", end=Words("Nearest"), side=side_words(0.0), pixels="3")
+    assert paragraph(line) == "Nächster: auf dem Schirm, 3 Pixel"
+
+
+def test_the_report_of_a_measurement_is_translated(german):
+    from stereo_reproject_extension.operators.depth import parallax_line
+    from stereo_reproject_extension.operators.results import KnownDepth, result_of
+    from stereo_reproject_extension.operators.text import reported
+
+    from tests.blender.toolbox import add_camera, empty_scene
+
+    scene = empty_scene(64, 36)
+    screen = add_camera(scene).data.stereo.convergence_distance
+    result_of(scene).depth = KnownDepth(screen, screen, scene.frame_current)
+    assert reported(parallax_line(scene)) == "von auf dem Schirm bis auf dem Schirm"
+
+
+class AnimationUnderWay:
+    """A run at its third frame of four, as `run_words` reads it."""
+
+    animation = SimpleNamespace(frames=range(11, 15))
+    detail, stage, saved, frames_finished = "frame 13", "fill", 190.0, 2
+
+    def far(self):
+        return 0.5, 42.0
+
+
+def test_progress_is_translated(german):
+    from stereo_reproject_extension.operators.run_words import cancelled_words, progress_of, stage_of
+    from stereo_reproject_extension.operators.text import reported, shown
+
+    run = AnimationUnderWay()
+    assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
+    assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart")
+    assert reported(cancelled_words(run)) == "Abgebrochen: 2 Bilder bleiben"
 
 
 def test_in_english_all_is_as_written(extension):
