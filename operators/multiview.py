@@ -100,7 +100,7 @@ class STEREO_REPROJECT_OT_show_side(bpy.types.Operator):
             return {"CANCELLED"}
         result = render_result()
         if result not in (space.image, kind_of(space.image) and pair_shown_in(space)):
-            bpy.ops.stereo_reproject.show_picture(which="PAIR")
+            space.image = result
         return {"FINISHED"}
 
 
