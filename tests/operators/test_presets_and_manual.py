@@ -88,6 +88,13 @@ def test_every_setting_and_button_has_a_section_of_the_manual(extension):
         assert section in anchors(ROOT / "docs" / page.rpartition("/")[2]), name
 
 
+@pytest.mark.parametrize("button", ["show_view", "show_side", "wiggle", "export_wiggle"])
+def test_buttons_for_looking_at_a_pair_open_the_section_about_that(extension, button):
+    name = _wm_doc_get_id(f"stereo_reproject.{button}", do_url=False)
+    url = WM_OT_doc_view_manual._lookup_rna_url(name, verbose=False)
+    assert url.endswith("/artists.md#looking-at-it-without-glasses")
+
+
 def test_the_manual_of_blender_s_own_settings_is_blender_s(extension):
     url = WM_OT_doc_view_manual._lookup_rna_url("bpy.types.rendersettings.resolution_x", verbose=False)
     assert url.startswith("https://docs.blender.org/")
