@@ -95,12 +95,10 @@ def multiview_slot() -> Iterator[None]:
     if image is None:
         raise StereoReprojectError("Blender has no Render Result yet")
     slots, before, earlier = image.render_slots, image.render_slots.active_index, multiview_now()
-    if earlier is None:
-        taken = sum(slot.name.startswith(MULTIVIEW) for slot in slots)
-        slots.new(name=f"{MULTIVIEW} {taken + 1}" if taken else MULTIVIEW)
+    place = _new_slot(slots, MULTIVIEW) if earlier is None else earlier.place
     _multiview.clear()
     try:
-        slots.active_index = len(slots) - 1 if earlier is None else earlier.place
+        slots.active_index = place
         yield
         _multiview.extend(filter(None, [content_now()]))
     finally:
@@ -113,13 +111,22 @@ def multiview_now() -> SlotContent | None:
 
 
 def leave_multiview(pair: SlotContent | None) -> None:
-    """If the active slot holds multiview's pair, have the slot of `pair` active instead, or else the first one: what is
-    handed over next is no multiview's.
+    """If the active slot holds multiview's pair, have the slot of `pair` active instead, or a new one where `pair` is
+    None or its slot holds another render by now: what is handed over next is no multiview's, and takes nobody's place.
     """
     image, multiview = render_result(), multiview_now()
     if image is None or multiview is None or image.render_slots.active_index != multiview.place:
         return
-    image.render_slots.active_index = 0 if pair is None or pair.place == multiview.place else pair.place
+    slots = image.render_slots
+    stays = pair is not None and pair.place != multiview.place and holds(pair)
+    slots.active_index = pair.place if stays else _new_slot(slots, NAME)
+
+
+def _new_slot(slots: bpy.types.RenderSlots, name: str) -> int:
+    """Add a render slot of this name, with a number where there are such slots already, and return its place."""
+    taken = sum(slot.name.startswith(name) for slot in slots)
+    slots.new(name=f"{name} {taken + 1}" if taken else name)
+    return len(slots) - 1
 
 
 @contextmanager
@@ -135,11 +142,10 @@ def unused_slot() -> Iterator[str | None]:
         yield None
         return
     slots, before = image.render_slots, image.render_slots.active_index
-    own = [k for k, slot in enumerate(slots) if slot.name.startswith(NAME)]
+    own = (k for k, slot in enumerate(slots) if slot.name.startswith(NAME))
     free = next((k for k in own if k not in rendered), None)
     if free is None:
-        slots.new(name=f"{NAME} {len(own) + 1}" if own else NAME)
-        free = len(slots) - 1
+        free = _new_slot(slots, NAME)
     slots.active_index = free
     try:
         yield slots[free].name

@@ -218,3 +218,29 @@ def test_a_user_s_render_in_multiview_s_slot_is_left_alone(extension, scene):
     bpy.ops.render.stereo_reproject_image()
     assert result_of(scene).delivery.multiview.place != place
     assert slots[result_of(scene).delivery.multiview.place].name == "Multiview 2"
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["another scene's", "where a render has taken the pair's slot"])
+def test_a_pair_beside_multiview_s_takes_nobody_s_slot(extension, scene, known):
+    from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.slots import holds
+
+    scene.stereo_reproject.compare = True
+    bpy.ops.render.stereo_reproject_image()
+    slots, first = render_result().render_slots, result_of(scene).delivery
+    rendered = scene if known else scene.copy()
+    if known:
+        slots.active_index = first.content.place
+        bpy.ops.render.render()
+    else:
+        # Blender saves no scene that nothing uses.
+        rendered.use_fake_user = True
+        bpy.context.window_manager.windows[0].scene = rendered
+    rendered.stereo_reproject.compare = False
+    slots.active_index = first.multiview.place
+    with bpy.context.temp_override(scene=rendered):
+        assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    content = result_of(rendered).delivery.content
+    assert (content.place, content.name) == (len(slots) - 1, "Stereo Pair")
+    assert holds(first.multiview)
+    assert holds(first.content) == (not known)
