@@ -3,6 +3,7 @@
 import bpy
 
 from .results import PICTURES, result_of
+from .run import job_has_thread
 
 NAME = "Stereo {}"
 
@@ -51,7 +52,11 @@ def render_result() -> bpy.types.Image | None:
 
 
 KIND = "stereo_reproject_kind"
-"""Property of the images in which a pair is seen without glasses: which one it is, see `view_images`."""
+"""Property of the images in which a pair is seen without glasses: which one it is, a key of
+`view_images.ARRANGEMENTS`."""
+
+PAIR = "stereo_reproject_pair"
+"""Property of those images, beside `KIND`: the name of the image that holds the pair."""
 
 
 def kind_of(image: bpy.types.Image | None) -> str | None:
@@ -101,16 +106,34 @@ MAX_FOREIGN_REDRAWS = 50
 
 def fit_result() -> None:
     """Zoom every Image Editor that shows the Render Result so that the whole picture fits into it."""
+    result = render_result()
     for window, area in image_editors():
-        if area.spaces.active.image == render_result():
+        if result is not None and area.spaces.active.image == result:
             fit_editor(window, area)
 
 
 def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Zoom an Image Editor so that the whole picture fits into it."""
+    """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle; while a job runs, do
+    as `zoom_to_fit`.
+    """
+    if job_has_thread():
+        zoom_to_fit(area)
+        return
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
         bpy.ops.image.view_all(fit_view=True)
+
+
+def zoom_to_fit(area: bpy.types.Area) -> None:
+    """Zoom an Image Editor so that the whole picture is as large as the editor, without an operator: 4.5 ends where one
+    runs under an override of its context while another thread does. Do nothing for a picture whose size Blender does
+    not tell, such as the Render Result.
+    """
+    space = area.spaces.active
+    width, height = space.image.size
+    if width and height:
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        space.zoom_percentage = 100.0 * min(region.width / width, region.height / height)
 
 
 def redraw_with_both_eyes(*, fit: bool = False) -> None:

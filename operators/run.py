@@ -33,6 +33,9 @@ from .preferences import preferred
 
 POLL_SECONDS = 0.1
 
+THREAD_NAME = "Stereo Reproject job"
+"""Name of the thread that waits for a job's process."""
+
 EYES = tuple(f"{view}.exr" for view in VIEWS)
 
 
@@ -129,7 +132,7 @@ class BackgroundJob:
                 first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
             )
             worker = module_in_blender("programs.worker")
-            self._thread = threading.Thread(target=self._work, args=(job, worker), daemon=True)
+            self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=(job, worker), daemon=True)
             self._thread.start()
         except BaseException:
             self._place.__exit__(None, None, None)
@@ -222,6 +225,13 @@ class BackgroundJob:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
             self.progress.begin(self.stage, now)
             self.progress.advance(event.get("fraction"), now)
+
+
+def job_has_thread() -> bool:
+    """Return whether the thread of a job is alive: no operator may then run under an override of its context, see
+    `zoom_to_fit` in `pictures`.
+    """
+    return any(thread.name == THREAD_NAME for thread in threading.enumerate())
 
 
 def _session_of(scene: bpy.types.Scene) -> Session:

@@ -17,6 +17,7 @@ from ..stereo_reproject.jobs.work_folder import work_folder
 from .pictures import (
     KIND,
     NAME,
+    PAIR,
     fit_editor,
     image_editors,
     kind_of,
@@ -35,9 +36,6 @@ ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
 """Views that each kind of image shows, from left to right."""
 
 NAMES = {"LEFT": "Left", "RIGHT": "Right", "SIDE_BY_SIDE": "Side by Side", "CROSS_EYED": "Cross-Eyed"}
-
-PAIR = "stereo_reproject_pair"
-"""Property of our images, beside `KIND`, a key of `ARRANGEMENTS`: the name of the image that holds the pair."""
 
 
 def pair_shown_in(space: bpy.types.SpaceImageEditor) -> bpy.types.Image | None:
