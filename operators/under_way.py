@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..stereo_reproject.jobs.supervisor import Event
-from .pictures import NAME, find_editor, image_editors, is_ours, kind_of, render_result
+from .pictures import NAME, PAIR, find_editor, image_editors, is_ours, kind_of, render_result, zoom_to_fit
 from .run import Pictures
 
 UNDER_WAY = NAME.format("Render ({} eye)")
@@ -18,14 +18,16 @@ UNDER_WAY = NAME.format("Render ({} eye)")
 class _Editor:
     """The Image Editor that was chosen for a job, and how it is given back.
 
-    area is the address of its area, before the name of the image that it showed. opened: True where it was opened for
-    the job; window is then the address of the window that was opened with it, None if there was none. fit: True where
-    pictures are fitted to it. image is the name of the image that shows an eye, "" as long as there is none; shown is
-    the event of its picture.
+    area is the address of its area, before the name of the image that it showed; pair is the name of the image that
+    holds the pair, where `before` shows it without glasses, and else "". opened: True where it was opened for the job;
+    window is then the address of the window that was opened with it, None if there was none. fit: True where pictures
+    are fitted to it. image is the name of the image that shows an eye, "" as long as there is none; shown is the event
+    of its picture.
     """
 
     area: int
     before: str
+    pair: str
     opened: bool
     window: int | None
     fit: bool
@@ -54,7 +56,8 @@ def open_editor(*, fit: bool) -> None:
     if area is not None:
         window = _window_of(area).as_pointer()
         new = None if window in windows else window
-        _editors.append(_Editor(area.as_pointer(), area.spaces.active.image.name, opened, new, fit or opened))
+        before = area.spaces.active.image
+        _editors.append(_Editor(area.as_pointer(), before.name, _pair_of(before), opened, new, fit or opened))
 
 
 def wanted_pictures(*, first_look: bool) -> Pictures:
@@ -133,33 +136,36 @@ def _put_into(editor: _Editor, image: bpy.types.Image) -> None:
     if space.image is not None and space.image.name != editor.before and not is_ours(space.image):
         return
     if space.image is not None:
-        editor.before = space.image.name
+        editor.before, editor.pair = space.image.name, _pair_of(space.image)
     space.image = image
-    width, height = image.size  # pyright: ignore[reportGeneralTypeIssues] - as above
-    if editor.fit and width and height:
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        # No operator: a thread of the job's is running, see `open_editor`.
-        space.zoom_percentage = 100.0 * min(region.width / width, region.height / height)
+    if editor.fit:
+        zoom_to_fit(area)
+
+
+def _pair_of(image: bpy.types.Image) -> str:
+    """Return the name of the image that holds the pair, for an image that shows it without glasses; "" for others."""
+    return image[PAIR] if kind_of(image) is not None else ""
 
 
 def hand_over() -> bool:
-    """Have the Render Result, or the image in which the pair before was seen without glasses, take the place of the
-    job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown, so
-    that an editor is still to be chosen.
+    """Have the Render Result, or the image in which the Render Result before was seen without glasses, take the place
+    of the job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown,
+    so that an editor is still to be chosen.
     """
     if not _editors or not _editors[0].image:
         _editors.clear()
         return False
     editor = _editors.pop()
-    before = bpy.data.images.get(editor.before)
-    _replace(editor, before if kind_of(before) is not None else render_result())
+    before, result = bpy.data.images.get(editor.before), render_result()
+    of_result = before is not None and result is not None and _pair_of(before) == result.name
+    _replace(editor, before if of_result else result)
     return True
 
 
 def give_back(*, close: bool = True) -> None:
-    """Have editors that show the job's image show what they did before, and close the one that was opened for it. Do
-    nothing after `hand_over`, or where no editor was chosen. Without close nothing is closed: while Blender opens
-    another file, say.
+    """Have editors that show the job's image show what they did before, or the pair where that is gone, and close the
+    one that was opened for it. Do nothing after `hand_over`, or where no editor was chosen. Without close nothing is
+    closed: while Blender opens another file, say.
     """
     if not _editors:
         return
@@ -167,7 +173,9 @@ def give_back(*, close: bool = True) -> None:
     area = _area_of(editor)
     shown = None if area is None else area.spaces.active.image
     untouched = shown is not None and shown.name in (editor.image, editor.before)
-    _replace(editor, bpy.data.images.get(editor.before))
+    images = bpy.data.images
+    # A wiggle ends where the job's image takes its place, and its images with it.
+    _replace(editor, images.get(editor.before) or images.get(editor.pair) or render_result())
     if area is None or not (close and editor.opened and untouched):
         return
     with bpy.context.temp_override(window=_window_of(area), area=area):  # pyright: ignore[reportGeneralTypeIssues] - as above
