@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -9,8 +10,8 @@ import bpy
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from . import wiggling
-from .jobs import sentence
-from .pictures import fit_editor, image_editors, kind_of, redraw_with_both_eyes, render_result
+from .jobs import running, sentence
+from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
 from .view_images import ARRANGEMENTS, has_two_views, made_images, pair_shown_in, remove_all, remove_unused
 
@@ -193,10 +194,27 @@ def _in_anaglyph(window: bpy.types.Window) -> None:
 
 
 @bpy.app.handlers.persistent
-def _show_again(*_: Any) -> None:
-    """Show pairs as before in Image Editors from which an undo has taken our images away. Blender calls this after an
-    undo or redo.
+def _note_turned(*_: Any) -> None:
+    """Forget how pairs were shown in Image Editors that show something else by now. Blender calls this before an undo
+    or redo.
     """
+    if running() is not None:
+        # Its pictures are shown in the pair's place.
+        return
+    for _, area in image_editors():
+        space = area.spaces.active
+        _, name = _last_modes.get(space.as_pointer(), ("", ""))
+        if space.image is None or not (space.image.name == name or is_ours(space.image)):
+            _last_modes.pop(space.as_pointer(), None)
+
+
+@bpy.app.handlers.persistent
+def _show_again(*_: Any) -> None:
+    """Show pairs as before in Image Editors from which an undo has taken our images away; not while a job runs, whose
+    thread bears no operator beside it, see `zoom_to_fit` in `pictures`. Blender calls this after an undo or redo.
+    """
+    if running() is not None:
+        return
     for window, area in image_editors():
         space = area.spaces.active
         mode, name = _last_modes.get(space.as_pointer(), ("", ""))
@@ -228,9 +246,8 @@ def _forget_modes(*_: Any) -> None:
 
 def watch() -> None:
     """Begin to look after editors that show pairs. Called when the extension is switched on."""
-    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
-        handlers.append(_show_again)
-    bpy.app.handlers.load_post.append(_forget_modes)
+    for handlers, function in _watched():
+        handlers.append(function)
 
 
 def unwatch() -> None:
@@ -238,11 +255,18 @@ def unwatch() -> None:
     wiggling.forget_all()
     _last_modes.clear()
     remove_all()
+    for handlers, function in _watched():
+        if function in handlers:
+            handlers.remove(function)
+
+
+def _watched() -> tuple[tuple[list[Callable[..., None]], Callable[..., None]], ...]:
+    """Return Blender's lists of handlers into which functions of ours go, each with its function."""
     handlers = bpy.app.handlers
-    for taken, function in (
+    return (
+        (handlers.undo_pre, _note_turned),
+        (handlers.redo_pre, _note_turned),
         (handlers.undo_post, _show_again),
         (handlers.redo_post, _show_again),
         (handlers.load_post, _forget_modes),
-    ):
-        if function in taken:
-            taken.remove(function)
+    )
