@@ -194,7 +194,7 @@ def _in_anaglyph(window: bpy.types.Window) -> None:
 
 
 @bpy.app.handlers.persistent
-def _note_turned(*_: Any) -> None:
+def _note_turned(*_arguments: Any) -> None:
     """Forget how pairs were shown in Image Editors that show something else by now. Blender calls this before an undo
     or redo.
     """

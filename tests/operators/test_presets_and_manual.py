@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import bpy
+import pytest
 from bl_operators.wm import WM_OT_doc_view_manual, _wm_doc_get_id
 
 from tests.operators.conftest import PACKAGE, ROOT
