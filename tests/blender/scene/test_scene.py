@@ -8,7 +8,7 @@ import pytest
 
 from stereo_reproject.blender.commands.frame import render_files
 from stereo_reproject.blender.engines.renderer import BlenderRenderer
-from stereo_reproject.blender.scene import working as scene_module
+from stereo_reproject.blender.scene import rendered as scene_module
 from stereo_reproject.blender.scene.rendered import layers_to_render
 from stereo_reproject.blender.scene.rig import frame_region
 from stereo_reproject.blender.scene.working import make_small, working_scene
