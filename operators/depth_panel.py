@@ -88,7 +88,8 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
     layout.use_property_split = False
-    fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX + TEXT_MARGINS_PX)
+    # Beside its icon, the text needs no margins of its own.
+    fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")

@@ -132,8 +132,9 @@ def wiggle():
     over_the_picture()
     yield from watch_turns(8)
     facts["wiggling"] = shown()
-    # Zooming and panning go on meanwhile.
-    zoom = space().zoom[0]
+    # Zooming and panning go on meanwhile. A fit that is due comes first.
+    yield from redrawn()
+    zoom = facts["zoom before"] = space().zoom[0]
     press("WHEELUPMOUSE")
     yield from until(lambda: space().zoom[0] > zoom, "the picture cannot be zoomed meanwhile")
     press("WHEELDOWNMOUSE")
