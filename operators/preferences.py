@@ -30,6 +30,32 @@ VIEWING_DISTANCE_WIDTHS = 1.7
 """Distance of the viewer from the screen, in its widths: about 1 m from a monitor of 27 inches, the middle of a
 cinema."""
 
+SCREEN_WIDTH: dict[str, Any] = {
+    "name": "Screen Width (m)",
+    "description": "Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
+    "min": 0.01,
+    "soft_max": 30.0,
+}
+EYE_DISTANCE: dict[str, Any] = {
+    "name": "Viewer's Eyes (m)",
+    "description": "Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
+    "min": 0.001,
+    "soft_max": 0.08,
+    "precision": 3,
+}
+VIEWING_DISTANCE: dict[str, Any] = {
+    "name": "Viewing Distance (Widths)",
+    "description": (
+        "Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
+        " in the middle of a cinema, 2 to 3 for a television"
+    ),
+    "min": 0.1,
+    "soft_max": 5.0,
+    "precision": 1,
+    "step": 10,
+}
+"""Names, descriptions and limits of what is a preference, and may be another value in a scene."""
+
 GROUPS = (
     (
         "Scenes in Which Nothing Else Was Chosen",
@@ -75,31 +101,9 @@ class StereoReprojectPreferences(bpy.types.AddonPreferences):
         min=1,
         soft_max=1024,
     )
-    screen_width: bpy.props.FloatProperty(
-        name="Screen Width (m)",
-        description="Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
-        default=SCREEN_WIDTH_M,
-        min=0.01,
-        soft_max=30.0,
-    )
-    eye_distance: bpy.props.FloatProperty(
-        name="Viewer's Eyes (m)",
-        description="Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
-        default=EYE_DISTANCE_M,
-        min=0.001,
-        soft_max=0.08,
-        precision=3,
-    )
-    viewing_distance: bpy.props.FloatProperty(
-        name="Viewing Distance (Widths)",
-        description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
-        " in the middle of a cinema, 2 to 3 for a television",
-        default=VIEWING_DISTANCE_WIDTHS,
-        min=0.1,
-        soft_max=5.0,
-        precision=1,
-        step=10,
-    )
+    screen_width: bpy.props.FloatProperty(default=SCREEN_WIDTH_M, **SCREEN_WIDTH)
+    eye_distance: bpy.props.FloatProperty(default=EYE_DISTANCE_M, **EYE_DISTANCE)
+    viewing_distance: bpy.props.FloatProperty(default=VIEWING_DISTANCE_WIDTHS, **VIEWING_DISTANCE)
     temporary_folder: bpy.props.StringProperty(
         name="Temporary Files",
         description="Folder for temporary files of a render, some of them large. Empty: Blender's own",

@@ -8,7 +8,7 @@ import bpy
 from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, PACKED_CAMERAS, StereoSettings
-from .preferences import MIN_PREVIEW_PX, preferred, promise
+from .preferences import EYE_DISTANCE, MIN_PREVIEW_PX, SCREEN_WIDTH, VIEWING_DISTANCE, preferred, promise
 
 FILLS = {
     "auto": "Whichever is likely to be fastest for this frame on this device",
@@ -165,33 +165,11 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         **_number("preview_samples"),
     )
     own_preview_samples: bpy.props.IntProperty(options={"HIDDEN"})
-    screen_width: bpy.props.FloatProperty(
-        name="Screen Width (m)",
-        description="Width of the picture where it will be seen, in metres: 0.6 for a monitor, 10 for a cinema",
-        min=0.01,
-        soft_max=30.0,
-        **_number("screen_width"),
-    )
+    screen_width: bpy.props.FloatProperty(**SCREEN_WIDTH, **_number("screen_width"))
     own_screen_width: bpy.props.FloatProperty(options={"HIDDEN"})
-    eye_distance: bpy.props.FloatProperty(
-        name="Viewer's Eyes (m)",
-        description="Distance between the viewer's eyes, in metres: 0.065 for adults, 0.05 for children",
-        min=0.001,
-        soft_max=0.08,
-        precision=3,
-        **_number("eye_distance"),
-    )
+    eye_distance: bpy.props.FloatProperty(**EYE_DISTANCE, **_number("eye_distance"))
     own_eye_distance: bpy.props.FloatProperty(options={"HIDDEN"})
-    viewing_distance: bpy.props.FloatProperty(
-        name="Viewing Distance (Widths)",
-        description="Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
-        " in the middle of a cinema, 2 to 3 for a television",
-        min=0.1,
-        soft_max=5.0,
-        precision=1,
-        step=10,
-        **_number("viewing_distance"),
-    )
+    viewing_distance: bpy.props.FloatProperty(**VIEWING_DISTANCE, **_number("viewing_distance"))
     own_viewing_distance: bpy.props.FloatProperty(options={"HIDDEN"})
     show_depth: bpy.props.BoolProperty(
         name="Show in 3D View",
