@@ -7,13 +7,12 @@ import bpy
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS, measure_depth
 from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen, frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
-from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
-from .jobs import sentence
+from ..stereo_reproject.words import Words
 from .results import KnownDepth, result_of
 from .stereo import EditsCamera, check_editable, parallax_now, viewing_conditions
-from .text import reported
+from .text import reported, sentence, shown
 
 MAX_INTEROCULAR = 100.0
 """Interocular distance, in scene units, up to which Blender's own setting goes."""
@@ -31,7 +30,7 @@ class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
         try:
             check_camera(context.scene.camera)
         except BadInputError as error:
-            cls.poll_message_set(sentence(error))
+            cls.poll_message_set(sentence(shown(error)))
             return False
         return True
 
@@ -40,7 +39,7 @@ class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
         try:
             measure(context)
         except BadInputError as error:
-            self.report({"ERROR"}, reported(sentence(error)))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         self.report({"INFO"}, sentence(reported(parallax_line(context.scene))))
         return {"FINISHED"}
@@ -123,7 +122,7 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
             data = check_editable(scene).data
             fit = self._fit(context, data)
         except BadInputError as error:
-            self.report({"ERROR"}, reported(sentence(error)))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         data.stereo.interocular_distance = fit.interocular
         if data.stereo.convergence_mode == "OFFAXIS":
@@ -152,7 +151,12 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
                 limits = Limits(0.0, limits.far)
                 fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
         if fit.interocular > MAX_INTEROCULAR:
-            raise BadInputError(f"the eyes would be {fit.interocular:.0f} units apart, which Blender does not allow")
+            raise BadInputError(
+                Words(
+                    "the eyes would be {length} units apart, which Blender does not allow",
+                    length=f"{fit.interocular:.0f}",
+                )
+            )
         return fit
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import bpy
 
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
-from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
+from ..stereo_reproject.words import Words
 from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
 from .drawing import ICON_PX, paragraph
 from .fitting import TEXT_MARGINS_PX, fits

@@ -11,7 +11,7 @@ from ..stereo_reproject.pipeline.next_accuracy import WHOLE
 from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
 from ..stereo_reproject.report.table import more_seconds_text
 from ..stereo_reproject.report.verdict import accuracy_name, saved_seconds
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .drawing import draw_row, paragraph
 from .results import result_of
 

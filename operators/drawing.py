@@ -16,16 +16,16 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
-from .jobs import STEREO_REPROJECT_OT_cancel, running, sentence
+from .jobs import STEREO_REPROJECT_OT_cancel, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import full_gain_of
 from .render import RENDER_OT_stereo_reproject_animation, RENDER_OT_stereo_reproject_image
 from .results import Delivery, Result, result_of
 from .run_words import progress_of, stage_of
 from .slots import content_now
-from .text import shown
+from .text import sentence, shown
 
 ICON_PX = 24.0
 """Pixels that an icon before a text takes at a scale of 1: Blender's unit of its interface, 20, and a gap."""
@@ -114,7 +114,7 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     for verdict in verdicts_on(context.scene, result):
         paragraph(box, context, Words("{sentence}.", sentence=verdict.words), icon=ICONS[verdict.good])
     for warning in result.warnings:
-        paragraph(box, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
+        paragraph(box, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
 
 
 def verdicts_on(scene: bpy.types.Scene, result: Result) -> list[Verdict]:

@@ -11,13 +11,13 @@ import bpy
 from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
 from ..stereo_reproject.blender.scene.rig import check_camera
 from ..stereo_reproject.errors import StereoReprojectError
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from . import slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
 from .results import has_preview
 from .run import BackgroundJob
 from .run_words import cancelled_words, progress_of, stage_of
-from .text import reported, shown
+from .text import reported, sentence, shown
 
 TICK_SECONDS = 0.1
 
@@ -89,10 +89,10 @@ class JobOperator:
         running.
         """
         if _running:
-            cls.poll_message_set("A stereo job is running already: Esc ends it")
+            cls.poll_message_set(shown("A stereo job is running already: Esc ends it"))
             return False
         if bpy.app.is_job_running("RENDER"):
-            cls.poll_message_set("Blender is rendering: wait until it is done")
+            cls.poll_message_set(shown("Blender is rendering: wait until it is done"))
             return False
         return context.scene is not None
 
@@ -176,7 +176,7 @@ class JobOperator:
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
             under_way.give_back()
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return False
         return True
 
@@ -195,19 +195,20 @@ class JobOperator:
             if run.cancelled:
                 self.report({"INFO"}, reported(cancelled_words(run)))
             else:
-                self.report({"ERROR"}, sentence(error) + _words_of_kept(run))
+                self.report({"ERROR"}, sentence(reported(error)) + reported(_words_of_kept(run)))
             return {"CANCELLED"}
         except Exception as error:  # noqa: BLE001 - the user is to hear of it in a line, and the console in full
             traceback.print_exc()
-            what = f"A defect of Stereo Reproject: {type(error).__name__}: {sentence(error)}"
-            self.report({"ERROR"}, what + _words_of_kept(run))
+            reason = sentence(str(error))
+            what = Words("A defect of Stereo Reproject: {kind}: {reason}", kind=type(error).__name__, reason=reason)
+            self.report({"ERROR"}, reported(what) + reported(_words_of_kept(run)))
             return {"CANCELLED"}
         finally:
             under_way.give_back()
             if not taken:
                 run.close()
         for warning in run.warnings:
-            self.report({"WARNING"}, sentence(warning))
+            self.report({"WARNING"}, sentence(reported(warning)))
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
@@ -226,21 +227,16 @@ def _words_of_kept(run: BackgroundJob) -> str:
     try:
         folder = keep_files(run)
     except OSError as error:
-        return f". The pair could not be kept either: {error.strerror or error}"
-    return (
-        "" if folder is None else f". The pair is kept in {folder}: Render > {STEREO_REPROJECT_OT_open_kept.bl_label}"
-    )
+        return Words(". The pair could not be kept either: {reason}", reason=error.strerror or str(error))
+    if folder is None:
+        return ""
+    where = Words(STEREO_REPROJECT_OT_open_kept.bl_label)
+    return Words(". The pair is kept in {folder}: Render > {where}", folder=folder, where=where)
 
 
 def _scene_of(run: BackgroundJob) -> bpy.types.Scene | None:
     """Return the scene that a run was started for; None if it was deleted since."""
     return next((scene for scene in bpy.data.scenes if scene.session_uid == run.uid), None)
-
-
-def sentence(what: object) -> str:
-    """Return a message or an error as one line that begins with a capital letter."""
-    text = " ".join(str(what).split())
-    return text[:1].upper() + text[1:]
 
 
 def _show(text: str | None) -> None:
@@ -249,7 +245,7 @@ def _show(text: str | None) -> None:
         # The text belongs to the workspace of the context, whichever it is asked of.
         if text is not None:
             with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
-                window.workspace.status_text_set(f"{text}   |   Esc: Cancel")
+                window.workspace.status_text_set(shown(Words("{text}   |   Esc: Cancel", text=text)))
         for area in window.screen.areas:
             if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
                 for region in area.regions:

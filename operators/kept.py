@@ -11,10 +11,10 @@ import bpy
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.files import flush
 from ..stereo_reproject.images.exr import VIEWS, read_eye, read_metadata, write_stereo
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .pictures import show_image
 from .run import BackgroundJob
-from .text import reported
+from .text import reported, shown
 
 BOTH = "stereo.exr"
 
@@ -86,7 +86,7 @@ class STEREO_REPROJECT_OT_open_kept(bpy.types.Operator):
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         """Return whether there is a kept pair that nobody has opened."""
-        cls.poll_message_set("Every pair was handed over: it is the Render Result")
+        cls.poll_message_set(shown("Every pair was handed over: it is the Render Result"))
         return kept_pair() is not None
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
@@ -100,7 +100,7 @@ class STEREO_REPROJECT_OT_open_kept(bpy.types.Operator):
                 write_stereo(path, eyes, metadata=read_metadata(folder / f"{VIEWS[0]}.exr"))
             image = bpy.data.images.load(str(path))
         except (StereoReprojectError, OSError, RuntimeError) as error:
-            reason = " ".join(str(error).split())
+            reason = str(error) if isinstance(error, StereoReprojectError) else " ".join(str(error).split())
             what = Words("The pair in {folder} cannot be opened: {reason}", folder=folder, reason=reason)
             self.report({"ERROR"}, reported(what))
             return {"CANCELLED"}

@@ -10,11 +10,12 @@ from ..stereo_reproject.blender.output.delivery import deliver_to_result
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.images.exr import read_eye, read_metadata
 from ..stereo_reproject.jobs.work_folder import MULTIVIEW_EYES
-from .jobs import sentence
+from ..stereo_reproject.words import Words
 from .pictures import kind_of, render_result
 from .results import Delivery, SlotContent, result_of
 from .run import BackgroundJob
 from .slots import content_now, holds, multiview_slot, note_own_render, show_slot
+from .text import reported, sentence, shown
 from .view_images import pair_shown_in, renew
 
 OURS, MULTIVIEW = "OURS", "MULTIVIEW"
@@ -47,7 +48,7 @@ def hand_over_multiview(scene: bpy.types.Scene, run: BackgroundJob, *, frame: in
         with multiview_slot():
             deliver()
     except StereoReprojectError as error:
-        run.warnings.append(f"multiview's pair is in no render slot: {error}")
+        run.warnings.append(Words("multiview's pair is in no render slot: {reason}", reason=str(error)))
     for path in paths.values():
         path.unlink()
 
@@ -75,7 +76,7 @@ class STEREO_REPROJECT_OT_show_side(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether the scene's last pair was compared with multiview, in an Image Editor."""
-        cls.poll_message_set("Render with Compare (under Advanced) first")
+        cls.poll_message_set(shown("Render with Compare (under Advanced) first"))
         in_editor = context.space_data is not None and context.space_data.type == "IMAGE_EDITOR"
         return in_editor and bool(sides_of(result_of(context.scene).delivery))
 
@@ -85,7 +86,8 @@ class STEREO_REPROJECT_OT_show_side(bpy.types.Operator):
         """
         content = sides_of(result_of(context.scene).delivery)[self.side]
         if not holds(content):
-            self.report({"ERROR"}, f"The render slot {content.name!r} holds another render by now")
+            what = Words("The render slot {slot} holds another render by now", slot=repr(content.name))
+            self.report({"ERROR"}, reported(what))
             return {"CANCELLED"}
         before = content_now()
         show_slot(content)
@@ -96,7 +98,7 @@ class STEREO_REPROJECT_OT_show_side(bpy.types.Operator):
             # An undo to before the first render empties the slots.
             if before is not None:
                 show_slot(before)
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         result = render_result()
         if result not in (space.image, kind_of(space.image) and pair_shown_in(space)):

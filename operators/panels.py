@@ -9,12 +9,11 @@ import bpy
 from ..stereo_reproject.blender.engines.hole_camera import missing_osl_cameras
 from ..stereo_reproject.blender.scene.rendered import CYCLES, EEVEE
 from ..stereo_reproject.report.verdict import duration
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .depth_panel import draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .fitting import draw_setting, fits
-from .jobs import sentence
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import gain_words, is_current
 from .preferences import EXTENSION
@@ -26,6 +25,7 @@ from .render import (
 )
 from .results import result_of
 from .stereo import STEREO_REPROJECT_OT_set_convergence
+from .text import sentence, shown
 from .viewing import RENDER_OT_stereo_reproject_view_animation
 
 MAX_SHOWN_EFFECTS = 6
@@ -147,7 +147,7 @@ class _Check:
         self._draw_predicted(layout, context, found["predicted"])
         self._draw_effects(layout, context, found["effects"])
         for warning in found["warnings"]:
-            paragraph(layout, context, Words("{sentence}.", sentence=sentence(warning)), icon="ERROR")
+            paragraph(layout, context, Words("{sentence}.", sentence=sentence(shown(warning))), icon="ERROR")
 
     def _draw_predicted(self, layout: bpy.types.UILayout, context: bpy.types.Context, predicted: Any) -> None:
         """Draw the predicted gain and seconds; `predicted` is the part of that name of a check's findings."""

@@ -4,6 +4,7 @@ import bpy
 
 from .results import PICTURES, result_of
 from .run import job_has_thread
+from .text import reported
 
 NAME = "Stereo {}"
 
@@ -40,7 +41,7 @@ class STEREO_REPROJECT_OT_show_picture(bpy.types.Operator):
         space = context.space_data
         image = render_result() if self.which == "PAIR" else load_picture(context.scene, self.which)
         if image is None:
-            self.report({"ERROR"}, "There is no such picture: render a stereo pair first")
+            self.report({"ERROR"}, reported("There is no such picture: render a stereo pair first"))
             return {"CANCELLED"}
         space.image = image
         return {"FINISHED"}

@@ -10,7 +10,7 @@ import bpy
 from ..stereo_reproject.blender.scene.rendered import CYCLES
 from ..stereo_reproject.blender.scene.rig import frame_region
 from ..stereo_reproject.report.verdict import full_render_gain
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .results import result_of
 
 LEAST_GAIN = 1.05

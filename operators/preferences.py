@@ -6,9 +6,9 @@ import bpy
 
 from ..stereo_reproject.blender.scene.user_folder import user_folder
 from ..stereo_reproject.report.verdict import accuracy_name
-from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.settings.accuracy import SETTINGS
 from ..stereo_reproject.settings.frame import StereoSettings
+from ..stereo_reproject.words import Words
 from .text import shown
 
 EXTENSION = __package__.rpartition(".")[0]

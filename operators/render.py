@@ -27,9 +27,9 @@ from ..stereo_reproject.report.verdict import (
     saved_words,
     time_words,
 )
-from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
+from ..stereo_reproject.words import Words
 from . import under_way
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
@@ -127,7 +127,7 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
                 where = _deliver(scene, run, frame=report["last"], to_look_at=True)
                 shown = True
             except StereoReprojectError as error:
-                run.warnings.append(f"the last frame is not shown: {error}")
+                run.warnings.append(Words("the last frame is not shown: {reason}", reason=str(error)))
         run.close()
         if scene is not None:
             delivery = _delivery(report["last"] if shown else None)
@@ -285,7 +285,7 @@ def _deliver(
     for view in VIEWS:
         (run.folder / f"{view}.exr").unlink()
     if gone:
-        run.warnings.append(f"{_named(gone)} deleted meanwhile: the pair is as it was before the scene's compositor")
+        run.warnings.append(_words_of_deleted(gone))
     if bpy.context.window is not None and not bpy.app.background:
         fit = preview or has_preview(scene)
         # An editor that the user has turned to something else since the job began is left alone.
@@ -305,15 +305,16 @@ def _render_seconds(run: BackgroundJob, frame: int | None) -> float | None:
     return rows[frame]["seconds"]["total"] if frame in rows else None
 
 
-def _named(layers: Sequence[str]) -> str:
-    """Return the subject of a sentence about view layers, with its verb: "the view layer 'A' was"."""
-    names = ", ".join(map(repr, layers))
-    return f"the view layer {names} was" if len(layers) == 1 else f"the view layers {names} were"
+def _words_of_deleted(layers: Sequence[str]) -> Words:
+    """Return a warning about view layers that were deleted while the pair was rendered."""
+    one = "the view layer {names} was deleted meanwhile: the pair is as it was before the scene's compositor"
+    more = "the view layers {names} were deleted meanwhile: the pair is as it was before the scene's compositor"
+    return Words(one if len(layers) == 1 else more, names=", ".join(map(repr, layers)))
 
 
 def _deleted(run: BackgroundJob) -> BadInputError:
     """Return an error, for the caller to raise, that says that the run's scene was deleted while it was rendered."""
-    return BadInputError(f"the scene {run.scene_name!r} was deleted meanwhile")
+    return BadInputError(Words("the scene {scene} was deleted meanwhile", scene=repr(run.scene_name)))
 
 
 def summary(scene: bpy.types.Scene) -> str:

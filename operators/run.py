@@ -29,6 +29,7 @@ from ..stereo_reproject.pipeline.stages import Stage
 from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
+from ..stereo_reproject.words import Words
 from .preferences import preferred
 
 POLL_SECONDS = 0.1
@@ -88,8 +89,7 @@ class BackgroundJob:
         pictures: Pictures = Pictures.NONE,
     ) -> None:
         """animation is None for a single picture. pictures says which are wanted while the eyes are made."""
-        if not scene.users:
-            raise BadInputError(f"scene {scene.name!r} is shown in no window, and would not be saved with the file")
+        _check_saved(scene)
         self.uid = scene.session_uid
         self.scene_name = scene.name
         self.layers = [layer.name for layer in scene.view_layers]
@@ -199,7 +199,9 @@ class BackgroundJob:
             self.error = error
         except Exception as error:  # noqa: BLE001 - nobody else hears of what goes wrong in a thread
             traceback.print_exc()
-            self.error = StereoReprojectError(f"a defect of stereo_reproject: {type(error).__name__}: {error}")
+            self.error = StereoReprojectError(
+                Words("a defect of stereo_reproject: {kind}: {reason}", kind=type(error).__name__, reason=str(error))
+            )
         finally:
             self._blend.unlink(missing_ok=True)
 
@@ -225,6 +227,13 @@ class BackgroundJob:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
             self.progress.begin(self.stage, now)
             self.progress.advance(event.get("fraction"), now)
+
+
+def _check_saved(scene: bpy.types.Scene) -> None:
+    """Raise BadInputError unless a scene will be in a copy of the open file."""
+    if not scene.users:
+        message = "scene {scene} is shown in no window, and would not be saved with the file"
+        raise BadInputError(Words(message, scene=repr(scene.name)))
 
 
 def job_has_thread() -> bool:
@@ -253,7 +262,8 @@ def _saved_copy(folder: Path) -> tuple[Path, list[str]]:
     if bpy.data.filepath:
         caches = Path(bpy.data.filepath).with_name(f"blendcache_{blend.stem}")
         if caches.is_dir() and not link_folder(caches, blend.with_name(caches.name)):
-            warnings.append(f"baked simulations in {caches} are not found from where the copy is rendered")
+            message = "baked simulations in {folder} are not found from where the copy is rendered"
+            warnings.append(Words(message, folder=caches))
     save_copy(folder)
     return blend, warnings
 

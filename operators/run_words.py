@@ -6,7 +6,7 @@ from ..stereo_reproject.jobs.progress import left_words
 from ..stereo_reproject.jobs.supervisor import FRAME
 from ..stereo_reproject.pipeline.stages import words_of
 from ..stereo_reproject.report.verdict import saved_words
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .run import BackgroundJob
 
 

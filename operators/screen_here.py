@@ -10,13 +10,12 @@ from mathutils import Vector
 from ..stereo_reproject.blender.scene.depth import cast_rays, first_seen, frame_pixels
 from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
-from ..stereo_reproject.report.words import Words
 from ..stereo_reproject.views.depth_range import FramePixels
-from .jobs import sentence
+from ..stereo_reproject.words import Words
 from .results import result_of
 from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
-from .text import reported, shown
+from .text import reported, sentence, shown
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
 """Events that are left to Blender while the eyedropper is out, so that the view can be moved."""
@@ -83,9 +82,9 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         try:
             depth = depth_under_mouse(context, event)
         except BadInputError as error:
-            show_help(context, sentence(error))
+            show_help(context, sentence(shown(error)))
             if clicked:
-                self.report({"WARNING"}, reported(sentence(error)))
+                self.report({"WARNING"}, sentence(reported(error)))
             return {"RUNNING_MODAL"}
         if not clicked:
             show_help(context, Words("Depth {length}", length=length_words(context.scene, depth)))
@@ -104,7 +103,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
         try:
             check_editable(scene)
         except BadInputError as error:
-            self.report({"ERROR"}, reported(sentence(error)))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         set_screen_depth(scene, self.depth)
         words = Words("The screen is {length} before the camera", length=length_words(scene, self.depth))

@@ -14,8 +14,9 @@ from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.camera import Camera
 from ..stereo_reproject.views.comfort import Viewing
 from ..stereo_reproject.views.parallax import ScreenParallax, is_wider_than_eyes, parallax_at
-from .jobs import sentence
+from ..stereo_reproject.words import Words
 from .results import result_of
+from .text import reported, sentence, shown
 
 
 class EditsCamera:
@@ -27,7 +28,7 @@ class EditsCamera:
         try:
             check_editable(context.scene)
         except BadInputError as error:
-            cls.poll_message_set(sentence(error))
+            cls.poll_message_set(sentence(shown(error)))
             return False
         return True
 
@@ -67,7 +68,7 @@ class STEREO_REPROJECT_OT_set_convergence(EditsCamera, bpy.types.Operator):
         try:
             set_screen_depth(context.scene, _depth_of(context, self.target))
         except BadInputError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         warn_if_parallel(self, context.scene)
         return {"FINISHED"}
@@ -82,7 +83,8 @@ def set_screen_depth(scene: bpy.types.Scene, depth: float) -> None:
 def warn_if_parallel(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
     """Report that the convergence distance, which the operator has set, has no effect if the camera is parallel."""
     if scene.camera.data.stereo.convergence_mode == "PARALLEL":
-        operator.report({"WARNING"}, "The camera is parallel: the convergence distance has no effect in that mode")
+        what = "The camera is parallel: the convergence distance has no effect in that mode"
+        operator.report({"WARNING"}, reported(what))
 
 
 def _depth_of(context: bpy.types.Context, target: str) -> float:
@@ -93,7 +95,7 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
     camera = context.scene.camera.evaluated_get(depsgraph)
     focus = camera.data.dof.focus_object
     if target == "FOCUS" and focus is None:
-        depth, what = camera.data.dof.focus_distance, "The focus distance"
+        depth, what = camera.data.dof.focus_distance, Words("The focus distance")
     else:
         item = focus if target == "FOCUS" else context.active_object
         if item is None:
@@ -101,9 +103,9 @@ def _depth_of(context: bpy.types.Context, target: str) -> float:
         if item.original == context.scene.camera:
             raise BadInputError("The camera itself is active: click the object that the screen is to cut")
         world = item.evaluated_get(depsgraph).matrix_world
-        depth, what = -(camera.matrix_world.normalized().inverted() @ world.translation).z, f"{item.name!r}"
+        depth, what = -(camera.matrix_world.normalized().inverted() @ world.translation).z, repr(item.name)
     if depth <= 0.0:
-        raise BadInputError(f"{what} is not in front of the camera")
+        raise BadInputError(Words("{what} is not in front of the camera", what=what))
     return depth
 
 

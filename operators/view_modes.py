@@ -10,9 +10,10 @@ import bpy
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from . import wiggling
-from .jobs import running, sentence
+from .jobs import running
 from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
+from .text import reported, sentence, shown
 from .view_images import ARRANGEMENTS, has_two_views, made_images, pair_shown_in, remove_all, remove_unused
 
 ANAGLYPH, WIGGLE = "ANAGLYPH", "WIGGLE"
@@ -68,10 +69,11 @@ class _OfPair:
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether the operator is called in an Image Editor and there is a pair."""
         if context.space_data is None or context.space_data.type != "IMAGE_EDITOR":
-            cls.poll_message_set("A pair is looked at in an Image Editor")  # pyright: ignore[reportAttributeAccessIssue]
+            message = shown("A pair is looked at in an Image Editor")
+            cls.poll_message_set(message)  # pyright: ignore[reportAttributeAccessIssue]
             return False
         if pair_in(context) is None:
-            cls.poll_message_set(NO_PAIR)  # pyright: ignore[reportAttributeAccessIssue]
+            cls.poll_message_set(shown(NO_PAIR))  # pyright: ignore[reportAttributeAccessIssue]
             return False
         return True
 
@@ -98,7 +100,7 @@ class STEREO_REPROJECT_OT_show_view(_OfPair, bpy.types.Operator):
         try:
             show(context, pair, self.mode)
         except (StereoReprojectError, OSError) as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -126,7 +128,7 @@ class STEREO_REPROJECT_OT_wiggle(_OfPair, bpy.types.Operator):
         try:
             show(context, pair, WIGGLE)
         except (StereoReprojectError, OSError) as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         self._number = wiggling.begin(context, pair)
         context.window_manager.modal_handler_add(self)

@@ -11,7 +11,7 @@ import bpy
 
 from ..stereo_reproject.blender.scene.working import changed
 from ..stereo_reproject.images.exr import VIEWS
-from ..stereo_reproject.report.words import Words
+from ..stereo_reproject.words import Words
 from .text import reported
 
 VIEWING = "View Stereo Animation (Ctrl F11)"

@@ -18,8 +18,9 @@ from ..stereo_reproject.images.png import write_png
 from ..stereo_reproject.jobs.wiggle_movie import make_wiggle_movie
 from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
-from .jobs import sentence
+from ..stereo_reproject.words import Words
 from .run import temporary_folder
+from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in
 from .wiggling import WIGGLE_SECONDS
 
@@ -56,7 +57,7 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether there is a pair."""
-        cls.poll_message_set(NO_PAIR)
+        cls.poll_message_set(shown(NO_PAIR))
         return context.scene is not None and pair_in(context) is not None
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -78,13 +79,13 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             check_wiggle_path(path)
             _export(context.scene, pair, path, self.percentage, self.seconds)
         except OSError as error:
-            reason = "the disk is full" if is_full_disk_error(error) else error.strerror or str(error)
-            self.report({"ERROR"}, f"{path} cannot be written: {reason}")
+            reason = Words("the disk is full") if is_full_disk_error(error) else error.strerror or str(error)
+            self.report({"ERROR"}, reported(Words("{path} cannot be written: {reason}", path=path, reason=reason)))
             return {"CANCELLED"}
         except StereoReprojectError as error:
-            self.report({"ERROR"}, sentence(error))
+            self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Wiggle saved: {path}")
+        self.report({"INFO"}, reported(Words("Wiggle saved: {path}", path=path)))
         return {"FINISHED"}
 
 

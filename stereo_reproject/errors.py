@@ -2,6 +2,8 @@
 
 import traceback
 
+from .words import Words
+
 
 class StereoReprojectError(Exception):
     """The base of this package's errors: the run failed. The message says in one line what failed, where, and what the
@@ -55,12 +57,28 @@ def in_one_line(error: Exception) -> StereoReprojectError:
         case MemoryError():
             return StereoReprojectError("out of memory: take a smaller size, or free some")
         case ImportError() if any(words in str(error) for words in NO_ROOM_FOR_A_LIBRARY):
-            return StereoReprojectError(f"out of memory, a library cannot be loaded ({error}): {LIMITED}")
+            return StereoReprojectError(
+                Words(
+                    "out of memory, a library cannot be loaded ({reason}): {limited}",
+                    reason=str(error),
+                    limited=Words(LIMITED),
+                )
+            )
         case UnicodeDecodeError():
             # Blender keeps such bytes, and Python cannot read them; files themselves are read as bytes.
             name = error.object[:NAME_BYTES].decode("ascii", "backslashreplace")
-            return BadInputError(f"a name in the .blend is no UTF-8 ({name}): rename what is called so in Blender")
+            return BadInputError(
+                Words("a name in the .blend is no UTF-8 ({name}): rename what is called so in Blender", name=name)
+            )
         case OSError():
-            return BadInputError(f"{error.strerror or error}: {error.filename or 'while writing'}")
+            return BadInputError(
+                Words(
+                    "{reason}: {where}",
+                    reason=error.strerror or str(error),
+                    where=error.filename or Words("while writing"),
+                )
+            )
     traceback.print_exception(error)
-    return StereoReprojectError(f"a defect of stereo_reproject: {type(error).__name__}: {error}")
+    return StereoReprojectError(
+        Words("a defect of stereo_reproject: {kind}: {reason}", kind=type(error).__name__, reason=str(error))
+    )

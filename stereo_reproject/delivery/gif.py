@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInputError
+from ..words import Words
 from .palette import in_palette, palette_of
 
 PALETTE_COLOURS = 256
@@ -43,7 +44,13 @@ def write_gif(path: Path, pictures: Sequence[NDArray[np.uint8]], seconds: float)
     """
     height, width = pictures[0].shape[:2]
     if max(height, width) > MAX_SIDE_PX:
-        raise BadInputError(f"a GIF has at most {MAX_SIDE_PX} pixels along a side, not {max(height, width)}")
+        raise BadInputError(
+            Words(
+                "a GIF has at most {max_side_px} pixels along a side, not {side}",
+                max_side_px=MAX_SIDE_PX,
+                side=max(height, width),
+            )
+        )
     palette = palette_of(np.stack(list(pictures)), PALETTE_COLOURS)
     table = np.zeros((PALETTE_COLOURS, 3), np.uint8)
     table[: len(palette)] = palette

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import BadInputError
+from ..words import Words
 from .mp4 import damaged
 from .splicing import Edit, splice
 
@@ -79,7 +80,9 @@ def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: in
         with path.open("rb") as file:
             head = _read_head(file, path.name)
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+        raise BadInputError(
+            Words("{path} cannot be read ({reason})", path=path, reason=error.strerror or str(error))
+        ) from error
     tracks = head.elements[-1]
     try:
         new = _marked_tracks(head.data, tracks, mode, across, down)
@@ -130,7 +133,9 @@ def _outer(file: BinaryIO, start: int, name: str) -> Element:
     except IndexError as error:
         raise damaged(name) from error
     except ValueError as error:
-        raise BadInputError(f"{name} is a stream or unfinished: its size is not known; write it again") from error
+        raise BadInputError(
+            Words("{name} is a stream or unfinished: its size is not known; write it again", name=name)
+        ) from error
     return replace(found, start=start, content=found.content + start, stop=found.stop + start)
 
 
@@ -256,7 +261,9 @@ def _fitted(head: _Head, tracks: bytes, name: str) -> list[Edit]:
         return edits
     room = next((e for e in elements if e.number == VOID and _void(e.stop - e.start - growth) is not None), None)
     if room is None:
-        raise BadInputError(f"{name} has no room for the mark of its stereo layout; write it with Blender")
+        raise BadInputError(
+            Words("{name} has no room for the mark of its stereo layout; write it with Blender", name=name)
+        )
     edits.append(Edit(room.start, room.stop, _void(room.stop - room.start - growth) or b""))
     places = [element.start - head.origin for element in head.elements if element.start > room.start]
     moved = {place: place - growth for place in places}

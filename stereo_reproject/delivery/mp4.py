@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import BadInputError, StereoReprojectError
+from ..words import Words
 from .splicing import Edit, splice
 
 PATH_TO_ENTRIES = (b"mdia", b"minf", b"stbl", b"stsd")
@@ -94,7 +95,9 @@ class _Moov:
 
 def damaged(name: str) -> StereoReprojectError:
     """Return the error for a movie, called `name`, that is not whole."""
-    return StereoReprojectError(f"{name} is not a whole movie; was the rendering stopped or is the disk full?")
+    return StereoReprojectError(
+        Words("{name} is not a whole movie; was the rendering stopped or is the disk full?", name=name)
+    )
 
 
 def write_st3d(path: Path, mode: int | None) -> None:
@@ -109,7 +112,9 @@ def write_st3d(path: Path, mode: int | None) -> None:
         with path.open("rb") as file:
             moov_box, moov = _read_moov(file, path.name)
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+        raise BadInputError(
+            Words("{path} cannot be read ({reason})", path=path, reason=error.strerror or str(error))
+        ) from error
     edits, ancestors = _mark_edits(moov, moov_box, mode)
     growth = sum(edit.growth for edit in edits)
     if not any(edit.new or edit.stop > edit.start for edit in edits):
@@ -125,7 +130,9 @@ def _read_moov(file: BinaryIO, name: str) -> tuple[Box, _Moov]:
     StereoReprojectError if it is missing or damaged, BadInputError for a fragmented movie."""
     boxes = list(_top_boxes(file, name))
     if any(box.kind == b"moof" for box in boxes):
-        raise BadInputError(f"{name} is a fragmented movie, which is not supported; write it unfragmented")
+        raise BadInputError(
+            Words("{name} is a fragmented movie, which is not supported; write it unfragmented", name=name)
+        )
     box = next((box for box in boxes if box.kind == b"moov"), None)
     if box is None or box.stop - box.start > MAX_MOOV_BYTES:
         raise damaged(name)
@@ -216,5 +223,7 @@ def _moved(moov: _Moov, table: Box, form: str, behind: int, growth: int) -> Edit
     numbers = [offset for (offset,) in struct.iter_unpack(form, moov.read(start, start + count * size))]
     moved = [offset + growth if offset >= behind else offset for offset in numbers]
     if moved and max(moved) >= 1 << 8 * size:
-        raise BadInputError(f"{moov.name}: no room for the mark, its offsets end at 4 GiB; write shorter movies")
+        raise BadInputError(
+            Words("{name}: no room for the mark, its offsets end at 4 GiB; write shorter movies", name=moov.name)
+        )
     return Edit(start, start + count * size, struct.pack(f">{count}{form[1]}", *moved))

@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 from ..errors import BadInputError
 from ..files import put_in_place, sync
+from ..words import Words
 
 BLOCK_BYTES = 1 << 20
 """Copied at a time: movies have gigabytes."""
@@ -56,7 +57,9 @@ def splice(path: Path, edits: Sequence[Edit]) -> None:
                 Path(name).unlink()
         if isinstance(error, OSError):
             reason = error.strerror or error
-            raise BadInputError(f"{path} cannot be written ({reason}); is the disk full?") from error
+            raise BadInputError(
+                Words("{path} cannot be written ({reason}); is the disk full?", path=path, reason=reason)
+            ) from error
         raise
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import BadInputError
+from ..words import Words
 from .layouts import Layout
 from .matroska import WEBM_MODES, doc_type, write_stereo_mode
 from .mp4 import damaged, write_st3d
@@ -27,7 +28,9 @@ def write_stereo_mode_of(path: Path, layout: Layout) -> bool:
             magic = file.read(8)
         kind = doc_type(path) if magic[:4] == EBML_MAGIC else ""
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+        raise BadInputError(
+            Words("{path} cannot be read ({reason})", path=path, reason=error.strerror or str(error))
+        ) from error
     if len(magic) < 8:
         raise damaged(path.name)
     if magic[:4] == EBML_MAGIC:

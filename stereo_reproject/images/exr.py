@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInputError
+from ..words import Words
 from .passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of, from_blender, pass_letters, to_blender
 
 CHANNEL_LETTERS = ("RGBA", "XYZW", "UVA", "rgba")
@@ -52,7 +53,9 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
     try:
         parts = _read_parts(path)
     except (OSError, RuntimeError) as error:
-        raise BadInputError(f"the render result is not whole: {error}; is the disk full?") from error
+        raise BadInputError(
+            Words("the render result is not whole: {reason}; is the disk full?", reason=str(error))
+        ) from error
     attributes: dict[str, str] = {}
     found: dict[str, dict[str, NDArray]] = {}
     for part in parts:
@@ -65,7 +68,9 @@ def read_render(path: Path, *, layer: str, view: str) -> tuple[Passes, dict[str,
                 found.setdefault(pass_name, {})[letter] = channel.pixels
     for name in (COLOUR_PASS, DEPTH_PASS):
         if name not in found:
-            raise BadInputError(f"the render result has no {name} pass for view {view}; is the disk full?")
+            raise BadInputError(
+                Words("the render result has no {name} pass for view {view}; is the disk full?", name=name, view=view)
+            )
     return {name: from_blender(name, _stack(channels)) for name, channels in found.items()}, attributes
 
 
@@ -79,7 +84,7 @@ def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
     try:
         parts = _read_parts(path)
     except (OSError, RuntimeError) as error:
-        raise BadInputError(f"{path} is not whole: {error}") from error
+        raise BadInputError(Words("{path} is not whole: {reason}", path=path, reason=str(error))) from error
     found: dict[str, dict[str, dict[str, NDArray]]] = {view: {} for view in VIEWS}
     for part in parts:
         # Blender 4.5 has both views in one part, the first of them without its name.
@@ -97,7 +102,7 @@ def read_colours(path: Path, *, main: str) -> dict[str, NDArray[np.float32]]:
     for view, pictures in found.items():
         prefix = next((prefix for prefix in wanted if prefix in pictures), None)
         if prefix is None:
-            raise BadInputError(f"{path} holds no picture of the {view} eye")
+            raise BadInputError(Words("{path} holds no picture of the {view} eye", path=path, view=Words(view)))
         stacked = _stack({"A": np.ones_like(pictures[prefix]["R"]), **pictures[prefix]})
         result[view] = from_blender(COLOUR_PASS, stacked)
     return result
@@ -170,7 +175,9 @@ def read_channels(path: Path) -> dict[str, NDArray[np.float32]]:
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
-        raise BadInputError(f"{path.name} is not whole: {error}; is the disk full?") from error
+        raise BadInputError(
+            Words("{name} is not whole: {reason}; is the disk full?", name=path.name, reason=str(error))
+        ) from error
     return {name: np.asarray(channel.pixels, np.float32) for name, channel in part.channels.items()}
 
 
@@ -209,7 +216,7 @@ def read_eye(path: Path) -> dict[str, Passes]:
     try:
         (part,) = _read_parts(path)
     except (OSError, RuntimeError, ValueError) as error:
-        raise BadInputError(f"{path.name} is not whole: {error}") from error
+        raise BadInputError(Words("{name} is not whole: {reason}", name=path.name, reason=str(error))) from error
     main = part.header.get(MAIN_LAYER_ATTRIBUTE, "")
     found: dict[str, dict[str, dict[str, NDArray]]] = {main: {}}
     for channel_name, channel in part.channels.items():
@@ -318,4 +325,6 @@ def _write_file(path: Path, make: Callable[[], Any]) -> None:
         with make() as file, path.open("wb") as stream:
             file.write(stream)
     except (OSError, RuntimeError) as error:
-        raise BadInputError(f"cannot write {path.name}: {error}; is the disk full?") from error
+        raise BadInputError(
+            Words("cannot write {name}: {reason}; is the disk full?", name=path.name, reason=str(error))
+        ) from error

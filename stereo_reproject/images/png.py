@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import BadInputError
+from ..words import Words
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BITS_PER_CHANNEL, RGB = 8, 2
@@ -31,7 +32,11 @@ def write_png(path: Path, picture: NDArray[np.uint8]) -> None:
     try:
         path.write_bytes(SIGNATURE + b"".join(_chunk(kind, data) for kind, data in chunks))
     except OSError as error:
-        raise BadInputError(f"cannot write {path.name}: {error.strerror or error}; is the disk full?") from error
+        raise BadInputError(
+            Words(
+                "cannot write {name}: {reason}; is the disk full?", name=path.name, reason=error.strerror or str(error)
+            )
+        ) from error
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import BadInputError
+from ..words import Words
 
 UNIT = "characters" if sys.platform == "win32" else "bytes"
 """Unit in which the system limits the length of names and paths."""
@@ -40,16 +41,18 @@ STAND_INS = "/proc/"
 """Beginning of the paths that stand in for others."""
 
 
-def misread(path: str | os.PathLike[str]) -> str | None:
+def misread(path: str | os.PathLike[str]) -> Words | None:
     """Return in words why Blender would misread a path, such as one with a backslash in it; None where it reads it as
     it is written."""
     name = os.fspath(path)
     if os.sep != "\\" and "\\" in name:
-        return "Blender takes the backslash in it for a separator"
+        return Words("Blender takes the backslash in it for a separator")
     if not _is_utf8(name):
-        return "Blender takes no names that are not UTF-8"
+        return Words("Blender takes no names that are not UTF-8")
     length = _length(name)
-    return f"Blender takes no paths of {length} {UNIT}" if length > MAX_FOLDER_LENGTH else None
+    if length <= MAX_FOLDER_LENGTH:
+        return None
+    return Words("Blender takes no paths of {length} {unit}", length=length, unit=Words(UNIT))
 
 
 def _is_utf8(name: str) -> bool:
@@ -80,16 +83,18 @@ def plain_path(folder: Path) -> Iterator[Path]:
         return
     stand_ins = Path(f"{STAND_INS}{os.getpid()}/fd")
     if not stand_ins.is_dir():
-        raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
+        raise BadInputError(Words("{folder} cannot be used: {why}; name another folder", folder=folder, why=why))
     try:
         descriptor = os.open(folder, getattr(os, "O_PATH", os.O_RDONLY))
     except OSError as error:
-        raise BadInputError(f"{folder} cannot be read ({error.strerror}); check its permissions") from error
+        raise BadInputError(
+            Words("{folder} cannot be read ({reason}); check its permissions", folder=folder, reason=error.strerror)
+        ) from error
     try:
         plain = stand_ins / str(descriptor)
         # In a container it may be the machine's, where another process has this number.
         if not plain.exists() or not plain.samefile(folder):
-            raise BadInputError(f"{folder} cannot be used: {why}; name another folder")
+            raise BadInputError(Words("{folder} cannot be used: {why}; name another folder", folder=folder, why=why))
         yield plain
     finally:
         os.close(descriptor)
@@ -106,7 +111,9 @@ def plain_blend(blend: Path) -> Iterator[Path]:
     if not _is_utf8(blend.name):
         # Another path of it would not do: what lies beside it is found by its own.
         name = os.fsencode(blend).decode("ascii", "backslashreplace")
-        raise BadInputError(f"{name} cannot be opened: Blender takes no names that are not UTF-8; rename it")
+        raise BadInputError(
+            Words("{name} cannot be opened: Blender takes no names that are not UTF-8; rename it", name=name)
+        )
     folder = next((parent for parent in blend.parents if misread(parent.name) is not None), None)
     if folder is None and misread(blend.parent) is not None:
         folder = blend.parent
@@ -123,16 +130,35 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     most_of_name, most_of_path = _limits(folder)
     for name in names:
         if sys.platform == "win32" and NOT_ON_WINDOWS.search(name):
-            raise BadInputError(f"{folder}: Windows has no files called {name!r}: change the name in the output path")
+            raise BadInputError(
+                Words(
+                    "{folder}: Windows has no files called {name}: change the name in the output path",
+                    folder=folder,
+                    name=repr(name),
+                )
+            )
         length, whole = _length(name), _length(str(folder / name))
         if length > most_of_name:
             raise BadInputError(
-                f"{folder}: a name of {length} {UNIT} is longer than the {most_of_name} that fit"
-                f" ({name[:SHOWN_CHARACTERS]}...): shorten the name at the end of the output path"
+                Words(
+                    "{folder}: a name of {length} {unit} is longer than the {most_of_name} that fit ({name}...):"
+                    " shorten the name at the end of the output path",
+                    folder=folder,
+                    length=length,
+                    unit=Words(UNIT),
+                    most_of_name=most_of_name,
+                    name=name[:SHOWN_CHARACTERS],
+                )
             )
         if whole > most_of_path:
             raise BadInputError(
-                f"{folder}: a path of {whole} {UNIT} is longer than the {most_of_path} that fit: shorten it"
+                Words(
+                    "{folder}: a path of {whole} {unit} is longer than the {most_of_path} that fit: shorten it",
+                    folder=folder,
+                    whole=whole,
+                    unit=Words(UNIT),
+                    most_of_path=most_of_path,
+                )
             )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..pipeline.stages import Stage
-from ..report.words import Words
+from ..words import Words
 
 _PAIR = {
     Stage.PLAN: 1.0,

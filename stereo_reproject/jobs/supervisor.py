@@ -19,7 +19,8 @@ stdout   one JSON object per line:
             "each": 3.5, "remaining": 42.0}
            {"event": "picture", "view": "left", "file": "/absolute/path.exr"}
            {"event": "done", "report": {...}, "files": ["left.exr", ...]}
-           {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line"}
+           {"event": "error", "status": 1 or 2, "message": "what, where, what to do, on one line",
+            "words": what `words.to_data` returns of the message}
          Lines that are no such object are passed over.
 stderr   work/blender.log, whose last line a crash is reported with, but for SIGKILL. As far as it counts the samples
          of a render ("Sample 3/16"), `on_event` gets the stage again, with its "fraction" from 0 to 1.
@@ -45,6 +46,7 @@ from ..files import is_missing
 from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import StereoSettings
+from ..words import Words, from_data
 from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
 from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
@@ -168,7 +170,9 @@ def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
         if job.command == "animate" or not is_missing(worker.log):
             raise
         folder = tempfile.gettempdir() if job.output is None else job.output
-        raise BadInputError(f"what the run had in {folder} was removed under way; run it again") from error
+        raise BadInputError(
+            Words("what the run had in {folder} was removed under way; run it again", folder=folder)
+        ) from error
 
 
 def _known_names(work: Path, blend: Path) -> dict[bytes, bytes]:
@@ -249,7 +253,7 @@ def _listen(
                 on_event(event)
             case "error":
                 kind = BadInputError if event.get("status") == BadInputError.exit_status else StereoReprojectError
-                raise kind(str(event.get("message")))
+                raise kind(from_data(str(event.get("message")), event.get("words")))
             case "done":
                 _await_exit(worker, on_tick, interrupts)
                 return event

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import StereoReprojectError
+from ..words import Words
 from .worker_process import start_worker
 
 MAX_SECONDS = 300.0
@@ -30,6 +31,12 @@ def make_wiggle_movie(
         worker.send(json.dumps(task).encode("ascii") + b"\n")
         status = worker.wait(MAX_SECONDS)
         if status is None:
-            raise StereoReprojectError(f"encoding the movie took more than {MAX_SECONDS:g} s, and was ended")
+            raise StereoReprojectError(
+                Words(
+                    "encoding the movie took more than {max_seconds} s, and was ended", max_seconds=f"{MAX_SECONDS:g}"
+                )
+            )
         if status or not movie.exists():
-            raise StereoReprojectError(worker.last_words() or f"no movie was made (exit status {status})")
+            raise StereoReprojectError(
+                worker.last_words() or Words("no movie was made (exit status {status})", status=status)
+            )

@@ -28,6 +28,7 @@ from typing import Any
 
 from ..errors import BadInputError, StereoReprojectError
 from ..files import flush, flush_folder, is_missing, leads_elsewhere, put_in_place, read_small
+from ..words import Words
 from .plain_paths import plain_path
 
 # What a rendered pair consists of. The report comes last: where it stands, the files beside it belong to it.
@@ -130,7 +131,7 @@ def _make_folders(folder: Path, created: list[Path]) -> None:
     if os.path.lexists(folder):
         if folder.is_dir():
             return
-        raise BadInputError(f"{folder} is not a folder; choose another folder")
+        raise BadInputError(Words("{folder} is not a folder; choose another folder", folder=folder))
     if folder.parent != folder:
         _make_folders(folder.parent, created)
     try:
@@ -150,7 +151,10 @@ def _check_names_free(output: Path, files: Sequence[str]) -> None:
     for name in files:
         if (output / name).is_dir():
             raise BadInputError(
-                f"{output / name} is a folder where a file is to be written; move it or choose another folder"
+                Words(
+                    "{path} is a folder where a file is to be written; move it or choose another folder",
+                    path=output / name,
+                )
             )
 
 
@@ -158,9 +162,13 @@ def _failed_write(output: Path, error: OSError) -> StereoReprojectError:
     """Return the error for the user for a failed write below `output`: it says that the disk is full, or the system's
     own reason."""
     if is_full_disk_error(error):
-        return BadInputError(f"{output}: the disk is full; free some space or choose another folder")
+        return BadInputError(
+            Words("{output}: the disk is full; free some space or choose another folder", output=output)
+        )
     reason = error.strerror or str(error)
-    return BadInputError(f"{output} cannot be written ({reason}); choose another folder")
+    return BadInputError(
+        Words("{output} cannot be written ({reason}); choose another folder", output=output, reason=reason)
+    )
 
 
 def is_full_disk_error(error: OSError) -> bool:
@@ -278,7 +286,9 @@ def check_complete(made: Path, names: Any, files: Sequence[str] = FILES) -> None
     the worker reported (which may be anything)."""
     for name in files:
         if not isinstance(names, list) or name not in names or not (made / name).is_file():
-            raise StereoReprojectError(f"the worker did not write {name}; this is a defect of stereo_reproject")
+            raise StereoReprojectError(
+                Words("the worker did not write {name}; this is a defect of stereo_reproject", name=name)
+            )
 
 
 def publish(

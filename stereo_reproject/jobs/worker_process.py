@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ..errors import LIMITED, StereoReprojectError
+from ..words import Words, joined
 from .memory import is_limited, oom_kills
 
 POLL_SECONDS = 0.1
@@ -59,7 +60,9 @@ def start_worker(command: Sequence[str] | None, work: Path) -> Worker:
         return Worker(command, work)
     except OSError as error:
         reason, program = error.strerror or str(error), (command or own_worker())[0]
-        raise StereoReprojectError(f"{program} could not be started ({reason}); free some resources") from error
+        raise StereoReprojectError(
+            Words("{program} could not be started ({reason}); free some resources", program=program, reason=reason)
+        ) from error
 
 
 class Worker:
@@ -240,24 +243,24 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-def crash_message(worker: Worker, stage: str, *, kept: str) -> str:
+def crash_message(worker: Worker, stage: str, *, kept: str) -> Words:
     """Return a message in words about a Blender that ended without reporting an error: how it ended, during which
     stage, the likely cause, and the last line of its log. `kept` says what became of the results and is put into the
     message. Waits up to EXIT_SECONDS for the process to end."""
     status = worker.wait(EXIT_SECONDS)
     killed = os.name == "posix" and status == -signal.SIGKILL
-    message = [f"Blender {_how_it_ended(status)} during {stage}"]
+    why = log = ""
     if killed:
-        message.append(_why_killed(worker.oom_kills_before))
+        why = Words(_why_killed(worker.oom_kills_before))
     elif status is not None and status < 0 and is_limited():
         # Few libraries get over it when they are given no memory.
-        message.append(LIMITED)
-    message.append(kept)
+        why = Words(LIMITED)
     words = worker.last_words()
     if words and not killed:
         # A process that is killed from outside leaves no word of it in its log.
-        message.append(f"last in its log: {words}")
-    return "; ".join(filter(None, message))
+        log = Words("last in its log: {words}", words=words)
+    ended = Words("Blender {ended} during {stage}", ended=_how_it_ended(status), stage=stage)
+    return joined("; ", ended=ended, why=why, kept=Words(kept), log=log)
 
 
 def _why_killed(oom_kills_before: int | None) -> str:
@@ -269,13 +272,14 @@ def _why_killed(oom_kills_before: int | None) -> str:
     return "something outside of it has done that; if memory ran out, render smaller, or free some"
 
 
-def _how_it_ended(status: int | None) -> str:
+def _how_it_ended(status: int | None) -> Words:
     """Return in words how a process ended, from its exit status: negative is the number of the signal that killed it,
     None means that it still runs."""
     if status is None:
-        return "stopped unexpectedly (its output ended)"
+        return Words("stopped unexpectedly (its output ended)")
     if status >= 0:
-        return f"stopped unexpectedly (exit status {status:{'#x' if status > 255 else 'd'}})"
+        shown = hex(status) if status > 255 else status
+        return Words("stopped unexpectedly (exit status {status})", status=shown)
     with contextlib.suppress(ValueError):
-        return f"was killed by signal {-status} ({signal.Signals(-status).name})"
-    return f"was killed by signal {-status}"
+        return Words("was killed by signal {number} ({name})", number=-status, name=signal.Signals(-status).name)
+    return Words("was killed by signal {number}", number=-status)

@@ -24,6 +24,7 @@ from ..pipeline.onlooker import Onlooker
 from ..pipeline.stages import Stage
 from ..settings.animation import AnimationSettings
 from ..settings.frame import SceneOverrides, StereoSettings
+from ..words import to_data
 
 Emit = Callable[..., None]
 
@@ -40,7 +41,7 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 - whatever goes wrong is reported in one line
         failure = in_one_line(error)
         status = failure.exit_status
-        emit("error", status=status, message=str(failure))
+        emit("error", status=status, message=str(failure), words=to_data(str(failure)))
     # Blender's own clean-up at exit takes its time, and 4.5 may not come to an end at all.
     os._exit(status)
 

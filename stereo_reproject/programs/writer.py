@@ -8,8 +8,8 @@ file and keeps nothing of it but what pictures go through. `writer_process` is t
 stdin    one line of JSON, a `WriterJob` as a dict; then a line for each frame, a WrittenFrame as a dict. At the end the
          frames that were handed over are still written, and the process ends.
 answers  NUMBER.json in the job's private folder: {"record": {...}}, {"record": null} of a frame that another run has
-         claimed meanwhile, or {"error": "...", "status": 1 or 2, "hopeless": whether no other frame can be written
-         either}
+         claimed meanwhile, or {"error": "...", "words": what `words.to_data` returns of it, "status": 1 or 2,
+         "hopeless": whether no other frame can be written either}
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from typing import Any
 
 from ..errors import OutputError, in_one_line
 from ..files import write_json
+from ..words import to_data
 
 
 def main() -> None:
@@ -46,7 +47,9 @@ def main() -> None:
         except Exception as error:  # noqa: BLE001 - whatever it is, the other side has to hear of it
             failure = in_one_line(error)
             hopeless = isinstance(failure, OutputError)
-            answer = {"error": str(failure), "status": failure.exit_status, "hopeless": hopeless}
+            words = str(failure)
+            status = failure.exit_status
+            answer = {"error": words, "words": to_data(words), "status": status, "hopeless": hopeless}
         try:
             write_json(answers / f"{frame['frame']}.json", answer)
         except OSError:

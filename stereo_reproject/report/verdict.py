@@ -13,7 +13,7 @@ from ..estimate.tracing import NOTHING_DIFFERS
 from ..pipeline.stages import OUTSIDE_TOTAL, Stage
 from ..settings.accuracy import SETTINGS
 from ..settings.animation import spelled
-from .words import Words
+from ..words import Words
 
 UNCERTAIN_AREAS = "Uncertain Areas"
 """Name, for artists, of the picture estimate.png, which shows where the second eye is off by more than noise."""

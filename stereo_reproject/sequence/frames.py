@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from ..errors import BadInputError, OtherRunError, OutputError, StereoReprojectError
 from ..files import flush, flush_folder, leads_elsewhere, put_in_place
 from ..settings.animation import spelled
+from ..words import Words
 from .checksums import checksum
 from .fingerprints import Fingerprints, FrameState
 from .frame_record import Record
@@ -125,7 +126,9 @@ def _check_folders(journal: Journal, files: Mapping[int, Sequence[Path]]) -> Non
     another place."""
     for folder in dict.fromkeys(path.parent for paths in files.values() for path in paths):
         if folder != journal.frames_folder and leads_elsewhere(folder):
-            raise BadInputError(f"{folder} is a link to another folder: remove it, or name another for the frames")
+            raise BadInputError(
+                Words("{folder} is a link to another folder: remove it, or name another for the frames", folder=folder)
+            )
 
 
 def _is_kept(state: FrameState, existing: str, files: Sequence[Path]) -> bool:
@@ -147,8 +150,14 @@ def _check_shared(journal: Journal, states: Mapping[int, FrameState], known: Map
     if all(states[frame] is FrameState.WHOLE for frame in there) and all(map(journal.runs.lives, tokens)):
         return
     raise BadInputError(
-        f"{journal.frames_folder}: {len(there)} of {len(states)} frames are there already ({spelled(there)}): --resume"
-        " keeps what is whole and renders the rest, --overwrite renders all anew"
+        Words(
+            "{folder}: {count} of {all} frames are there already ({frames}): --resume keeps what is whole and renders"
+            " the rest, --overwrite renders all anew",
+            folder=journal.frames_folder,
+            count=len(there),
+            all=len(states),
+            frames=spelled(there),
+        )
     )
 
 
@@ -159,8 +168,13 @@ def _check_scene(journal: Journal, states: Mapping[int, FrameState], wanted: Fin
         record = journal.records.read(others[0])
         kinds = ", ".join(wanted.changed(record)) if record else "unknown"
         raise BadInputError(
-            f"{journal.frames_folder}: the scene has changed since frame {others[0]} was rendered ({kinds}):"
-            " --overwrite renders all anew, another folder keeps both"
+            Words(
+                "{folder}: the scene has changed since frame {frame} was rendered ({kinds}): --overwrite renders all"
+                " anew, another folder keeps both",
+                folder=journal.frames_folder,
+                frame=others[0],
+                kinds=kinds,
+            )
         )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import BadInputError
 from ..files import flush_folder, hide, leads_elsewhere, write_json
+from ..words import Words
 from .fingerprints import digest
 
 JOURNAL = ".stereo_reproject"
@@ -63,7 +64,9 @@ class JournalFolder:
         hide(self.path)
         flush_folder(self.frames_folder)
         if leads_elsewhere(self.path):
-            raise BadInputError(f"{self.path} is a link to another folder: remove it, or name another for the frames")
+            raise BadInputError(
+                Words("{path} is a link to another folder: remove it, or name another for the frames", path=self.path)
+            )
 
     def remove_empty(self) -> None:
         """Remove the folder if it is empty; else do nothing."""

@@ -16,6 +16,7 @@ from typing import Any
 
 from ..errors import BadInputError, OtherRunError
 from ..settings.animation import read_frames, spelled
+from ..words import Words
 from .fingerprints import Fingerprints, FrameState
 from .frame_record import Record
 from .journal import Journal
@@ -83,7 +84,12 @@ def settle(
             at_work = runs.is_at_work(rival.token)
             common = sorted(rival.frames.intersection(frames))
             if at_work and (rival.settled or rival.token < token or waited_long):
-                raise _mixed(journal, f"another run renders frames {spelled(common)} there", wanted, rival.wanted)
+                raise _mixed(
+                    journal,
+                    Words("another run renders frames {frames} there", frames=spelled(common)),
+                    wanted,
+                    rival.wanted,
+                )
             waits(common)
         time.sleep(POLL_SECONDS)
     runs.mark_settled(token)
@@ -109,15 +115,22 @@ def check_frames_stayed(journal: Journal, frames: Iterable[int], wanted: Fingerp
 def check_same(journal: Journal, record: Record, wanted: Fingerprints) -> None:
     """Raise OtherRunError if a record, written by another run, is of another scene or other settings than wanted."""
     if wanted.state_of(record) is not FrameState.WHOLE:
-        what = f"another run has rendered frame {record.frame} meanwhile"
+        what = Words("another run has rendered frame {frame} meanwhile", frame=record.frame)
         raise _mixed(journal, what, wanted, record)
 
 
-def _mixed(journal: Journal, what: str, wanted: Fingerprints, theirs: Record | Fingerprints) -> OtherRunError:
+def _mixed(journal: Journal, what: Words, wanted: Fingerprints, theirs: Record | Fingerprints) -> OtherRunError:
     """Return the error for frames that would be rendered differently by two runs. `what` says in words what the other
     run does; theirs are its record or fingerprints, which differ from those wanted."""
     kinds = ", ".join(wanted.changed(theirs))
-    differs = f"{wanted.state_of(theirs).value} ({kinds})" if kinds else wanted.state_of(theirs).value
+    differs = Words(wanted.state_of(theirs).value)
+    if kinds:
+        differs = Words("{differs} ({kinds})", differs=differs, kinds=kinds)
     return OtherRunError(
-        f"{journal.frames_folder}: {what}, {differs}: another folder keeps both; finished frames are kept"
+        Words(
+            "{folder}: {what}, {differs}: another folder keeps both; finished frames are kept",
+            folder=journal.frames_folder,
+            what=what,
+            differs=differs,
+        )
     )

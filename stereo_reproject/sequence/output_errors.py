@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import OutputError, StereoReprojectError
 from ..jobs.work_folder import is_full_disk_error
+from ..words import Words
 from .journal_folder import journal_path
 
 KEPT = "finished frames are kept, and --resume renders the rest"
@@ -32,11 +33,15 @@ def failed_output(folder: Path, error: OSError | StereoReprojectError) -> Output
     """Return the error for the user after a failed write below a folder of frames: that the folder is gone, that the
     disk is full, or the reason in `error`."""
     if _is_gone(folder, error):
-        return OutputError(f"{folder} is gone, with the frames that were in it")
+        return OutputError(Words("{folder} is gone, with the frames that were in it", folder=folder))
     if _is_full(folder, error):
-        return OutputError(f"{folder}: the disk is full; free some space: {KEPT}")
+        return OutputError(
+            Words("{folder}: the disk is full; free some space: {kept}", folder=folder, kept=Words(KEPT))
+        )
     reason = error.strerror or str(error) if isinstance(error, OSError) else str(error)
-    return OutputError(f"{folder} cannot be written ({reason}): {KEPT}")
+    return OutputError(
+        Words("{folder} cannot be written ({reason}): {kept}", folder=folder, reason=reason, kept=Words(KEPT))
+    )
 
 
 def blamed_on_output(folder: Path, error: StereoReprojectError) -> StereoReprojectError:

@@ -28,6 +28,7 @@ from ..files import (
 )
 from ..jobs.work_folder import is_running, machine
 from ..jobs.worker_process import module_command, worker_environment
+from ..words import Words
 
 BEAT_SECONDS = 2.0
 BEAT_DIGITS = 20
@@ -249,7 +250,11 @@ def _heartbeat(path: Path) -> Iterator[None]:
         )
     except OSError as error:
         raise StereoReprojectError(
-            f"{sys.executable} could not be started ({error.strerror}); free some resources"
+            Words(
+                "{program} could not be started ({reason}); free some resources",
+                program=sys.executable,
+                reason=error.strerror,
+            )
         ) from error
     try:
         yield

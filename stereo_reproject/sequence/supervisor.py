@@ -9,6 +9,7 @@ from typing import Any
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
 from ..jobs.warn_once import WarnOnce
+from ..words import Words
 from .frames import MAX_FAILURES_IN_A_ROW
 from .journal_folder import journal_path
 from .output_errors import KEPT
@@ -54,10 +55,13 @@ def run_animation(
             existing = "resume" if animation.existing == "refuse" else animation.existing
             animation = replace(animation, finished=tuple(starts.finished), existing=existing, goes_on=True)
             if starts.stage["stage"] == HANDED_OVER:
-                on_event({"event": "warning", "message": f"Blender is started again: {error}"})
+                on_event(
+                    {"event": "warning", "message": Words("Blender is started again: {reason}", reason=str(error))}
+                )
                 continue
             animation = replace(animation, skip={**animation.skip, int(frame.removeprefix(FRAME)): str(error)})
-            on_event({"event": "warning", "message": f"{frame} is left out: {error}"})
+            warning = Words("{frame} is left out: {reason}", frame=frame, reason=str(error))
+            on_event({"event": "warning", "message": warning})
         finally:
             if job.output is not None:
                 # Whoever is killed before it has a heartbeat leaves its files in the journal.

@@ -16,6 +16,7 @@ from typing import Any
 from ..errors import BadInputError, OutputError, StereoReprojectError
 from ..jobs.supervisor import Session
 from ..jobs.worker_process import module_command, private_environment
+from ..words import Words, from_data
 from .frame_record import Record
 
 ANSWER_SECONDS = 0.02
@@ -88,7 +89,7 @@ class WriterProcess:
                 )
         except OSError as error:
             raise StereoReprojectError(
-                f"no process could be started ({error.strerror}); free some resources"
+                Words("no process could be started ({reason}); free some resources", reason=error.strerror)
             ) from error
         self._send(asdict(self._job))
 
@@ -174,13 +175,18 @@ class WriterProcess:
         again, because Blender makes missing folders on the way to its files."""
         return not self._log.exists()
 
-    def _how_it_ended(self, frame: int) -> str:
+    def _how_it_ended(self, frame: int) -> Words:
         """Return in words why the process has not written a frame."""
         if self._is_gone():
-            return f"{self._job.folder} is gone, with the frames that were in it"
+            return Words("{folder} is gone, with the frames that were in it", folder=self._job.folder)
         status = None if self._process is None else self._process.returncode
-        ending = f"exit status {status}" if os.name != "posix" or not status or status > 0 else f"signal {-status}"
-        return f"frame {frame} was not written: Blender stopped unexpectedly ({ending})"
+        if os.name != "posix" or not status or status > 0:
+            ending = Words("exit status {status}", status=status)
+        else:
+            ending = Words("signal {number}", number=-status)
+        return Words(
+            "frame {frame} was not written: Blender stopped unexpectedly ({ending})", frame=frame, ending=ending
+        )
 
 
 def _result(answer: dict[str, Any]) -> Record | StereoReprojectError | None:
@@ -189,4 +195,4 @@ def _result(answer: dict[str, Any]) -> Record | StereoReprojectError | None:
     if "record" in answer:
         return None if answer["record"] is None else Record(**answer["record"])
     kind = BadInputError if answer["status"] == BadInputError.exit_status else StereoReprojectError
-    return (OutputError if answer["hopeless"] else kind)(answer["error"])
+    return (OutputError if answer["hopeless"] else kind)(from_data(answer["error"], answer.get("words")))

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from ..delivery.layouts import LAYOUTS
 from ..errors import BadInputError
+from ..words import Words
 from .frame import MAX_FRAME
 
 EXISTING = ("refuse", "resume", "overwrite", "keep")
@@ -48,12 +49,24 @@ class AnimationSettings:
         if self.frames is not None:
             _check_frames(self.frames)
         if self.existing not in EXISTING:
-            raise BadInputError(f"existing must be one of {', '.join(EXISTING)}, not {self.existing!r}")
+            raise BadInputError(
+                Words(
+                    "existing must be one of {choices}, not {existing}",
+                    choices=", ".join(EXISTING),
+                    existing=repr(self.existing),
+                )
+            )
         if self.layout is not None and self.layout not in LAYOUTS:
-            raise BadInputError(f"the layout must be one of {', '.join(LAYOUTS)}, not {self.layout!r}")
+            raise BadInputError(
+                Words(
+                    "the layout must be one of {choices}, not {layout}",
+                    choices=", ".join(LAYOUTS),
+                    layout=repr(self.layout),
+                )
+            )
         every = self.compare_every
         if every is not None and (isinstance(every, bool) or not isinstance(every, int) or every < 1):
-            raise BadInputError(f"compare every={every}: must be a whole number from 1")
+            raise BadInputError(Words("compare every={every}: must be a whole number from 1", every=every))
 
 
 def _check_frames(frames: tuple[int, ...]) -> None:
@@ -66,7 +79,7 @@ def _check_frames(frames: tuple[int, ...]) -> None:
         raise BadInputError("frames must be in rising order, each once")
     if not 0 <= frames[0] <= frames[-1] <= MAX_FRAME:
         # Blender writes no others in an animation.
-        raise BadInputError(f"frames must be from 0 to {MAX_FRAME}")
+        raise BadInputError(Words("frames must be from 0 to {max_frame}", max_frame=MAX_FRAME))
 
 
 def read_frames(text: str) -> tuple[int, ...]:
@@ -77,17 +90,23 @@ def read_frames(text: str) -> tuple[int, ...]:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(-?\d{1,9})(?:-(-?\d{1,9})(?::(\d{1,9}))?)?\s*", part)
         if match is None:
-            raise BadInputError(f"frames must be of the form 1-24, 1-24:2 or 1-10,15, not {text!r}")
+            raise BadInputError(
+                Words("frames must be of the form 1-24, 1-24:2 or 1-10,15, not {text}", text=repr(text))
+            )
         first, last, step = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
         if last < first or step < 1:
-            raise BadInputError(f"frames {part.strip()} are none: name them in rising order, with a step from 1")
+            raise BadInputError(
+                Words("frames {frames} are none: name them in rising order, with a step from 1", frames=part.strip())
+            )
         count = (last - first) // step + 1
         if count > MAX_FRAMES:
-            raise BadInputError(f"frames {part.strip()} are more than {MAX_FRAMES}")
+            raise BadInputError(
+                Words("frames {frames} are more than {max_frames}", frames=part.strip(), max_frames=MAX_FRAMES)
+            )
         # One frame may be named several times, but not without an end: such a text may come out of a damaged file.
         named += count
         if named > 2 * MAX_FRAMES:
-            raise BadInputError(f"frames {text[:40]!r}... name frames again and again")
+            raise BadInputError(Words("frames {text}... name frames again and again", text=repr(text[:40])))
         frames.update(range(first, last + 1, step))
     result = tuple(sorted(frames))
     _check_frames(result)
@@ -117,5 +136,5 @@ def read_every(text: str) -> int:
     """Return the number in a text such as every=6, or 6 alone. Raises BadInputError."""
     match = re.fullmatch(r"(?:every=)?([1-9]\d{0,8})", text)
     if match is None:
-        raise BadInputError(f"--compare must be of the form every=6, not {text!r}")
+        raise BadInputError(Words("--compare must be of the form every=6, not {text}", text=repr(text)))
     return int(match[1])

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ..errors import BadInputError
+from ..words import Words
 
 ACCURACIES = ("draft", "preview", "balanced", "high", "exact")
 CUSTOM = "custom"
@@ -27,7 +28,14 @@ MAX_FRAME = 1048574
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Raise BadInputError unless `value` is one of the choices; `name` is what the message calls it."""
     if value not in choices:
-        raise BadInputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+        raise BadInputError(
+            Words(
+                "{name} must be one of {choices}, not {value}",
+                name=Words(name),
+                choices=", ".join(choices),
+                value=repr(value),
+            )
+        )
 
 
 def _check_int(name: str, value: int | None, low: int, high: int) -> None:
@@ -36,9 +44,11 @@ def _check_int(name: str, value: int | None, low: int, high: int) -> None:
     if value is None:
         return
     if isinstance(value, bool) or not isinstance(value, int):
-        raise BadInputError(f"{name} must be a whole number, not {value!r}")
+        raise BadInputError(Words("{name} must be a whole number, not {value}", name=Words(name), value=repr(value)))
     if not low <= value <= high:
-        raise BadInputError(f"{name} must be from {low} to {high}, not {value}")
+        raise BadInputError(
+            Words("{name} must be from {low} to {high}, not {value}", name=Words(name), low=low, high=high, value=value)
+        )
 
 
 def _is_finite(value: float) -> bool:
@@ -53,9 +63,10 @@ def _check_float(name: str, value: float, low: float, *, above: bool = False) ->
     """Raise BadInputError unless `value` is a finite number of at least `low`, or with `above` greater than it; `name`
     is what the message calls it."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
-        raise BadInputError(f"{name} must be a finite number, not {value!r}")
+        raise BadInputError(Words("{name} must be a finite number, not {value}", name=Words(name), value=repr(value)))
     if value < low or (above and value == low):
-        raise BadInputError(f"{name} must be {'above' if above else 'at least'} {low:g}, not {value:g}")
+        message = "{name} must be above {low}, not {value}" if above else "{name} must be at least {low}, not {value}"
+        raise BadInputError(Words(message, name=Words(name), low=f"{low:g}", value=f"{value:g}"))
 
 
 @dataclass(frozen=True)
@@ -81,7 +92,7 @@ class SceneOverrides:
         _check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
         if self.size is not None:
             if not isinstance(self.size, tuple) or len(self.size) != 2:
-                raise BadInputError(f"the size must be a width and a height, not {self.size!r}")
+                raise BadInputError(Words("the size must be a width and a height, not {size}", size=repr(self.size)))
             width, height = self.size
             _check_int("the width", width, 4, MAX_SIZE)
             _check_int("the height", height, 4, MAX_SIZE)
@@ -96,7 +107,9 @@ class SceneOverrides:
         if self.source_engine is not None:
             _check_choice("the source engine", self.source_engine, SOURCE_ENGINES)
         if self.denoise is not None and not isinstance(self.denoise, bool):
-            raise BadInputError(f"denoise must be true, false or left out, not {self.denoise!r}")
+            raise BadInputError(
+                Words("denoise must be true, false or left out, not {denoise}", denoise=repr(self.denoise))
+            )
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..errors import BadInputError
+from ..words import Words
 from .costs import TraceCosts
 from .tuning import TUNING
 
@@ -55,7 +56,9 @@ def check_fill(asked: str, blockers: Mapping[str, str | None]) -> None:
     blockers are as for `choose_fill`.
     """
     if blockers.get(asked):
-        raise BadInputError(f"--fill {asked} is not possible: {blockers[asked]}; use --fill auto")
+        raise BadInputError(
+            Words("--fill {asked} is not possible: {reason}; use --fill auto", asked=asked, reason=blockers[asked])
+        )
 
 
 def choose_fill(

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from ..errors import BadInputError
+from ..words import Words
 from .camera import Camera, PerspectiveCamera, target_from_source
 from .parallax import parallax_at
 
@@ -159,7 +160,13 @@ def fit_parallel(near: float, limits: Limits, unit_width: float) -> Fit:
 def _check_depths(near: float, far: float) -> None:
     """Raise BadInputError unless 0 < near <= far and near is finite."""
     if not (0.0 < near <= far and math.isfinite(near)):
-        raise BadInputError(f"the scene's depth, from {near:g} to {far:g}, cannot be fitted: nothing is in front")
+        raise BadInputError(
+            Words(
+                "the scene's depth, from {near} to {far}, cannot be fitted: nothing is in front",
+                near=f"{near:g}",
+                far=f"{far:g}",
+            )
+        )
 
 
 def unit_width(camera: Camera, frame_width: int) -> float:

@@ -205,7 +205,7 @@ def look_at_output_properties():
 
 def speak_german():
     """Texts of panels and reports in Blender's own languages, by a made-up table of translations."""
-    words = importlib.import_module(f"{MODULE}.stereo_reproject.report.words").Words
+    words = importlib.import_module(f"{MODULE}.stereo_reproject.words").Words
     text = importlib.import_module(f"{MODULE}.operators.text")
     table = {("*", "{time} saved"): "{time} gespart", ("*", "Before Rendering"): "Vor dem Rendern"}
     bpy.app.translations.register("drive_widths", {"de_DE": table})

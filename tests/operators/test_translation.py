@@ -27,6 +27,17 @@ TABLE = {
     "{time} left": "noch {time}",
     "{stage}, {saved} so far": "{stage}, bisher {saved}",
     "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
+    "camera {camera} uses spherical stereo: switch it off, it is not supported yet": "kugelförmig ist {camera}",
+    "{what} is not in front of the camera": "davor liegt nicht {what}",
+    "The focus distance": "der Fokus",
+    "no view layer of scene {scene} is used for rendering: switch one on": "keine Ebene in {scene}",
+    "no depth is left: raise In Front or Behind": "keine Tiefe",
+    "{path} cannot be written: {reason}": "nicht zu schreiben: {path}, {reason}",
+    "the disk is full": "die Platte ist voll",
+    "the last frame is not shown: {reason}": "letztes Bild nicht gezeigt: {reason}",
+    "the scene {scene} was deleted meanwhile": "die Szene {scene} ist gelöscht",
+    ". The pair is kept in {folder}: Render > {where}": ". Das Paar ist in {folder}: {where}",
+    "Open Kept Stereo Pair": "Paar öffnen",
 }
 
 
@@ -74,7 +85,7 @@ def test_a_sentence_of_the_panel_is_translated(german):
 
 def test_the_verdict_is_translated_with_its_figures(german):
     from stereo_reproject_extension.stereo_reproject.report.verdict import _quality, saved_words
-    from stereo_reproject_extension.stereo_reproject.report.words import Words
+    from stereo_reproject_extension.stereo_reproject.words import Words
 
     assert paragraph(Words("{sentence}.", sentence=saved_words(190.0))) == "3 min 10 s gespart!"
     verdict = _quality(1.2, True, 0.0).words
@@ -118,7 +129,7 @@ def test_one_and_many_have_messages_of_their_own(german, count, expected):
 def test_sides_of_the_screen_are_translated(german):
     from stereo_reproject_extension.operators.depth import side_words
     from stereo_reproject_extension.operators.text import shown
-    from stereo_reproject_extension.stereo_reproject.report.words import Words
+    from stereo_reproject_extension.stereo_reproject.words import Words
 
     assert shown(side_words(-1.25)) == "1.2 % davor"
     line = Words("{end}: {side} ({pixels} px)", end=Words("Nearest"), side=side_words(0.0), pixels="3")
@@ -156,6 +167,87 @@ def test_progress_is_translated(german):
     assert shown(progress_of(run)[1]) == "50 %, noch 42 s (Bild 13, 3/4)"
     assert shown(stage_of(run)).endswith(", bisher 3 min 10 s gespart")
     assert reported(cancelled_words(run)) == "Abgebrochen: 2 Bilder bleiben"
+
+
+def made_scene():
+    from tests.blender.toolbox import add_camera, add_cube, diffuse, empty_scene
+
+    scene = empty_scene(64, 36)
+    add_camera(scene)
+    add_cube(scene, diffuse(), location=(0, 0, 5)).name = "Behind"
+    return scene
+
+
+def said_by(operator, **options):
+    """What an operator says that fails."""
+    with pytest.raises(RuntimeError) as caught:
+        operator(**options)
+    return str(caught.value).strip().removeprefix("Error: ")
+
+
+def test_why_a_button_is_grey_is_translated(german):
+    made_scene().camera.data.stereo.use_spherical_stereo = True
+    assert said_by(bpy.ops.stereo_reproject.measure_depth).endswith("Kugelförmig ist 'Camera'")
+
+
+def test_an_error_of_an_operator_is_translated(german):
+    made_scene()
+    assert said_by(bpy.ops.stereo_reproject.fit_to_comfort, in_front=0.0, behind=0.0) == "Keine Tiefe"
+    bpy.context.view_layer.objects.active = bpy.data.objects["Behind"]
+    assert said_by(bpy.ops.stereo_reproject.set_convergence) == "Davor liegt nicht 'Behind'"
+
+
+def test_an_error_of_the_core_is_translated(german):
+    scene = made_scene()
+    scene.view_layers[0].use = False
+    assert said_by(bpy.ops.render.stereo_reproject_image) == f"Keine Ebene in {scene.name!r}"
+
+
+def test_words_in_an_error_are_translated(german):
+    from stereo_reproject_extension.operators.text import reported
+    from stereo_reproject_extension.stereo_reproject.errors import BadInputError
+    from stereo_reproject_extension.stereo_reproject.words import Words
+
+    error = BadInputError(Words("{what} is not in front of the camera", what=Words("The focus distance")))
+    assert reported(error) == "davor liegt nicht der Fokus"
+
+
+def test_where_a_pair_is_kept_is_translated(german, tmp_path, monkeypatch):
+    from stereo_reproject_extension.operators import jobs
+    from stereo_reproject_extension.operators.text import reported
+
+    monkeypatch.setattr(jobs, "keep_files", lambda _: tmp_path)
+    assert reported(jobs._words_of_kept(None)) == f". Das Paar ist in {tmp_path}: Paar öffnen"
+
+
+def test_a_warning_in_the_panel_is_translated(german):
+    from stereo_reproject_extension.operators.render import _deleted
+    from stereo_reproject_extension.operators.text import sentence, shown
+    from stereo_reproject_extension.stereo_reproject.words import Words
+
+    error = _deleted(SimpleNamespace(scene_name="Room"))
+    warning = Words("the last frame is not shown: {reason}", reason=str(error))
+    said = paragraph(Words("{sentence}.", sentence=sentence(shown(warning))))
+    assert said == "Letztes Bild nicht gezeigt: die Szene 'Room' ist gelöscht!"
+
+
+def test_a_wiggle_that_cannot_be_written_is_told_in_the_interface_s_language(german, tmp_path, monkeypatch):
+    import errno
+
+    from stereo_reproject_extension.operators import wiggle_export
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    told = []
+    monkeypatch.setattr(wiggle_export, "pair_in", lambda _: object())
+    monkeypatch.setattr(wiggle_export, "_export", full)
+    path = tmp_path / "a.gif"
+    operator = SimpleNamespace(
+        filepath=str(path), percentage=50, seconds=0.2, report=lambda kind, text: told.append((kind, text))
+    )
+    wiggle_export.STEREO_REPROJECT_OT_export_wiggle.execute(operator, bpy.context)
+    assert told == [({"ERROR"}, f"nicht zu schreiben: {path}, die Platte ist voll")]
 
 
 def test_in_english_all_is_as_written(extension):

@@ -3,7 +3,7 @@
 import pytest
 
 from stereo_reproject.report.verdict import duration, quality_of_animation, saved_words
-from stereo_reproject.report.words import Words, in_language
+from stereo_reproject.words import Words, in_language
 
 GERMAN = {"{time} saved": "{time} gespart", "No time saved: {time} longer": "Keine Zeit gespart: {time} länger"}
 

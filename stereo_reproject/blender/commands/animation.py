@@ -32,6 +32,7 @@ from ...sequence.runs import run_at_work
 from ...sequence.writer_process import WriterJob
 from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import StereoSettings
+from ...words import Words
 from ..output.animation_output import Output, output_of
 from ..scene.warnings import scene_warnings
 from .animation_movie import check_movies, make_movie, movies_of, remove_waiting_frames, try_encoder
@@ -201,8 +202,11 @@ def _make_journal(journal: Journal) -> None:
         journal.place.make()
     except FileExistsError as error:
         raise BadInputError(
-            f"{journal.folder} is no folder, and one of that name belongs there for what is known of the frames:"
-            " move it, or choose another folder"
+            Words(
+                "{folder} is no folder, and one of that name belongs there for what is known of the frames: move it,"
+                " or choose another folder",
+                folder=journal.folder,
+            )
         ) from error
 
 
@@ -223,7 +227,16 @@ def _check_all_rendered(failed: dict[int, str], frames: int) -> None:
     """
     if failed:
         frame, why = next(iter(failed.items()))
-        raise StereoReprojectError(f"{len(failed)} of {frames} frames failed ({spelled(failed)}); frame {frame}: {why}")
+        raise StereoReprojectError(
+            Words(
+                "{failed} of {all} frames failed ({frames}); frame {frame}: {why}",
+                failed=len(failed),
+                all=frames,
+                frames=spelled(failed),
+                frame=frame,
+                why=why,
+            )
+        )
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from ...sequence.progress import Listener
 from ...sequence.report import report_path
 from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import StereoSettings
+from ...words import Words
 from ..output.animation_output import Output
 from ..output.movie import movie_files, movie_warnings, try_movie, write_movie
 from ..scene.rig import frame_region
@@ -38,19 +39,26 @@ def check_movies(
     # What was known of a movie that alone was asked for went with the frames that it was made of.
     if options.existing == "overwrite" or (options.existing == "resume" and for_movie_alone):
         return
-    how = "switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it"
+    how = Words("switch on Overwrite in Output" if options.existing == "keep" else "--overwrite replaces it")
     for path in movies_of(scene, options, output):
         try:
             note = journal.movies.read(path) if path.exists() else MovieNote(None)
         except OSError as error:
-            raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
+            raise BadInputError(Words("{path} cannot be read ({reason})", path=path, reason=error.strerror)) from error
         if note is None:
-            what = "is there already and is no movie of these frames"
-            raise BadInputError(f"{path} {what}: {how}, another name keeps it")
+            message = "{path} is there already and is no movie of these frames: {how}, another name keeps it"
+            raise BadInputError(Words(message, path=path, how=how))
         lost = (note.frames or frozenset()) - output.files.keys()
         if lost:
-            what = f"is a movie of more frames, and the new one would lack {spelled(lost)}"
-            raise BadInputError(f"{path} {what}: name those frames too; {how}, another name keeps it")
+            raise BadInputError(
+                Words(
+                    "{path} is a movie of more frames, and the new one would lack {frames}: name those frames too;"
+                    " {how}, another name keeps it",
+                    path=path,
+                    frames=spelled(lost),
+                    how=how,
+                )
+            )
 
 
 def try_encoder(scene: bpy.types.Scene, settings: StereoSettings, path: Path, output: Output, folder: Path) -> None:
@@ -101,8 +109,15 @@ def _put_in_place(made: Path, destination: Path) -> Path:
         spare = destination.with_stem(f"{destination.stem}-new-{made.stat().st_mtime_ns}")
         with contextlib.suppress(OSError):
             made.replace(spare)
-        where = f"the new one is {spare.name}" if spare.exists() else "the new one is lost"
-        raise BadInputError(f"{destination} cannot be replaced ({error.strerror}): {where}") from error
+        where = Words("the new one is {name}", name=spare.name) if spare.exists() else Words("the new one is lost")
+        raise BadInputError(
+            Words(
+                "{destination} cannot be replaced ({reason}): {where}",
+                destination=destination,
+                reason=error.strerror,
+                where=where,
+            )
+        ) from error
 
 
 def remove_waiting_frames(journal: Journal, output: Output, movie: Path, own: str) -> None:

@@ -19,6 +19,7 @@ from ...sequence.journal import Journal
 from ...sequence.progress import Listener
 from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
+from ...words import Words
 from ..output.animation_output import Output
 from ..output.frame_writer import holes_name
 from ..scene.fingerprint import scene_fingerprints
@@ -93,7 +94,9 @@ def planned_frames(
     )
     if options.existing == "keep" and not plan.todo and not options.goes_on and movies_are_there:
         there = output.all_files[0]
-        raise BadInputError(f"{there} and all others are there already: switch on Overwrite in Output")
+        raise BadInputError(
+            Words("{there} and all others are there already: switch on Overwrite in Output", there=there)
+        )
     return plan
 
 

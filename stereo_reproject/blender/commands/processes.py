@@ -9,6 +9,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...jobs.worker_process import PACKAGE
+from ...words import Words
 from ..scene.user_folder import USER_FOLDER_VARIABLE, user_folder
 
 UNSAVED = "Unsaved.blend"
@@ -47,7 +48,11 @@ def save_copy(folder: Path) -> Path:
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
         raise BadInputError(
-            f"no copy of the file can be saved in {folder} ({reason}): free some space there, or set another folder for"
-            " temporary files in the preferences"
+            Words(
+                "no copy of the file can be saved in {folder} ({reason}): free some space there, or set another folder"
+                " for temporary files in the preferences",
+                folder=folder,
+                reason=reason,
+            )
         ) from error
     return blend

@@ -18,6 +18,7 @@ from ...errors import BadInputError, StereoReprojectError
 from ...images.exr import read_channels, write_channels
 from ...images.passes import ALBEDO_PASS, COLOUR_PASS, NOISY_PASS, NORMAL_PASS, Passes
 from ...jobs.memory import give_back_freed
+from ...words import Words
 from ..scene.working import changed, rendered_layer
 
 NOISY, ALBEDO, NORMAL, DEPTH = "Noisy Image", "Denoising Albedo", "Denoising Normal", "Denoising Depth"
@@ -61,8 +62,10 @@ def _failed(reason: str) -> StereoReprojectError:
     whether the disk is full.
     """
     if "file" in reason.lower():
-        return BadInputError(f"the denoiser cannot pass its pictures on ({reason}): is the disk full?")
-    return StereoReprojectError(f"the denoiser failed: {reason}")
+        return BadInputError(
+            Words("the denoiser cannot pass its pictures on ({reason}): is the disk full?", reason=reason)
+        )
+    return StereoReprojectError(Words("the denoiser failed: {reason}", reason=reason))
 
 
 def _layer_name(number: int) -> str:

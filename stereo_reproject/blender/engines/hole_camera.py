@@ -23,6 +23,7 @@ from ...trace.packing import Packing
 from ...trace.pixel_filter import sample_offsets
 from ...views.camera import Camera, PerspectiveCamera, pixel_size
 from ...warp.motion import motion_from_directions
+from ...words import Words
 from ..scene.visible import aperture_radius
 from ..scene.working import changed, evaluated
 from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
@@ -192,7 +193,9 @@ def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str
         shader, compiled = Path(folder) / SHADER.name, Path(folder) / "hole_camera.oso"
         shader.write_text(source, encoding="utf-8")
         if not _cycles.osl_compile(str(shader), str(compiled)):
-            raise StereoReprojectError(f"Blender's OSL compiler does not take {SHADER.name}: use --fill card")
+            raise StereoReprojectError(
+                Words("Blender's OSL compiler does not take {shader}: use --fill card", shader=SHADER.name)
+            )
         return compiled.read_text()
 
 

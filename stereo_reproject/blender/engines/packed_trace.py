@@ -12,6 +12,7 @@ from ...errors import BadInputError
 from ...images.passes import Passes
 from ...trace.packing import pack
 from ...views.camera import Camera
+from ...words import Words
 from ..scene.effects import has_grease_pencil, is_animated, uses_output
 from ..scene.motion import vector_pass_asked_for
 from ..scene.readers import what_reads
@@ -38,7 +39,7 @@ def check_packed_by(scene: bpy.types.Scene, asked: str) -> None:
     """
     missing = missing_osl_cameras(scene) if asked == OSL_CAMERA.name else None
     if missing is not None:
-        raise BadInputError(f"--packed-by osl is not possible: {missing}; use --packed-by auto")
+        raise BadInputError(Words("--packed-by osl is not possible: {missing}; use --packed-by auto", missing=missing))
 
 
 def packed_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float, by: PackedCamera) -> str | None:

@@ -13,6 +13,7 @@ import bpy
 from ...errors import BadInputError, StereoReprojectError
 from ...images.exr import read_render
 from ...images.passes import Passes
+from ...words import Words
 from ..scene.rendered import CYCLES
 from ..scene.working import changed, rendered_layer
 
@@ -54,7 +55,7 @@ def render_views(
         with changed(scene.cycles, **seeded):
             result = call_render(scene, write_still=True)
     except RuntimeError as error:
-        raise StereoReprojectError(f"the render failed: {' '.join(str(error).split())}") from error
+        raise StereoReprojectError(Words("the render failed: {reason}", reason=" ".join(str(error).split()))) from error
     if "FINISHED" not in result or not path.exists():
         raise BadInputError("the render was cancelled, or its result could not be written: is the disk full?")
     seconds = time.perf_counter() - start

@@ -27,6 +27,7 @@ from ...trace.requests import TraceRequest
 from ...views.camera import Camera, PerspectiveCamera
 from ...views.frustum import covered_by
 from ...warp.tuning import TUNING as WARP_TUNING
+from ...words import Words
 from ..gpu.warp import gpu_warper
 from ..scene.cryptomatte import cryptomatte_asked_for
 from ..scene.denoiser import denoises
@@ -278,7 +279,7 @@ def cost_of(rendered: Rendered) -> SourceCost:
 def check_blenders(view: str) -> None:
     """Raise BadInputError unless the view is an eye: only those can Blender render by itself."""
     if view not in EYES:
-        raise BadInputError(f"view {view!r} is none of Blender's: it can be traced packed alone")
+        raise BadInputError(Words("view {view} is none of Blender's: it can be traced packed alone", view=repr(view)))
 
 
 def trace_full(

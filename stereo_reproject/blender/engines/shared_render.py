@@ -14,6 +14,7 @@ from ...images.passes import Passes
 from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera
+from ...words import Words
 from ..scene.effects import is_animated, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for, while_open
 from ..scene.working import evaluated, rendered_layer
@@ -81,7 +82,7 @@ def _renders(
     reason = why_apart(scene, cameras[rendered], [cameras[view] for view in asked], volumes)
     elsewhere = [view for view in asked if view not in EYES]
     if reason and elsewhere:
-        raise BadInputError(f"view {elsewhere[0]!r} cannot be traced: {reason}")
+        raise BadInputError(Words("view {view} cannot be traced: {reason}", view=repr(elsewhere[0]), reason=reason))
     if not reason and not turns_in_shutter(scene):
         return [(rendered, list(range(len(asked))))]
     by_view: dict[str, list[int]] = {}

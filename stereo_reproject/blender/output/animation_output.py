@@ -20,6 +20,7 @@ from ...sequence.journal import Journal
 from ...sequence.listing import Listing
 from ...sequence.report import report_path
 from ...settings.animation import AnimationSettings
+from ...words import Words
 from ..scene.rendered import scene_frames
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
@@ -149,16 +150,22 @@ def _check_can_be_written(path: Path) -> None:
     written.
     """
     if path.is_dir():
-        raise BadInputError(f"{path} is a folder where a file is to be written: change the output path")
+        raise BadInputError(
+            Words("{path} is a folder where a file is to be written: change the output path", path=path)
+        )
     if path.exists() and not path.is_file():
         raise BadInputError(
-            f"{path} is no regular file, where one is to be written: move it, or change the output path"
+            Words(
+                "{path} is no regular file, where one is to be written: move it, or change the output path", path=path
+            )
         )
     try:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), path.open("r+b"):
             pass
     except OSError as error:
-        raise BadInputError(f"{path} cannot be written ({error.strerror}): is it in use?") from error
+        raise BadInputError(
+            Words("{path} cannot be written ({reason}): is it in use?", path=path, reason=error.strerror)
+        ) from error
 
 
 def folders_of(output: Output) -> list[Path]:

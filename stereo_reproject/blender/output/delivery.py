@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ...errors import StereoReprojectError, in_one_line
 from ...images.exr import VIEWS
 from ...images.passes import COLOUR_PASS, Passes, pass_letters, to_blender
+from ...words import Words
 from ..engines.render import call_render, output_path, written_to
 from ..scene.compositor import file_outputs_muted, is_composited, shows_a_render, wired_passes
 from ..scene.effects import is_animated
@@ -176,7 +177,7 @@ def deliver_side_by_side(
         layer = main_layer(empty)
         eyes = {view: {layer: {COLOUR_PASS: picture}} for view, picture in pictures.items()}
         with _as_delivered(empty, eyes, compositing=False), side_by_side_png(empty, path):
-            _hand_over(empty, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
+            _hand_over(empty, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
     check_png(path)
 
 
@@ -231,7 +232,7 @@ def deliver_composited(
     header that say what cryptomattes hold. Raises StereoReprojectError.
     """
     with _at_frame(scene, frame), _as_delivered(scene, eyes), side_by_side_png(scene, path):
-        _hand_over(scene, lambda _: eyes, f"write {path.name}", metadata, write_still=True)
+        _hand_over(scene, lambda _: eyes, Words("write {name}", name=path.name), metadata, write_still=True)
     check_png(path)
 
 
@@ -263,7 +264,7 @@ def deliver_to_result(
         _as_delivered(scene, eyes, compositing=not gone),
         muted,
     ):
-        _hand_over(scene, lambda _: eyes, "hand the pair over to Blender", renamed_metadata(metadata, names))
+        _hand_over(scene, lambda _: eyes, Words("hand the pair over to Blender"), renamed_metadata(metadata, names))
     return gone
 
 
@@ -284,7 +285,7 @@ def deliver_frames(
         changed(scene, **span),
         changed(scene.render, **files),
     ):
-        _hand_over(scene, eyes_at, f"write frame {frames[0]}", metadata, animation=True)
+        _hand_over(scene, eyes_at, Words("write frame {frame}", frame=frames[0]), metadata, animation=True)
 
 
 def deliver_movie(
@@ -306,7 +307,7 @@ def deliver_movie(
         changed(scene, **span),
         changed(scene.render, use_multiview=False, use_stamp=False, **files),
     ):
-        _hand_over(scene, eyes_at, "write the movie", NOTHING, animation=True)
+        _hand_over(scene, eyes_at, Words("write the movie"), NOTHING, animation=True)
 
 
 @contextmanager
@@ -341,7 +342,7 @@ def _as_delivered(scene: bpy.types.Scene, eyes: Eyes, *, compositing: bool = Tru
         yield
 
 
-def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Mapping[str, str], **how: bool) -> None:
+def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: Words, metadata: Mapping[str, str], **how: bool) -> None:
     """Have Blender render the scene with the engine that has the eyes already. what says in an error's message what
     failed, as in "write the movie"; how is as for `call_render`. Raises StereoReprojectError.
     """
@@ -356,13 +357,15 @@ def _hand_over(scene: bpy.types.Scene, eyes_at: EyesAt, what: str, metadata: Map
             with _registered(delivery), changed(scene.render, engine=ENGINE, **place):
                 call_render(scene, **how)
     except RuntimeError as error:
-        raise StereoReprojectError(f"cannot {what}: {' '.join(str(error).split())}") from error
+        raise StereoReprojectError(
+            Words("cannot {what}: {reason}", what=what, reason=" ".join(str(error).split()))
+        ) from error
     if delivery.failed is not None:
         raise delivery.failed
     # For a compositor that shows no render Blender makes none.
     asked = not composited or shows_a_render(scene)
     if asked and delivery.taken != {(view, layer) for view in eyes for layer in eyes[view]}:
-        raise StereoReprojectError(f"cannot {what}: Blender did not take both eyes")
+        raise StereoReprojectError(Words("cannot {what}: Blender did not take both eyes", what=what))
 
 
 def _as_it_is() -> dict[str, Any]:

@@ -22,6 +22,7 @@ from ...sequence.frames import publish_frame
 from ...sequence.journal import Journal
 from ...sequence.output_errors import blamed_on_output, failed_output, is_full
 from ...sequence.writer_process import WriterJob, WrittenFrame
+from ...words import Words
 from ..scene.compositor import compositor_tree
 from .delivery import deliver_frames
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
@@ -97,13 +98,17 @@ class FrameWriter:
         nothing when a full disk cuts a file off.
         """
         if not files:
-            raise StereoReprojectError(f"Blender wrote no file for frame {number}: check the output settings")
+            raise StereoReprojectError(
+                Words("Blender wrote no file for frame {number}: check the output settings", number=number)
+            )
         place = self._journal.frames_folder
         if is_full(place, below=FULL_DRIVE_BYTES):
             raise failed_output(place, OSError(errno.ENOSPC, "No space left on device"))
         for path in files:
             if path.stat().st_size == 0:
-                raise StereoReprojectError(f"Blender wrote {path.name} with nothing in it: check the output settings")
+                raise StereoReprojectError(
+                    Words("Blender wrote {name} with nothing in it: check the output settings", name=path.name)
+                )
             if path.suffix == ".png":
                 check_png(path)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...delivery.anaglyph import dubois
 from ...errors import BadInputError, StereoReprojectError
 from ...jobs.plain_paths import misread
+from ...words import Words
 from ..engines.render import output_path
 from ..scene.working import changed
 from .delivery import NOTHING, EyesAt, deliver_frames
@@ -101,7 +102,9 @@ def set_format(settings: bpy.types.ImageFormatSettings, name: str) -> None:
     wanted, depth = ("PNG", "16") if name == PNG16 else (name, None)
     known = _formats(settings)
     if wanted not in known:
-        raise BadInputError(f"the format must be one of {', '.join(known)}, not {name!r}")
+        raise BadInputError(
+            Words("the format must be one of {choices}, not {name}", choices=", ".join(known), name=repr(name))
+        )
     if hasattr(settings, "media_type"):
         settings.media_type = "MULTI_LAYER_IMAGE" if wanted == MULTILAYER else "IMAGE"
     settings.file_format = wanted
@@ -123,17 +126,32 @@ def _set_layout(scene: bpy.types.Scene, layout: str, changes: ExitStack) -> None
     settings = scene.render.image_settings
     if layout == DUBOIS and settings.file_format in LINEAR:
         raise BadInputError(
-            f"{layout} is made of what screens show: choose a format such as PNG, not {settings.file_format}"
+            Words(
+                "{layout} is made of what screens show: choose a format such as PNG, not {format}",
+                layout=layout,
+                format=settings.file_format,
+            )
         )
     views_format = VIEWS_FORMATS.get(layout, "STEREO_3D")
     if settings.file_format == MULTILAYER and views_format == "STEREO_3D":
         raise BadInputError(
-            f"{MULTILAYER} has no stereo 3D layouts such as {layout}: choose multi-view or another format"
+            Words(
+                "{multilayer} has no stereo 3D layouts such as {layout}: choose multi-view or another format",
+                multilayer=MULTILAYER,
+                layout=layout,
+            )
         )
     try:
         set_changed(settings, {"views_format": views_format})
     except TypeError as error:
-        raise BadInputError(f"{settings.file_format} cannot hold {layout}: choose OPEN_EXR or {MULTILAYER}") from error
+        raise BadInputError(
+            Words(
+                "{format} cannot hold {layout}: choose OPEN_EXR or {multilayer}",
+                format=settings.file_format,
+                layout=layout,
+                multilayer=MULTILAYER,
+            )
+        ) from error
     changes.enter_context(changed(settings.stereo_3d_format, **STEREO_3D.get(layout, {})))
 
 
@@ -192,7 +210,9 @@ def save_display_values(scene: bpy.types.Scene, picture: NDArray[np.float32], pa
         with display_values(scene):
             image.save_render(str(path), scene=scene)
     except RuntimeError as error:
-        raise StereoReprojectError(f"cannot write {path.name}: {' '.join(str(error).split())}") from error
+        raise StereoReprojectError(
+            Words("cannot write {name}: {reason}", name=path.name, reason=" ".join(str(error).split()))
+        ) from error
     finally:
         bpy.data.images.remove(image)
     if path.suffix == ".png":

@@ -16,6 +16,7 @@ from ...delivery.stereo_mode import write_stereo_mode_of
 from ...errors import BadInputError, StereoReprojectError
 from ...files import made_in
 from ...images.exr import VIEWS, read_colours
+from ...words import Words
 from ..scene.rendered import main_layer
 from .delivery import deliver_movie
 from .image_settings import format_kept
@@ -48,9 +49,9 @@ def check_movie(path: Path) -> None:
     folder is there.
     """
     if path.suffix.lower() not in CONTAINERS:
-        raise BadInputError(f"{path} must end in one of {', '.join(CONTAINERS)}")
+        raise BadInputError(Words("{path} must end in one of {endings}", path=path, endings=", ".join(CONTAINERS)))
     if path.is_dir():
-        raise BadInputError(f"{path} is a folder where a movie is to be written")
+        raise BadInputError(Words("{path} is a folder where a movie is to be written", path=path))
 
 
 def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[Path]:
@@ -121,7 +122,12 @@ def try_movie(scene: bpy.types.Scene, path: Path, width: int, height: int, folde
     except StereoReprojectError as error:
         size = f"{width} x {height}"
         raise BadInputError(
-            f"no {path.suffix} of {size} pixels can be made by the encoder set in Output: {error}"
+            Words(
+                "no {ending} of {size} pixels can be made by the encoder set in Output: {reason}",
+                ending=path.suffix,
+                size=size,
+                reason=str(error),
+            )
         ) from error
 
 
@@ -209,7 +215,7 @@ def _read(path: Path, *, linear: bool) -> NDArray[np.float32]:
     """
     stored = read_pixels(path, linear=linear)
     if not stored.size:
-        raise StereoReprojectError(f"{path} cannot be read: render it anew")
+        raise StereoReprojectError(Words("{path} cannot be read: render it anew", path=path))
     height, width, channels = stored.shape
     picture = np.ones((height, width, 4), np.float32)
     picture[..., :3] = stored[..., :3]

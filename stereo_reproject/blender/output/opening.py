@@ -8,6 +8,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...jobs.supervisor import Session
+from ...words import Words
 from ..scene.devices import use_devices
 from ..scene.working import open_blend
 from .output_paths import write_beside
@@ -36,6 +37,10 @@ def _check_regular(blend: Path) -> None:
     try:
         regular = blend.is_file()
     except OSError as error:
-        raise BadInputError(f"{blend} cannot be read ({error.strerror}); check its permissions") from error
+        raise BadInputError(
+            Words("{blend} cannot be read ({reason}); check its permissions", blend=blend, reason=error.strerror)
+        ) from error
     if not regular:
-        raise BadInputError(f"{blend} was removed or replaced under way, and is no regular file; start anew with one")
+        raise BadInputError(
+            Words("{blend} was removed or replaced under way, and is no regular file; start anew with one", blend=blend)
+        )

@@ -11,6 +11,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...images.exr import VIEWS
+from ...words import Words
 from ..engines.render import output_path
 from ..scene.compositor import file_outputs
 from ..scene.working import changed
@@ -45,7 +46,10 @@ def check_file_outputs(scene: bpy.types.Scene) -> None:
         folder = getattr(node, "directory", getattr(node, "base_path", ""))
         if not node.mute and _needs_a_saved_file(folder):
             raise BadInputError(
-                f"the compositing node {node.name!r} writes beside a file that was never saved: save it, or mute that"
+                Words(
+                    "the compositing node {node} writes beside a file that was never saved: save it, or mute that",
+                    node=repr(node.name),
+                )
             )
 
 
@@ -142,7 +146,7 @@ def output_files(
             files = {frame: [place(render.frame_path(frame=frame, **view)) for view in views] for frame in frames}
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
-        raise BadInputError(f"the output path cannot be used: {reason}") from error
+        raise BadInputError(Words("the output path cannot be used: {reason}", reason=reason)) from error
     if len(views) > 1 and span is None:
         _check_apart(files)
     return files
@@ -153,15 +157,20 @@ def _check_apart(files: Mapping[int, list[Path]]) -> None:
     suffix of digits makes a name that of another frame. Names that differ in case alone count as one, since on many
     drives they are.
     """
-    owners: dict[str, str] = {}
+    owners: dict[str, Words] = {}
     for frame, paths in files.items():
         for view, path in zip(VIEWS, paths, strict=True):
-            eye = f"the {view} eye of frame {frame}"
+            eye = Words("the {view} eye of frame {frame}", view=Words(view), frame=frame)
             other = owners.setdefault(str(path).casefold(), eye)
             if other != eye:
                 raise BadInputError(
-                    f"{other} and {eye} would go into the same file, {path.name}: change the file suffix of a view in"
-                    " Output > Stereoscopy"
+                    Words(
+                        "{other} and {eye} would go into the same file, {name}: change the file suffix of a view in"
+                        " Output > Stereoscopy",
+                        other=other,
+                        eye=eye,
+                        name=path.name,
+                    )
                 )
 
 
@@ -170,6 +179,10 @@ def _check_suffixes(render: bpy.types.RenderSettings) -> None:
     for view in render.views:
         if view.name in VIEWS and SEPARATOR.search(view.file_suffix):
             raise BadInputError(
-                f"the file suffix {view.file_suffix!r} of the view {view.name!r} leads to another folder:"
-                " change it in Output > Stereoscopy"
+                Words(
+                    "the file suffix {suffix} of the view {view} leads to another folder: change it in Output >"
+                    " Stereoscopy",
+                    suffix=repr(view.file_suffix),
+                    view=repr(view.name),
+                )
             )

@@ -17,6 +17,7 @@ from ...images.png import write_png
 from ...images.reasons import Reason
 from ...jobs.plain_paths import plain_path
 from ...warp.grid import CELL_QUADS, Grid
+from ...words import Words
 
 COLOURS: dict[Reason, tuple[int, int, int]] = {
     Reason.DISOCCLUDED: (230, 60, 50),
@@ -242,7 +243,7 @@ def _length(text: str) -> float:
 def check_png(path: Path) -> None:
     """Raise BadInputError unless the PNG is there to its end: Blender says nothing when a full disk cuts a file off."""
     if not path.exists() or not path.read_bytes().endswith(PNG_END):
-        raise BadInputError(f"cannot write {path.name}: is the disk full?")
+        raise BadInputError(Words("cannot write {name}: is the disk full?", name=path.name))
 
 
 def read_png(path: Path) -> NDArray[np.float32]:

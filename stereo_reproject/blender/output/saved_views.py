@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...images.exr import VIEWS, read_channels
+from ...words import Words
 from ..engines.render import output_path
 from ..scene.working import changed
 from .image_settings import FORMAT, format_kept, set_changed
@@ -50,12 +51,16 @@ def _saved(scene: bpy.types.Scene, image: bpy.types.Image, path: Path, values: d
     with _individual_views(scene, values):
         try:
             image.save_render(output_path(path), scene=scene)
-            reason = "it has one view"
+            reason: str = Words("it has one view")
         except RuntimeError as error:
             # Of a Render Result with two views Blender says so each time, also when it has saved both: the files tell.
             reason = " ".join(str(error).removeprefix("Error: ").split())
     if not all(path.exists() for path in paths.values()):
-        raise BadInputError(f"{image.name!r} is no stereo pair ({reason}): render one, or open one")
+        raise BadInputError(
+            Words(
+                "{image} is no stereo pair ({reason}): render one, or open one", image=repr(image.name), reason=reason
+            )
+        )
     return paths
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...errors import BadInputError
 from ...images.exr import VIEWS
 from ...images.resizing import made_smaller
+from ...words import Words
 from .delivery import deliver_movie
 from .layouts import display_values
 from .movie import CONTAINERS, movie_scene, only_file
@@ -33,11 +34,11 @@ SIDE_STEP_PX = 2
 def check_wiggle_path(path: Path) -> None:
     """Raise BadInputError unless a wiggle can be written to this path, by its extension and its folder."""
     if path.suffix.lower() not in SUFFIXES:
-        raise BadInputError(f"{path.name} must end in {' or '.join(SUFFIXES)}")
+        raise BadInputError(Words("{name} must end in {endings}", name=path.name, endings=" or ".join(SUFFIXES)))
     if not path.parent.is_dir():
-        raise BadInputError(f"there is no folder {path.parent}: make it, or choose another")
+        raise BadInputError(Words("there is no folder {folder}: make it, or choose another", folder=path.parent))
     if path.is_dir():
-        raise BadInputError(f"{path} is a folder: choose another name")
+        raise BadInputError(Words("{path} is a folder: choose another name", path=path))
 
 
 def wiggle_pictures(

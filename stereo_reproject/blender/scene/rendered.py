@@ -6,6 +6,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
+from ...words import Words
 
 CYCLES = "CYCLES"
 EEVEE = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")
@@ -15,7 +16,11 @@ def check_engine(scene: bpy.types.Scene) -> None:
     """Raise BadInputError unless the scene renders with Cycles or EEVEE."""
     if scene.render.engine != CYCLES and scene.render.engine not in EEVEE:
         raise BadInputError(
-            f"scene {scene.name!r} renders with {scene.render.engine}: set Cycles or EEVEE in Render properties"
+            Words(
+                "scene {scene} renders with {engine}: set Cycles or EEVEE in Render properties",
+                scene=repr(scene.name),
+                engine=scene.render.engine,
+            )
         )
 
 
@@ -32,8 +37,12 @@ def engine_of(scene: bpy.types.Scene, overrides: SceneOverrides) -> str:
         engine = CYCLES if overrides.source_engine == "cycles" else eevee
     if engine == CYCLES and scene.cycles.use_sample_subset and scene.cycles.sample_offset > 0:
         raise BadInputError(
-            f"scene {scene.name!r} renders its samples from number {scene.cycles.sample_offset} on, and Cycles gives"
-            " depth with the first alone: set Sample Subset's Offset to 0"
+            Words(
+                "scene {scene} renders its samples from number {offset} on, and Cycles gives depth with the first"
+                " alone: set Sample Subset's Offset to 0",
+                scene=repr(scene.name),
+                offset=scene.cycles.sample_offset,
+            )
         )
     if overrides.denoise and engine != CYCLES:
         raise BadInputError("EEVEE's pictures are not denoised: leave --denoise out, or choose Cycles as source engine")
@@ -44,7 +53,13 @@ def scene_frames(scene: bpy.types.Scene) -> range:
     """Return the frames that Blender would render as an animation. Raises BadInputError when there are none."""
     frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
     if not frames:
-        raise BadInputError(f"the frame range {scene.frame_start} to {scene.frame_end} is empty: set it in Output")
+        raise BadInputError(
+            Words(
+                "the frame range {first} to {last} is empty: set it in Output",
+                first=scene.frame_start,
+                last=scene.frame_end,
+            )
+        )
     return frames
 
 
@@ -61,7 +76,9 @@ def check_layers(scene: bpy.types.Scene) -> list[str]:
     """Return the view layers that Blender renders, in the scene's order. Raises BadInputError without any."""
     layers = layers_to_render(scene)
     if not layers:
-        raise BadInputError(f"no view layer of scene {scene.name!r} is used for rendering: switch one on")
+        raise BadInputError(
+            Words("no view layer of scene {scene} is used for rendering: switch one on", scene=repr(scene.name))
+        )
     return layers
 
 

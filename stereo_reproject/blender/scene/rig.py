@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import BadInputError
 from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
+from ...words import Words
 
 MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
 
@@ -54,16 +55,35 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
     if camera is None:
         raise BadInputError("the scene has no camera: set one in Scene properties > Camera")
     if camera.is_missing:
-        raise BadInputError(f"camera {camera.name!r} is linked from a file that is missing: find it, or make one here")
+        raise BadInputError(
+            Words(
+                "camera {camera} is linked from a file that is missing: find it, or make one here",
+                camera=repr(camera.name),
+            )
+        )
     if camera.type != "CAMERA":
-        raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one as scene camera")
+        raise BadInputError(
+            Words(
+                "the scene looks through {camera}, which is no camera: choose one as scene camera",
+                camera=repr(camera.name),
+            )
+        )
     if camera.data.type not in ("PERSP", "ORTHO"):
         kind = {"PANO": "panoramic", "CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
         raise BadInputError(
-            f"camera {camera.name!r} is {kind}: only perspective and orthographic cameras are supported yet"
+            Words(
+                "camera {camera} is {kind}: only perspective and orthographic cameras are supported yet",
+                camera=repr(camera.name),
+                kind=Words(kind),
+            )
         )
     if camera.data.type == "PERSP" and camera.data.stereo.use_spherical_stereo:
-        raise BadInputError(f"camera {camera.name!r} uses spherical stereo: switch it off, it is not supported yet")
+        raise BadInputError(
+            Words(
+                "camera {camera} uses spherical stereo: switch it off, it is not supported yet",
+                camera=repr(camera.name),
+            )
+        )
     return camera
 
 
@@ -76,7 +96,14 @@ def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -
     eyes = {view: _eye(camera, render, region, view) for view in ("left", "right")}
     for view, eye in eyes.items():
         if not _is_wide(eye):
-            raise BadInputError(f"the {view} eye of camera {camera.name!r} has no view: {_why_narrow(camera.data)}")
+            raise BadInputError(
+                Words(
+                    "the {view} eye of camera {camera} has no view: {why}",
+                    view=Words(view),
+                    camera=repr(camera.name),
+                    why=_why_narrow(camera.data),
+                )
+            )
     return eyes
 
 
@@ -90,15 +117,19 @@ def _is_wide(eye: Camera) -> bool:
     )
 
 
-def _why_narrow(data: bpy.types.Camera) -> str:
+def _why_narrow(data: bpy.types.Camera) -> Words:
     """Return which camera setting may be why an eye has no view, in words."""
     if data.type == "ORTHO" and data.ortho_scale == 0.0:
-        return "its orthographic scale is 0: raise it in Camera properties > Lens"
+        return Words("its orthographic scale is 0: raise it in Camera properties > Lens")
     stereo = data.stereo
     if stereo.convergence_mode == "OFFAXIS" and stereo.interocular_distance > stereo.convergence_distance:
-        distances = f"{stereo.interocular_distance:g} and {stereo.convergence_distance:g}"
-        return f"interocular and convergence distance ({distances}) do not go together: take a smaller interocular one"
-    return "check focal length, sensor and shift in Camera properties"
+        return Words(
+            "interocular and convergence distance ({interocular} and {convergence}) do not go together: take a smaller"
+            " interocular one",
+            interocular=f"{stereo.interocular_distance:g}",
+            convergence=f"{stereo.convergence_distance:g}",
+        )
+    return Words("check focal length, sensor and shift in Camera properties")
 
 
 def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: FrameRegion, view: str) -> Camera:

@@ -8,6 +8,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
+from ...words import Words
 from .compositor import compositor_blocker, gives_a_picture, has_compositor
 from .denoiser import has_denoiser
 from .engine_support import engine_warnings
@@ -32,7 +33,7 @@ def warnings_ahead(scene: bpy.types.Scene, overrides: SceneOverrides, *, strict:
                 warnings += engine_warnings(working)
     warnings = list(dict.fromkeys(warnings))
     if strict and warnings:
-        raise BadInputError(f"strict, and so nothing is rendered: {'; '.join(warnings)}")
+        raise BadInputError(Words("strict, and so nothing is rendered: {warnings}", warnings="; ".join(warnings)))
     return warnings
 
 

@@ -13,6 +13,7 @@ import bpy
 
 from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
+from ...words import Words
 from .rendered import camera_at, check_layers, engine_of
 from .rig import check_camera, frame_region
 from .setting_up import DRIVEN_SEED, apply_overrides, set_up
@@ -36,12 +37,19 @@ def open_blend(path: Path, scene: tuple[str, str | None] | None = None, *, scrip
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=scripts)
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix("Error: ")
-        raise BadInputError(f"Blender cannot open {path}: {reason}") from error
+        raise BadInputError(Words("Blender cannot open {path}: {reason}", path=path, reason=reason)) from error
     if scene is None:
         return bpy.context.scene
     found = next((one for one in bpy.data.scenes if scene_key(one) == tuple(scene)), None)
     if found is None:
-        raise BadInputError(f"{path} has no scene {scene[0]!r}: its scenes are {', '.join(bpy.data.scenes.keys())}")
+        raise BadInputError(
+            Words(
+                "{path} has no scene {scene}: its scenes are {scenes}",
+                path=path,
+                scene=repr(scene[0]),
+                scenes=", ".join(bpy.data.scenes.keys()),
+            )
+        )
     return found
 
 
@@ -236,8 +244,13 @@ def _check_region(render: bpy.types.RenderSettings) -> None:
     region = frame_region(render)
     if min(region.width, region.height) < MIN_SIDE_PX:
         raise BadInputError(
-            f"{region.width} x {region.height} pixels are to be rendered: at least {MIN_SIDE_PX} x {MIN_SIDE_PX} are"
-            " needed; check resolution, percentage and render border"
+            Words(
+                "{width} x {height} pixels are to be rendered: at least {min_side_px} x {min_side_px} are needed;"
+                " check resolution, percentage and render border",
+                width=region.width,
+                height=region.height,
+                min_side_px=MIN_SIDE_PX,
+            )
         )
 
 
