@@ -13,7 +13,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -126,19 +125,28 @@ def _trace_few(renderer: BlenderRenderer, target: str, source: Passes, methods: 
 
 @dataclass
 class _Outcome:
-    """The outcome of the cases: rows of the price list, and the names of cases that are left out, each with the
-    reason.
+    """The outcome of cases that are rendered with these settings and measured against this multiview: rows of the
+    price list, and the names of cases that are left out, each with the reason.
     """
 
+    settings: StereoSettings
+    multiview: MultiviewReference
     rows: list[Row] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
-    def add(self, case: TradeoffCase, make: Callable[[], Row]) -> None:
-        """Call `make` and add its row. A case that raises StereoReprojectError is left out with the reason; the others
-        go on.
+    def add(
+        self,
+        case: TradeoffCase,
+        renderer: BlenderRenderer,
+        watch: Stopwatch,
+        *,
+        shared: Mapping[str, float] = NOTHING_SHARED,
+    ) -> None:
+        """Render a case and add its row. A case that raises StereoReprojectError is left out with the reason; the
+        others go on. watch and shared are as for `_make`.
         """
         try:
-            self.rows.append(make())
+            self.rows.append(_make(case, renderer, self.settings, self.multiview, watch, shared=shared))
         except StereoReprojectError as error:
             self.left_out.append((case.name, str(error)))
 
@@ -151,10 +159,28 @@ def _render_cases(
     chosen: Sequence[TradeoffCase],
     on_stage: OnStage,
 ) -> tuple[dict[str, Any], _Outcome]:
-    """Render the chosen cases. Return facts of the scene and its source as JSON has them, and the rows in the cases'
-    order. Raises StereoReprojectError when not a single case could be made.
+    """Render the chosen cases. Return facts of the scene and its source, by their keys in tradeoff.json, and the rows
+    in the cases' order. Raises StereoReprojectError when not a single case could be made.
     """
-    outcome = _Outcome()
+    outcome = _Outcome(settings, multiview)
+    facts = _add_on_shared_source(outcome, scene, work, [case for case in chosen if case.kind != HEURISTIC], on_stage)
+    for case in chosen:
+        if case.kind == HEURISTIC:
+            _add_heuristic(outcome, scene, work, case, on_stage)
+    if not outcome.rows:
+        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
+    order = [case.name for case in chosen]
+    outcome.rows.sort(key=lambda row: order.index(row.name))
+    return facts, outcome
+
+
+def _add_on_shared_source(
+    outcome: _Outcome, scene: bpy.types.Scene, work: Path, cases: Sequence[TradeoffCase], on_stage: OnStage
+) -> dict[str, Any]:
+    """Render the source that these cases share, and add each of them to the outcome. Return facts of the scene and its
+    source, by their keys in tradeoff.json.
+    """
+    settings = outcome.settings
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
         copied = time.perf_counter() - start
@@ -169,24 +195,23 @@ def _render_cases(
         _trace_few(renderer, settings.target, source.passes, ("packed",))
         facts["warm_up_seconds"] = time.perf_counter() - start
         shared = {"plan": copied, "source": source.seconds}
-        for case in chosen:
-            if case.kind != HEURISTIC:
-                # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
-                working.cycles.seed = seed
-                watch = _watch(case, on_stage)
-                renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
-                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch, shared=shared))
-    for case in chosen:
-        if case.kind == HEURISTIC:
+        for case in cases:
+            # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
+            working.cycles.seed = seed
             watch = _watch(case, on_stage)
-            with working_scene(scene, settings.scene) as working:
-                renderer = HeuristicRenderer(working, work, packed_by=settings.packed_by)
-                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch))
-    if not outcome.rows:
-        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
-    order = [case.name for case in chosen]
-    outcome.rows.sort(key=lambda row: order.index(row.name))
-    return facts, outcome
+            renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
+            outcome.add(case, renderer, watch, shared=shared)
+    return facts
+
+
+def _add_heuristic(
+    outcome: _Outcome, scene: bpy.types.Scene, work: Path, case: TradeoffCase, on_stage: OnStage
+) -> None:
+    """Add the case of the heuristic mask to the outcome; its source is rendered from a scene copy of its own."""
+    watch = _watch(case, on_stage)
+    with working_scene(scene, outcome.settings.scene) as working:
+        renderer = HeuristicRenderer(working, work, packed_by=outcome.settings.packed_by)
+        outcome.add(case, renderer, watch)
 
 
 def _watch(case: TradeoffCase, on_stage: OnStage) -> Stopwatch:
@@ -219,7 +244,19 @@ def _make(
         accuracy=case.accuracy,
         known_costs=lambda: known_costs(renderer.scene, renderer.packed_by),
     )
-    seconds = _seconds(frame, shared)
+    return _row(case, frame, settings, multiview, _seconds(frame, shared))
+
+
+def _row(
+    case: TradeoffCase,
+    frame: StereoFrame,
+    settings: StereoSettings,
+    multiview: MultiviewReference,
+    seconds: dict[str, float],
+) -> Row:
+    """Return the row of a case whose frame is rendered: its seconds, by stage, and its target measured against
+    multiview.
+    """
     fractions = traced_fractions(frame)
     refined = frame.refinement.fill
     return Row(
