@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -10,6 +11,7 @@ import bpy
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS
 from ..stereo_reproject.views.comfort import Limits, comfort_limits, depth_at_parallax
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
+from ..stereo_reproject.views.parallax import ScreenParallax
 from ..stereo_reproject.words import Words
 from .depth import STEREO_REPROJECT_OT_fit_to_comfort, STEREO_REPROJECT_OT_measure_depth, camera_state, side_words
 from .drawing import ICON_PX, paragraph
@@ -115,7 +117,7 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     for name, parallax in found:
         fields = {"side": side_words(parallax.percent), "pixels": f"{abs(parallax.pixels):.0f}"}
         paragraph(layout, context, Words("{end}: {side} ({pixels} px)", end=Words(name), **fields))
-    for warning in warnings_on(scene, known):
+    for warning in warnings_on(scene, known, found, limits):
         paragraph(layout, context, warning, icon="ERROR")
 
 
@@ -156,20 +158,23 @@ def _draw_ends(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.label(text=shown(words[1]))
 
 
-def warnings_on(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
-    """Return sentences that say what of the scene's depth is uncomfortable, and what helps."""
-    (_, near), (_, far) = parallax_now(scene)
-    viewing = viewing_conditions(scene)
-    limits = comfort_limits(viewing)
-    found = []
+def warnings_on(
+    scene: bpy.types.Scene, known: KnownDepth, found: Sequence[tuple[str, ScreenParallax]], limits: Limits
+) -> list[str]:
+    """Return sentences that say what of the scene's depth is uncomfortable, and what helps. found is what
+    `parallax_now` returns where the depth is known, limits are those of the viewing conditions.
+    """
+    (_, near), (_, far) = found
+    warnings = []
     if not is_comfortable(scene, far):
+        viewing = viewing_conditions(scene)
         sizes = {"width": f"{viewing.screen_width:g}", "eyes": f"{1000.0 * viewing.eye_distance:.0f}"}
-        found.append(Words(TURNED_APART, **sizes))
+        warnings.append(Words(TURNED_APART, **sizes))
     elif far.percent > limits.far:
-        found.append(Words(TOO_FAR, percent=f"{limits.far:.1f}"))
+        warnings.append(Words(TOO_FAR, percent=f"{limits.far:.1f}"))
     if near.percent < limits.near:
-        found.append(Words(TOO_NEAR, percent=f"{-limits.near:.1f}"))
-    return found + _cut(scene, known)
+        warnings.append(Words(TOO_NEAR, percent=f"{-limits.near:.1f}"))
+    return warnings + _cut(scene, known)
 
 
 def _cut(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:

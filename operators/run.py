@@ -119,24 +119,29 @@ class BackgroundJob:
         self._lock = threading.Lock()
         try:
             self._blend, self.warnings = _saved_copy(self._files)
-            output = self.folder if files else None
-            job = Job(
-                self._blend,
-                output,
-                settings,
-                command,
-                tuple(files),
-                session=_session_of(scene),
-                animation=None if animation is None else animation.settings,
-                pictures=pictures is not Pictures.NONE,
-                first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
-            )
+            job = self._job(scene, command, files, pictures)
             worker = module_in_blender("programs.worker")
             self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=(job, worker), daemon=True)
             self._thread.start()
         except BaseException:
             self._place.__exit__(None, None, None)
             raise
+
+    def _job(self, scene: bpy.types.Scene, command: str, files: Sequence[str], pictures: Pictures) -> Job:
+        """Return the job for the worker process, on the copy of the open file; the parameters are those of
+        `__init__`.
+        """
+        return Job(
+            self._blend,
+            self.folder if files else None,
+            self.settings,
+            command,
+            tuple(files),
+            session=_session_of(scene),
+            animation=None if self.animation is None else self.animation.settings,
+            pictures=pictures is not Pictures.NONE,
+            first_look=pictures is Pictures.FROM_THE_FIRST_SAMPLE,
+        )
 
     @property
     def folder(self) -> Path:

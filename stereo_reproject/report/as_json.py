@@ -30,7 +30,7 @@ def as_json(part: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a field as JSON has it: dataclasses as dicts, tuples as lists, all else as it is."""
+    """Return the value of a field in JSON's types: dataclasses as dicts, tuples as lists, all else as it is."""
     if is_dataclass(value):
         return as_json(value)
     if isinstance(value, Mapping):

@@ -1,6 +1,6 @@
 """The report of a pair as data: report.json is `as_json` of a `FrameReport`, and docs/report.md explains its keys.
 
-Whoever reads a report later (command line, panels, charts) reads the dict that JSON has, of any version.
+Whoever reads a report later (command line, panels, charts) reads the dict that was written as JSON, by any version.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ class Measured:
 def measure(name: str, options: argparse.Namespace) -> Measured:
     """Measure a scene by the options."""
     from stereo_reproject.blender.commands.compare import MultiviewReference
-    from stereo_reproject.blender.commands.price_list import SharedSourceRenderer, render_shared_source
+    from stereo_reproject.blender.commands.price_list_renderers import SharedSourceRenderer, render_shared_source
     from stereo_reproject.blender.engines.render import render_views
     from stereo_reproject.blender.scene.working import open_blend, rendered_layer, working_scene
     from stereo_reproject.images.seen_light import display_scale

@@ -288,9 +288,12 @@ def test_a_pair_of_ours_is_read_over_its_render_region(extension, scene, which):
 def warnings(scene):
     from stereo_reproject_extension.operators.depth_panel import warnings_on
     from stereo_reproject_extension.operators.results import result_of
+    from stereo_reproject_extension.operators.stereo import parallax_now, viewing_conditions
+    from stereo_reproject_extension.stereo_reproject.views.comfort import comfort_limits
 
     bpy.ops.stereo_reproject.measure_depth()
-    return warnings_on(scene, result_of(scene).depth)
+    limits = comfort_limits(viewing_conditions(scene))
+    return warnings_on(scene, result_of(scene).depth, parallax_now(scene), limits)
 
 
 def test_both_sides_are_warned_of_and_nothing_is_said_of_a_comfortable_scene(fit, scene):

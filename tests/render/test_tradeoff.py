@@ -11,11 +11,11 @@ import bpy
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.commands.price_list import (
+from stereo_reproject.blender.commands.price_list import render_prices
+from stereo_reproject.blender.commands.price_list_renderers import (
     HeuristicRenderer,
     RenderedSource,
     SharedSourceRenderer,
-    render_prices,
 )
 from stereo_reproject.blender.engines.portal_sheet import SHEET_NAME
 from stereo_reproject.blender.engines.renderer import BlenderRenderer

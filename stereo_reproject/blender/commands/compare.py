@@ -22,7 +22,8 @@ from ...settings.frame import StereoSettings
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
-from ..output.delivery import Eyes, deliver_side_by_side
+from ..output.delivery import deliver_side_by_side
+from ..output.delivery_engine import Eyes
 from ..output.pictures import read_png
 from ..scene.rendered import CYCLES
 from ..scene.working import rendered_layer, working_scene

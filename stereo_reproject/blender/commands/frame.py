@@ -62,7 +62,8 @@ def render_files(
     load_seconds: float = 0.0,
     onlooker: Onlooker = NOBODY,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Render the pair of one frame and write its files into work/out. Return the report as JSON has it, and the names.
+    """Render the pair of one frame and write its files into work/out. Return the report, by the keys of report.json,
+    and the files' names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; None stands
     for all. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -21,6 +22,7 @@ from ...pipeline.stages import RENDERING, Stage
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import as_json
+from ...report.frame_report import FrameReport
 from ...sequence.fingerprints import Fingerprints, digest
 from ...sequence.frame_record import Record
 from ...sequence.journal import Journal
@@ -189,34 +191,48 @@ class BlenderFrameMaker:
             findings=lambda layer: AgreedFindings(self._context, layer, self._block_of(frame)),
             learns=self._last is None,
         )
-        fields = as_json(report)
-        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
-        figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
-        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
+        figures = self._figures(pair, report)
         folder = self._hand_out(frame, pair)
         figures["wall_seconds"] = wall = time.perf_counter() - start
         figures["beside_seconds"] = wall - sum(report.seconds.get(stage, 0.0) for stage in RENDERING)
         if self._is_compared(frame):
             self._on_stage(Stage.COMPARE, where)
-            self._scenes.close()
-            compared = compare_with_multiview(self._scene, of_this, pair, self._work)[0]
-            # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
-            # each frame of an animation anew, unless Persistent Data is on.
-            figures["compare"] = {**as_json(compared), "synced_anew": True}
-        record = {
+            figures["compare"] = self._compared(of_this, pair)
+        self._on_stage(HANDED_OVER, where)
+        metadata = with_render_time(pair.metadata, report.seconds["total"])
+        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), metadata, self._record(frame, figures)))
+        # A pair is much to hold while the next one is rendered.
+        self._last = frame, pair if self._keeps_last else None
+        del pair
+        give_back_freed()
+
+    def _figures(self, pair: StereoPair, report: FrameReport) -> dict[str, Any]:
+        """Return what the report of an animation has of this frame, by its keys, apart from the seconds beside its
+        stages and from the comparison.
+        """
+        fields = as_json(report)
+        figures = {key: fields[key] for key in KEYS_OF_A_FRAME if key in fields}
+        figures["multiview_seconds"] = report.predicted_speedup * report.seconds["total"]
+        figures["warnings"] = [*report.warnings, *value_warnings(pair, half=self._context.half_floats)]
+        return figures
+
+    def _compared(self, settings: StereoSettings, pair: StereoPair) -> dict[str, Any]:
+        """Return how the pair of a frame compares with multiview by the same settings, by the keys of its report."""
+        self._scenes.close()
+        compared = compare_with_multiview(self._scene, settings, pair, self._work)[0]
+        # Multiview's scene is not kept for the next frame: that would hold all of it twice, and Blender too syncs
+        # each frame of an animation anew, unless Persistent Data is on.
+        return {**as_json(compared), "synced_anew": True}
+
+    def _record(self, frame: int, figures: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of a frame's record, with these figures, but for its files."""
+        return {
             "frame": frame,
             "settings": self._context.wanted.settings,
             "scene": dict(self._context.wanted.scene),
             "run": self._context.token,
             "figures": figures,
         }
-        self._on_stage(HANDED_OVER, where)
-        metadata = with_render_time(pair.metadata, report.seconds["total"])
-        self._writer.hand_over(WrittenFrame(frame, claim, str(folder), metadata, record))
-        # A pair is much to hold while the next one is rendered.
-        self._last = frame, pair if self._keeps_last else None
-        del pair
-        give_back_freed()
 
     def _hand_out(self, frame: int, pair: StereoPair) -> Path:
         """Write the files that the writer needs of a frame into a folder of its own, and return that. Raises

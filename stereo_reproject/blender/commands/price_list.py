@@ -11,10 +11,8 @@ pixels after the shared source. Neither counts in any case; the heuristic mask a
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -24,9 +22,8 @@ import numpy as np
 
 from ...errors import BadInputError, StereoReprojectError
 from ...files import write_json
-from ...images.passes import MASKED_PASS, Passes, deepest
+from ...images.passes import Passes, deepest
 from ...images.reasons import Reason
-from ...images.reflected_light import glossy_mask
 from ...pipeline.frame import render_stereo_frame
 from ...pipeline.onlooker import Onlooker
 from ...pipeline.stages import OUTSIDE_TOTAL, Stage
@@ -35,7 +32,6 @@ from ...pipeline.stopwatch import Stopwatch
 from ...report.as_json import as_json
 from ...report.chart_canvas import check_charts
 from ...settings.frame import StereoSettings
-from ...trace.fill import SourceCost
 from ...trace.requests import TraceRequest
 from ...tradeoff.cases import (
     HEURISTIC,
@@ -48,15 +44,13 @@ from ...tradeoff.cases import (
     write_csv,
 )
 from ...tradeoff.charts import draw_charts
-from ...views.camera import Camera
-from ..engines.ray_passes import LIGHT_SWITCHES
 from ..engines.renderer import BlenderRenderer
-from ..scene.rendered import CYCLES
 from ..scene.warnings import first_layer_alone, scene_warnings
-from ..scene.working import make_small, rendered_layer, working_scene
+from ..scene.working import make_small, working_scene
 from .compare import MultiviewReference, render_reference
 from .frame import report_header
 from .known_costs import known_costs
+from .price_list_renderers import HeuristicRenderer, SharedSourceRenderer, render_shared_source
 
 OnStage = Callable[[str, str], None]
 
@@ -129,37 +123,30 @@ def _trace_few(renderer: BlenderRenderer, target: str, source: Passes, methods: 
             renderer.trace(method, [TraceRequest(target, pixels)])
 
 
-@dataclass(frozen=True)
-class RenderedSource:
-    """The source eye that all cases share: the name of its view, passes and cost as its renderer gave them, and the
-    seconds of the whole call.
-
-    samples_rendered and uncounted are those of `BlenderRenderer`, for scenes with a time limit.
-    """
-
-    view: str
-    passes: Passes
-    cost: SourceCost
-    seconds: float
-    samples_rendered: int | None = None
-    uncounted: str | None = None
-
-
 @dataclass
 class _Outcome:
-    """The outcome of the cases: rows of the price list, and the names of cases that are left out, each with the
-    reason.
+    """The outcome of cases that are rendered with these settings and measured against this multiview: rows of the
+    price list, and the names of cases that are left out, each with the reason.
     """
 
+    settings: StereoSettings
+    multiview: MultiviewReference
     rows: list[Row] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
-    def add(self, case: TradeoffCase, make: Callable[[], Row]) -> None:
-        """Call `make` and add its row. A case that raises StereoReprojectError is left out with the reason; the others
-        go on.
+    def add(
+        self,
+        case: TradeoffCase,
+        renderer: BlenderRenderer,
+        watch: Stopwatch,
+        *,
+        shared: Mapping[str, float] = NOTHING_SHARED,
+    ) -> None:
+        """Render a case and add its row. A case that raises StereoReprojectError is left out with the reason; the
+        others go on. watch and shared are as for `_make`.
         """
         try:
-            self.rows.append(make())
+            self.rows.append(_make(case, renderer, self.settings, self.multiview, watch, shared=shared))
         except StereoReprojectError as error:
             self.left_out.append((case.name, str(error)))
 
@@ -172,10 +159,28 @@ def _render_cases(
     chosen: Sequence[TradeoffCase],
     on_stage: OnStage,
 ) -> tuple[dict[str, Any], _Outcome]:
-    """Render the chosen cases. Return facts of the scene and its source as JSON has them, and the rows in the cases'
-    order. Raises StereoReprojectError when not a single case could be made.
+    """Render the chosen cases. Return facts of the scene and its source, by their keys in tradeoff.json, and the rows
+    in the cases' order. Raises StereoReprojectError when not a single case could be made.
     """
-    outcome = _Outcome()
+    outcome = _Outcome(settings, multiview)
+    facts = _add_on_shared_source(outcome, scene, work, [case for case in chosen if case.kind != HEURISTIC], on_stage)
+    for case in chosen:
+        if case.kind == HEURISTIC:
+            _add_heuristic(outcome, scene, work, case, on_stage)
+    if not outcome.rows:
+        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
+    order = [case.name for case in chosen]
+    outcome.rows.sort(key=lambda row: order.index(row.name))
+    return facts, outcome
+
+
+def _add_on_shared_source(
+    outcome: _Outcome, scene: bpy.types.Scene, work: Path, cases: Sequence[TradeoffCase], on_stage: OnStage
+) -> dict[str, Any]:
+    """Render the source that these cases share, and add each of them to the outcome. Return facts of the scene and its
+    source, by their keys in tradeoff.json.
+    """
+    settings = outcome.settings
     start = time.perf_counter()
     with working_scene(scene, settings.scene) as working:
         copied = time.perf_counter() - start
@@ -190,88 +195,23 @@ def _render_cases(
         _trace_few(renderer, settings.target, source.passes, ("packed",))
         facts["warm_up_seconds"] = time.perf_counter() - start
         shared = {"plan": copied, "source": source.seconds}
-        for case in chosen:
-            if case.kind != HEURISTIC:
-                # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
-                working.cycles.seed = seed
-                watch = _watch(case, on_stage)
-                renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
-                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch, shared=shared))
-    for case in chosen:
-        if case.kind == HEURISTIC:
+        for case in cases:
+            # Renders leave their seed behind; each case begins with the scene's own, as it would alone.
+            working.cycles.seed = seed
             watch = _watch(case, on_stage)
-            with working_scene(scene, settings.scene) as working:
-                renderer = HeuristicRenderer(working, work, packed_by=settings.packed_by)
-                outcome.add(case, partial(_make, case, renderer, settings, multiview, watch))
-    if not outcome.rows:
-        raise StereoReprojectError(f"no run came through: {outcome.left_out[0][1]}")
-    order = [case.name for case in chosen]
-    outcome.rows.sort(key=lambda row: order.index(row.name))
-    return facts, outcome
+            renderer = SharedSourceRenderer(working, work, source, packed_by=settings.packed_by)
+            outcome.add(case, renderer, watch, shared=shared)
+    return facts
 
 
-def render_shared_source(working: bpy.types.Scene, settings: StereoSettings, work: Path) -> RenderedSource:
-    """Render the source eye that the cases share, and return it."""
-    renderer = BlenderRenderer(working, work, packed_by=settings.packed_by)
-    start = time.perf_counter()
-    passes, cost = renderer.render_source(settings.source)
-    seconds = time.perf_counter() - start
-    return RenderedSource(settings.source, passes, cost, seconds, renderer.samples_rendered, renderer.uncounted)
-
-
-class SharedSourceRenderer(BlenderRenderer):
-    """A renderer whose source was rendered before: it only traces."""
-
-    def __init__(
-        self, scene: bpy.types.Scene, folder: Path, source: RenderedSource, *, packed_by: str = "auto"
-    ) -> None:
-        super().__init__(scene, folder, packed_by=packed_by)
-        self._source = source
-        self.samples_rendered, self.uncounted = source.samples_rendered, source.uncounted
-
-    def render_source(self, view: str, *, probed: bool = True) -> tuple[Passes, SourceCost]:
-        """Return a copy of the passes of the shared source, and its cost; `view` must be the shared one's."""
-        assert view == self._source.view
-        self._rays.tell_light_apart(self.scene, probed=probed)
-        # What a case does to its source must not reach the next one.
-        return {name: image.copy() for name, image in self._source.passes.items()}, self._source.cost
-
-
-class HeuristicRenderer(BlenderRenderer):
-    """A renderer whose source has a mask of the pixels that are glossy or transparent and must not be warped: the
-    simple method that probes are compared with.
-    """
-
-    def _may_see_mirrors(self, eyes: Mapping[str, Camera]) -> bool:  # noqa: ARG002
-        """Return False: the simple method knows nothing of mirrors."""
-        return False
-
-    def render_source(self, view: str, *, probed: bool = False) -> tuple[Passes, SourceCost]:  # noqa: ARG002
-        """Render the source eye with the mask as a pass of its own, and nothing for probes, of which there are none.
-        Raises BadInputError for any engine but Cycles: others lack the light passes that the mask is made of.
-        """
-        if self.scene.render.engine != CYCLES:
-            raise BadInputError("only Cycles has the light passes of which the mask is made")
-        with _light_passes(self.scene) as added:
-            passes, cost = super().render_source(view, probed=False)
-        passes[MASKED_PASS] = glossy_mask(passes)
-        return {name: image for name, image in passes.items() if name not in added}, cost
-
-
-@contextmanager
-def _light_passes(scene: bpy.types.Scene) -> Iterator[set[str]]:
-    """Have glossy and transmission passes switched on, for the time of a `with` block; yields the names of those that
-    were off before, and are switched off afterwards.
-    """
-    layer = rendered_layer(scene)
-    off = {switch: names for switch, names in LIGHT_SWITCHES.items() if not getattr(layer, switch)}
-    try:
-        for switch in off:
-            setattr(layer, switch, True)
-        yield {name for names in off.values() for name in names}
-    finally:
-        for switch in off:
-            setattr(layer, switch, False)
+def _add_heuristic(
+    outcome: _Outcome, scene: bpy.types.Scene, work: Path, case: TradeoffCase, on_stage: OnStage
+) -> None:
+    """Add the case of the heuristic mask to the outcome; its source is rendered from a scene copy of its own."""
+    watch = _watch(case, on_stage)
+    with working_scene(scene, outcome.settings.scene) as working:
+        renderer = HeuristicRenderer(working, work, packed_by=outcome.settings.packed_by)
+        outcome.add(case, renderer, watch)
 
 
 def _watch(case: TradeoffCase, on_stage: OnStage) -> Stopwatch:
@@ -304,7 +244,19 @@ def _make(
         accuracy=case.accuracy,
         known_costs=lambda: known_costs(renderer.scene, renderer.packed_by),
     )
-    seconds = _seconds(frame, shared)
+    return _row(case, frame, settings, multiview, _seconds(frame, shared))
+
+
+def _row(
+    case: TradeoffCase,
+    frame: StereoFrame,
+    settings: StereoSettings,
+    multiview: MultiviewReference,
+    seconds: dict[str, float],
+) -> Row:
+    """Return the row of a case whose frame is rendered: its seconds, by stage, and its target measured against
+    multiview.
+    """
     fractions = traced_fractions(frame)
     refined = frame.refinement.fill
     return Row(

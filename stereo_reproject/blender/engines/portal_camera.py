@@ -138,26 +138,15 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     pixel_filter, cycles = scene.cycles.pixel_filter_type, scene.cycles
     support = filter_support(pixel_filter, cycles.filter_width)
     jitter = 1.0 if pixel_filter == "BOX" else TUNING.jitter_pixels
-    step = packed_step(task)
     sheet = SheetRays(
         orthographic=isinstance(task.rendered, OrthographicCamera),
         size=(task.packing.width, task.packing.height),
-        step=step,
+        step=packed_step(task),
         depth=place.depth,
         widening=support / jitter,
     )
-    views = ViewRays(
-        step=pixel_size(task.rendered),
-        focus=focus_distance_of(scene, task.rendered),
-        lens=aperture_radius(evaluated(scene.camera, scene).data) / place.lens_radius,
-        near_clip=task.clip_start,
-        count=1 + len(task.others),
-    )
-    tables = [folder / "pixels.exr"]
-    write_table(tables[0], _pixels_table(task, sheet.widening))
-    if task.others:
-        tables.append(folder / "views.exr")
-        write_table(tables[1], _views_table(scene, task))
+    views = _view_rays(scene, task, place)
+    tables = _write_tables(scene, task, sheet, folder)
     # As wide as the scene's own, and of its kind: so much of a pixel is so much of the scene's filter.
     narrow = {"filter_width": cycles.filter_width * jitter / support}
     # The sheet is a transparent surface more.
@@ -167,12 +156,35 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     with ExitStack() as restored:
         restored.enter_context(changed(layer, pass_alpha_threshold=seen))
         packed = restored.enter_context(lens_to_set(scene))
-        restored.enter_context(packed_resolution(scene, task.packing, aspect=step[1] / step[0]))
+        restored.enter_context(packed_resolution(scene, task.packing, aspect=sheet.step[1] / sheet.step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
         restored.enter_context(_set_camera(packed, sheet, place))
         build_material(put_sheet(scene, task, sheet, place), sheet, views, tables)
         yield
+
+
+def _view_rays(scene: bpy.types.Scene, task: PackedTask, place: SheetPlace) -> ViewRays:
+    """Return what the sheet's material needs to know of the views and their lens, with the sheet at this place."""
+    return ViewRays(
+        step=pixel_size(task.rendered),
+        focus=focus_distance_of(scene, task.rendered),
+        lens=aperture_radius(evaluated(scene.camera, scene).data) / place.lens_radius,
+        near_clip=task.clip_start,
+        count=1 + len(task.others),
+    )
+
+
+def _write_tables(scene: bpy.types.Scene, task: PackedTask, sheet: SheetRays, folder: Path) -> list[Path]:
+    """Write the table of the packed pixels into the folder, and that of the other views if the picture has pixels of
+    any. Return their files.
+    """
+    tables = [folder / "pixels.exr"]
+    write_table(tables[0], _pixels_table(task, sheet.widening))
+    if task.others:
+        tables.append(folder / "views.exr")
+        write_table(tables[1], _views_table(scene, task))
+    return tables
 
 
 @contextmanager

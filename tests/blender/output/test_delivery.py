@@ -11,7 +11,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from stereo_reproject.blender.output.delivery import ENGINE, deliver_side_by_side, deliver_to_result
+from stereo_reproject.blender.output.delivery import deliver_side_by_side, deliver_to_result
+from stereo_reproject.blender.output.delivery_engine import ENGINE
 from stereo_reproject.blender.output.image_settings import copy_settings
 from stereo_reproject.blender.output.pictures import read_png
 from stereo_reproject.blender.scene.stand_ins import new_names, renamed_metadata
