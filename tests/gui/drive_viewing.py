@@ -242,6 +242,7 @@ def export():
         with in_editor():
             bpy.ops.stereo_reproject.export_wiggle(filepath=str(FOLDER / name), percentage=100)
     facts["content_kept"] = shown()
+    facts["libraries"] = [str(path) for folder in map(Path, sys.path) for path in folder.glob("OpenEXR.*")]
     yield from click("IMAGE_EDITOR", "UI", "export_wiggle()")
     yield 1.5
     shoot("export")

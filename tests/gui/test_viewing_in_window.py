@@ -171,6 +171,10 @@ def test_the_export_leaves_the_render_result_and_is_a_wiggle(facts):
     assert (SEEN / "wiggle.mp4").stat().st_size > 10_000
 
 
+def test_the_export_leaves_the_libraries_of_extensions(facts):
+    assert facts["libraries"], "a Blender that has read the factory settings has removed them"
+
+
 def test_a_window_that_wiggles_can_be_closed(facts):
     assert facts["in_a_window"]
     assert facts["after_closing"] == 0

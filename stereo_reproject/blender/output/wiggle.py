@@ -62,7 +62,8 @@ def write_wiggle_movie(pictures: Sequence[Path], folder: Path, seconds: float) -
 
     Blender renders to encode, in an empty file in place of the open one: call this in a process of its own.
     """
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    # Factory settings would also remove the libraries of all extensions, since none is enabled in them.
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     # Blender renders nothing without one.
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
