@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import bpy
 
@@ -163,9 +164,9 @@ def hand_over() -> bool:
 
 
 def give_back(*, close: bool = True) -> None:
-    """Have editors that show the job's image show what they did before, or the pair where that is gone, and close the
-    one that was opened for it. Do nothing after `hand_over`, or where no editor was chosen. Without close nothing is
-    closed: while Blender opens another file, say.
+    """Have editors that show the job's image show what they did before, or the pair where that is gone, and soon close
+    the one that was opened for it. Do nothing after `hand_over`, or where no editor was chosen. Without close nothing
+    is closed: while Blender opens another file, say.
     """
     if not _editors:
         return
@@ -176,7 +177,15 @@ def give_back(*, close: bool = True) -> None:
     images = bpy.data.images
     # A wiggle ends where the job's image takes its place, and its images with it.
     _replace(editor, images.get(editor.before) or images.get(editor.pair) or render_result())
-    if area is None or not (close and editor.opened and untouched):
+    if close and editor.opened and untouched:
+        # An operator that closes a window before it returns has its report lost.
+        bpy.app.timers.register(partial(_close, editor))
+
+
+def _close(editor: _Editor) -> None:
+    """Close the editor that was opened for a job that is over, unless the next job has chosen it meanwhile."""
+    area = _area_of(editor)
+    if area is None or _editors:
         return
     with bpy.context.temp_override(window=_window_of(area), area=area):  # pyright: ignore[reportGeneralTypeIssues] - as above
         if editor.window is None:

@@ -13,6 +13,7 @@ from drive_common import (
     FOLDER,
     MODULE,
     area_of,
+    click,
     facts,
     jobs,
     press,
@@ -38,6 +39,18 @@ def space():
 def shown():
     """The name of the image in the Image Editor; "" without either."""
     return space().image.name if space() is not None and space().image is not None else ""
+
+
+def reports():
+    """What the Info Editor has: a line for each report."""
+    area = area_of("PROPERTIES")
+    area.type = "INFO"
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window(), area=area, region=region):
+        bpy.ops.info.select_all(action="SELECT")
+        bpy.ops.info.report_copy()
+    area.type = "PROPERTIES"
+    return bpy.context.window_manager.clipboard
 
 
 def words():
@@ -141,7 +154,7 @@ def animate():
     scene = bpy.context.scene
     scene.render.image_settings.file_format = "PNG"
     scene.frame_end, scene.render.filepath = 2, str(FOLDER / "shots" / "shot_")
-    scene.render.resolution_percentage, scene.cycles.samples = 10, 4
+    scene.render.resolution_percentage, scene.cycles.samples = 10, 64
     with bpy.context.temp_override(window=window()):
         bpy.ops.render.stereo_reproject_animation("INVOKE_DEFAULT")
     run = jobs().running()
@@ -176,6 +189,30 @@ def without_an_image_editor():
         facts[f"opened as {display}"] = [opened, closed, left()]
 
 
+def fail_without_an_image_editor():
+    module = importlib.import_module(f"{MODULE}.operators.run")
+    errors = importlib.import_module(f"{MODULE}.stereo_reproject.errors")
+    run_worker = module.run_worker
+
+    def fail(*_, **__):
+        raise errors.StereoReprojectError(f"the worker of {display} has failed")
+
+    module.run_worker = fail
+    for display in ("AREA", "WINDOW"):
+        bpy.context.preferences.view.render_display_type = display
+        # What is called from Python reports to Python.
+        yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
+        yield from ended()
+        yield 0.5
+        shoot(f"failed_as_{display.lower()}")
+        facts[f"failed as {display}"] = [len(bpy.context.window_manager.windows), left()]
+        # The error's popup lies over the panel's buttons.
+        press("ESC")
+        yield 0.5
+    module.run_worker = run_worker
+    facts["reports"] = reports()
+
+
 def open_another_file_under_way():
     """The last step: Blender ends the driver's own timers as it opens a file."""
     bpy.context.preferences.view.render_display_type = "AREA"
@@ -204,6 +241,7 @@ run_steps(
         turn_to_something_else,
         animate,
         without_an_image_editor,
+        fail_without_an_image_editor,
         open_another_file_under_way,
     )
 )

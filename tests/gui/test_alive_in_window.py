@@ -82,5 +82,11 @@ def test_an_editor_that_opens_for_a_run_closes_after_escape(facts, display, wind
     assert images == []
 
 
+@pytest.mark.parametrize("display", ["AREA", "WINDOW"])
+def test_an_error_is_reported_where_an_editor_was_opened_for_the_run(facts, display):
+    assert facts[f"failed as {display}"] == [1, []]
+    assert f"The worker of {display} has failed" in facts["reports"]
+
+
 def test_opening_another_file_under_way_ends_the_run(facts):
     assert facts["new file"] == [True, []]
