@@ -217,7 +217,9 @@ class JobOperator:
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
         if text != self._told:
             self._told = text
-            _show(text)
+            line = shown(Words("{text}   |   Esc: Cancel", text=text))
+            _show(line)
+            under_way.say(line)
 
 
 def _words_of_kept(run: BackgroundJob) -> str:
@@ -245,7 +247,7 @@ def _show(text: str | None) -> None:
         # The text belongs to the workspace of the context, whichever it is asked of.
         if text is not None:
             with bpy.context.temp_override(window=window):  # pyright: ignore[reportGeneralTypeIssues] - as above
-                window.workspace.status_text_set(shown(Words("{text}   |   Esc: Cancel", text=text)))
+                window.workspace.status_text_set(text)
         for area in window.screen.areas:
             if area.type in ("PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"):
                 for region in area.regions:

@@ -30,6 +30,7 @@ SHORTCUTS = (
     # sequences, and on Linux it leaves the desktop for a text console.
     Shortcut(RENDER_OT_stereo_reproject_image.bl_idname, "F12", {"ctrl": True, "shift": True}),
     Shortcut(RENDER_OT_stereo_reproject_animation.bl_idname, "F12", {"ctrl": True, "shift": True, "alt": True}),
+    Shortcut(RENDER_OT_stereo_reproject_view_animation.bl_idname, "F11", {"ctrl": True, "shift": True}),
     # Blender's own key for View Animation. Where Blender's player finds its files, that still plays.
     Shortcut(RENDER_OT_stereo_reproject_view_animation.bl_idname, "F11", {"ctrl": True}, {"unless_plain": True}),
 )

@@ -9,6 +9,7 @@ import bpy
 
 from ..stereo_reproject.jobs.supervisor import Event
 from .pictures import NAME, PAIR, find_editor, image_editors, is_ours, kind_of, render_result, zoom_to_fit
+from .progress_line import remove_line, show_line
 from .run import Pictures
 
 UNDER_WAY = NAME.format("Render ({} eye)")
@@ -41,13 +42,14 @@ _editors: list[_Editor] = []
 
 
 def open_editor(*, fit: bool) -> None:
-    """Choose the Image Editor that shows the eyes of the job that begins, as `pictures.show_pair` does. Where there is
-    none, one opens as the user's preferences say, as with F12. With fit, pictures are fitted to it.
+    """Choose the Image Editor that shows the eyes of the job that begins: the one that shows a result, or else the one
+    in which the job is started. Where there is none, one opens as the user's preferences say, as with F12. With fit,
+    pictures are fitted to it.
 
     It must be called before the job has its thread: 4.5 ends where an operator runs while another thread does.
     """
     _editors.clear()
-    area = find_editor()
+    area = find_editor() or _editor_of_context()
     opened = area is None
     windows = {window.as_pointer() for window in bpy.context.window_manager.windows}
     if opened:
@@ -58,7 +60,21 @@ def open_editor(*, fit: bool) -> None:
         window = _window_of(area).as_pointer()
         new = None if window in windows else window
         before = area.spaces.active.image
-        _editors.append(_Editor(area.as_pointer(), before.name, _pair_of(before), opened, new, fit or opened))
+        name = "" if before is None else before.name
+        _editors.append(_Editor(area.as_pointer(), name, _pair_of(before), opened, new, fit or opened))
+
+
+def _editor_of_context() -> bpy.types.Area | None:
+    """Return the Image Editor in which an operator was called; None where it was called elsewhere."""
+    area = bpy.context.area
+    return area if area is not None and area.type == "IMAGE_EDITOR" else None
+
+
+def say(text: str) -> None:
+    """Draw a text about the job over the editor that was chosen for it, if there is one."""
+    area = _area_of(_editors[0]) if _editors else None
+    if area is not None:
+        show_line(area, text)
 
 
 def wanted_pictures(*, first_look: bool) -> Pictures:
@@ -143,9 +159,9 @@ def _put_into(editor: _Editor, image: bpy.types.Image) -> None:
         zoom_to_fit(area)
 
 
-def _pair_of(image: bpy.types.Image) -> str:
+def _pair_of(image: bpy.types.Image | None) -> str:
     """Return the name of the image that holds the pair, for an image that shows it without glasses; "" for others."""
-    return image[PAIR] if kind_of(image) is not None else ""
+    return image[PAIR] if image is not None and kind_of(image) is not None else ""
 
 
 def hand_over() -> bool:
@@ -153,6 +169,7 @@ def hand_over() -> bool:
     of the job's image wherever that is shown, and end with it. Return False where no picture of the job was ever shown,
     so that an editor is still to be chosen.
     """
+    remove_line()
     if not _editors or not _editors[0].image:
         _editors.clear()
         return False
@@ -168,6 +185,7 @@ def give_back(*, close: bool = True) -> None:
     the one that was opened for it. Do nothing after `hand_over`, or where no editor was chosen. Without close nothing
     is closed: while Blender opens another file, say.
     """
+    remove_line()
     if not _editors:
         return
     editor = _editors.pop()

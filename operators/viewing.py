@@ -14,7 +14,7 @@ from ..stereo_reproject.images.exr import VIEWS
 from ..stereo_reproject.words import Words
 from .text import reported
 
-VIEWING = "View Stereo Animation (Ctrl F11)"
+VIEWING = "View Stereo Animation (Ctrl Shift F11)"
 
 
 def needs_our_player(scene: bpy.types.Scene) -> bool:

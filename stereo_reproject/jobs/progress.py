@@ -10,16 +10,16 @@ from ..words import Words
 _PAIR = {
     Stage.PLAN: 1.0,
     Stage.LOOK: 0.0,
-    Stage.SOURCE: 55.0,
+    Stage.SOURCE: 75.0,
     Stage.DENOISE_SOURCE: 0.0,
-    Stage.WARP: 4.0,
+    Stage.WARP: 2.0,
     Stage.PILOT: 0.0,
-    Stage.FILL: 20.0,
-    Stage.REFINE: 10.0,
+    Stage.FILL: 10.0,
+    Stage.REFINE: 6.0,
     Stage.COMPOSITE: 1.0,
     Stage.DENOISE_TARGET: 0.0,
     Stage.ACCOUNT: 1.0,
-    Stage.WRITE: 4.0,
+    Stage.WRITE: 3.0,
 }
 USUAL: Mapping[str, Mapping[str, float]] = {
     "render": {Stage.LOAD: 0.0, **_PAIR, Stage.COMPARE: 0.0},
@@ -63,6 +63,7 @@ class Progress:
         self._started = self._since = now
         self._stage = next(iter(self._expected))
         self._stage_fraction: float | None = None
+        self._advanced = now
         self._frame = 0
 
     def begin(self, stage: str, now: float) -> None:
@@ -85,11 +86,11 @@ class Progress:
 
     def advance(self, fraction: float | None, now: float) -> None:
         """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
-        self._stage_fraction = fraction
+        self._stage_fraction, self._advanced = fraction, now
         expected = self._expected.get(self._stage, 0.0)
-        # The start of a stage says little.
-        if fraction and fraction > MIN_TELLING_SHARE and expected > 0.0:
-            self._tells = True
+        if fraction and expected > 0.0:
+            # The start of a stage says little, but the first samples how fast it goes.
+            self._tells = self._tells or fraction > MIN_TELLING_SHARE
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 
     def fraction(self, now: float) -> float:
@@ -112,14 +113,14 @@ class Progress:
         return self._frame * sum(self._expected.values()) + sum(self._expected[name] for name in before)
 
     def _done_of_stage(self, now: float) -> float:
-        """Return how much of the current stage's expected time is done: by the reported fraction, else by the time
-        since it began, and then never all of it."""
+        """Return how much of the current stage's expected time is done: the reported fraction and the time since that,
+        or the time since the stage began; by the time alone never all of it."""
         expected = self._expected.get(self._stage, 0.0)
-        if self._stage_fraction is not None:
-            return expected * min(self._stage_fraction, 1.0)
+        known, since = (0.0, self._since) if self._stage_fraction is None else (self._stage_fraction, self._advanced)
         if self._pace is None or expected == 0.0:
-            return 0.0
-        return expected * min((now - self._since) / (self._pace * expected), MAX_SHOWN_FRACTION)
+            return expected * min(known, 1.0)
+        by_time = known + (now - since) / (self._pace * expected) if self._pace > 0.0 else known
+        return expected * min(max(known, min(by_time, MAX_SHOWN_FRACTION)), 1.0)
 
 
 def left_words(seconds: float) -> str:

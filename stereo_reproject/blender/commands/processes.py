@@ -12,6 +12,9 @@ from ...jobs.worker_process import PACKAGE
 from ...words import Words
 from ..scene.user_folder import USER_FOLDER_VARIABLE, user_folder
 
+SAMPLES_LOGGED_BY_DEFAULT_BEFORE = (5, 0, 0)
+"""Version of Blender from which the log has the samples of a render only where it is asked for them."""
+
 UNSAVED = "Unsaved.blend"
 """Name that Blender's path templates give to a file that was never saved."""
 
@@ -22,8 +25,11 @@ def module_in_blender(name: str) -> Sequence[str] | None:
     None where Blender is a Python module: then `worker_process.module_command` has the command."""
     if not bpy.app.binary_path:
         return None
-    environment = ["--python-use-system-env"]  # it names the folders of this package and of its libraries
-    return [bpy.app.binary_path, "--background", "--factory-startup", *environment, "--python-expr", program_of(name)]
+    options = ["--background", "--factory-startup"]
+    if bpy.app.version >= SAMPLES_LOGGED_BY_DEFAULT_BEFORE:
+        options += ["--log", "render", "--log-level", "info"]
+    options += ["--python-use-system-env"]  # it names the folders of this package and of its libraries
+    return [bpy.app.binary_path, *options, "--python-expr", program_of(name)]
 
 
 def program_of(name: str) -> str:

@@ -1,0 +1,83 @@
+"""The line about a run at the lower edge of the Image Editor that shows it: a window of its own has no status bar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import blf
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+FONT, SIZE_PX, MARGIN_PX = 0, 12.0, 8.0
+
+TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
+STRIP_COLOUR = (0.0, 0.0, 0.0, 0.6)
+
+
+@dataclass
+class _Line:
+    """The line that is drawn: the address of its editor's area, its text, and Blender's handle of the drawing."""
+
+    area: int
+    text: str
+    handler: object
+
+
+_lines: list[_Line] = []
+"""The line of the job that is under way, if any."""
+
+
+def show_line(area: bpy.types.Area, text: str) -> None:
+    """Draw a text over the lower edge of an Image Editor until `remove_line`, in place of the one before."""
+    if not _lines:
+        handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+        _lines.append(_Line(0, "", handler))
+    line = _lines[0]
+    line.area, line.text = area.as_pointer(), text
+    _redraw(area)
+
+
+def remove_line() -> None:
+    """Take the line away; do nothing where there is none."""
+    while _lines:
+        line = _lines.pop()
+        bpy.types.SpaceImageEditor.draw_handler_remove(line.handler, "WINDOW")
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.as_pointer() == line.area:
+                    _redraw(area)
+
+
+def _redraw(area: bpy.types.Area) -> None:
+    """Have the picture of an Image Editor drawn anew."""
+    for region in area.regions:
+        if region.type == "WINDOW":
+            region.tag_redraw()
+
+
+def _draw() -> None:
+    """Draw the line, on a dark strip, in the editor that it is for. Blender calls this for every Image Editor."""
+    area, region = bpy.context.area, bpy.context.region
+    if not _lines or area is None or region is None or area.as_pointer() != _lines[0].area:
+        return
+    scale = bpy.context.preferences.system.ui_scale
+    margin = MARGIN_PX * scale
+    blf.size(FONT, SIZE_PX * scale)
+    _, height = blf.dimensions(FONT, "Xg")
+    corners = [(0.0, 0.0), (region.width, 0.0), (region.width, height + 2.0 * margin), (0.0, height + 2.0 * margin)]
+    gpu.state.blend_set("ALPHA")
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    strip = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
+    shader.uniform_float("color", STRIP_COLOUR)
+    strip.draw(shader)
+    gpu.state.blend_set("NONE")
+    blf.position(FONT, _left_of_text(area, region) + margin, margin, 0.0)
+    blf.color(FONT, *TEXT_COLOUR)
+    blf.draw(FONT, _lines[0].text)
+
+
+def _left_of_text(area: bpy.types.Area, region: bpy.types.Region) -> float:
+    """Return the width, in pixels, that the toolbar covers of the picture's left side."""
+    tools = [other for other in area.regions if other.type == "TOOLS" and other.width > 1 and other.x <= region.x]
+    return float(max((other.x + other.width - region.x for other in tools), default=0))
