@@ -2,8 +2,9 @@
 
 Every model answers both in its own camera space, so that nothing in the warp depends on a 4 x 4 projection matrix. A
 ray is (origin, direction) with the direction scaled to advance one unit of depth: the point at depth z is
-`origin + z * direction`. Points are homogeneous, (x, y, z) and a weight, so that the sky is a point like any other:
-its weight is 0.
+`origin + z * direction`. Depth is measured along the camera's axis by planar cameras, and along the ray by panoramic
+ones (`views.panorama`). Points are homogeneous, (x, y, z) and a weight, so that the sky is a point like any other: its
+weight is 0.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ class Camera(Protocol):
         ...
 
     @property
-    def plane(self) -> ViewPlane:
-        """The rectangle that the picture shows."""
+    def lens(self) -> object:
+        """All that decides, besides size and pose, what the picture shows: cameras in one place with equal ones see the
+        same."""
         ...
 
     @property
@@ -86,13 +88,18 @@ class Camera(Protocol):
 
 
 @dataclass(frozen=True)
-class _PlanarCamera:
-    """Common part of both camera models: their fields, and the map between pixels and places on the view plane."""
+class PlanarCamera:
+    """Common part of the cameras that have a view plane: their fields, and the map between pixels and places on it."""
 
     width: int
     height: int
     world_from_camera: Array
     plane: ViewPlane
+
+    @property
+    def lens(self) -> ViewPlane:
+        """The view plane, as `Camera.lens` says."""
+        return self.plane
 
     def _plane_from_px(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return x and y on the view plane, in its units, of pixel positions (x, y)."""
@@ -110,7 +117,7 @@ class _PlanarCamera:
 
 
 @dataclass(frozen=True)
-class PerspectiveCamera(_PlanarCamera):
+class PerspectiveCamera(PlanarCamera):
     """A pinhole camera. An off-axis view, as of an eye, is one whose view plane is not centred; nothing else
     differs."""
 
@@ -141,7 +148,7 @@ class PerspectiveCamera(_PlanarCamera):
 
 
 @dataclass(frozen=True)
-class OrthographicCamera(_PlanarCamera):
+class OrthographicCamera(PlanarCamera):
     """A camera with parallel rays; its view plane is in scene units.
 
     The sky is put at the depth SKY_DEPTH, where float32 still tells depths apart.
@@ -174,9 +181,16 @@ class OrthographicCamera(_PlanarCamera):
         return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
+def planar(camera: Camera) -> PlanarCamera:
+    """Return the camera itself, for what needs its view plane. Raises TypeError if it has none."""
+    if isinstance(camera, PlanarCamera):
+        return camera
+    raise TypeError(f"{type(camera).__name__} has no view plane")
+
+
 def pixel_size(camera: Camera) -> tuple[float, float]:
     """Return the width and the height of a camera's pixel on its view plane, in the plane's units."""
-    plane = camera.plane
+    plane = planar(camera).plane
     return (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
 
 
@@ -209,10 +223,10 @@ def target_from_source(source: Camera, target: Camera) -> Array:
 
 
 def see_the_same(source: Camera, target: Camera) -> bool:
-    """Return whether both cameras have the same place, direction and view plane, so that nothing moves between their
+    """Return whether both cameras have the same place, direction and lens, so that nothing moves between their
     pictures."""
     same_place = np.allclose(target_from_source(source, target), np.eye(4), rtol=0.0, atol=1e-12)
-    return same_place and source.plane == target.plane
+    return same_place and source.lens == target.lens
 
 
 def target_px_from_source_px(
@@ -266,5 +280,5 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
 
 def _px_per_unit(camera: Camera) -> Array:
     """Return the pixels (2,) per unit of the view plane: across, then down."""
-    plane = camera.plane
+    plane = planar(camera).plane
     return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from ..errors import BadInputError
-from .camera import Camera, PerspectiveCamera, target_from_source
+from .camera import Camera, PerspectiveCamera, planar, target_from_source
 from .parallax import parallax_at
 
 MAX_VERGENCE_DEGREES = 1.0
@@ -164,7 +164,8 @@ def _check_depths(near: float, far: float) -> None:
 
 def unit_width(camera: Camera, frame_width: int) -> float:
     """Return the width, at unit depth, of the whole frame of frame_width pixels; the camera may show a part of it."""
-    return (camera.plane.right - camera.plane.left) / camera.width * frame_width
+    plane = planar(camera).plane
+    return (plane.right - plane.left) / camera.width * frame_width
 
 
 def depth_at_parallax(left: Camera, right: Camera, percent: float, frame_width: int) -> float | None:

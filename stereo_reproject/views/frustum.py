@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, OrthographicCamera
+from .camera import Camera, OrthographicCamera, planar
 from .tuning import TUNING
 
 LEAST_DEPTH = 1e-6
@@ -36,7 +36,7 @@ class Frustum:
     """
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
-        plane = camera.plane
+        plane = planar(camera).plane
         beyond_x = TUNING.frame_margin_pixels * (plane.right - plane.left) / camera.width
         beyond_y = TUNING.frame_margin_pixels * (plane.top - plane.bottom) / camera.height
         radius = lens.aperture

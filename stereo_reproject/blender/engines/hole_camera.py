@@ -21,7 +21,7 @@ from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...trace.packing import Packing
 from ...trace.pixel_filter import sample_offsets
-from ...views.camera import Camera, PerspectiveCamera, pixel_size
+from ...views.camera import Camera, PerspectiveCamera, pixel_size, planar
 from ...warp.motion import motion_from_directions
 from ..scene.visible import aperture_radius
 from ..scene.working import changed, evaluated
@@ -88,7 +88,7 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
 
 def _corner(eye: Camera) -> float:
     """Return the length of the ray from the eye to the farthest corner of its view plane, at unit depth."""
-    plane = eye.plane
+    plane = planar(eye).plane
     reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
     return float(np.linalg.norm((reach_x, reach_y, 1.0)))
 
@@ -163,7 +163,7 @@ def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecod
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
-    plane = target.plane
+    plane = planar(target).plane
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
     parameters["size"] = (float(packing.width), float(packing.height), 0.0)

@@ -1,0 +1,110 @@
+"""The camera model of panoramas, and of perspective cameras with spherical stereo: a projection, and the eye's rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .camera import Array, Vector, ViewPlane
+from .projections import Projection
+from .spherical import SphericalStereo
+
+PANORAMA_FROM_CAMERA = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""A panorama's own frame (x ahead, y left, z up) from camera space (x right, y up, looking along -z)."""
+
+
+@dataclass(frozen=True)
+class PanoramicCamera:
+    """A camera whose depths are distances along its rays, which may begin in places of their own.
+
+    window: the part of the projection's picture that is shown, by its sides in u and v. stereo: the eye's spherical
+    stereo; None for a lens whose rays all begin in the camera's own place. around_world: spherical stereo turns around
+    the world's z, and around the camera's own y otherwise.
+    """
+
+    width: int
+    height: int
+    world_from_camera: Array
+    window: ViewPlane
+    projection: Projection
+    stereo: SphericalStereo | None = None
+    around_world: bool = False
+
+    @property
+    def lens(self) -> tuple[ViewPlane, Projection, SphericalStereo | None, bool]:
+        """Window, projection and stereo, as `Camera.lens` says."""
+        return self.window, self.projection, self.stereo, self.around_world
+
+    @property
+    def period_px(self) -> float:
+        """Pixels to the right after which the same direction is shown again; +inf where that is never so."""
+        return self.projection.period * self.width / abs(self.window.right - self.window.left)
+
+    def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
+        """Return origin and unit direction of rays, as `Camera.ray_from_px` says; NaN where the picture shows
+        nothing."""
+        window = self.window
+        u = window.left + (window.right - window.left) / self.width * x
+        v = window.top - (window.top - window.bottom) / self.height * y
+        looking = self.projection.direction_from_uv(u, v)
+        camera_from_panorama = PANORAMA_FROM_CAMERA.T
+        if self.stereo is None:
+            zero = np.array(0.0)
+            length = np.sqrt(sum(np.square(part) for part in looking))
+            return (zero, zero, zero), _turned(camera_from_panorama, _scaled(looking, 1.0 / length))
+        upright = self._upright_from_panorama()
+        back = camera_from_panorama @ np.linalg.inv(upright)
+        origin, direction = self.stereo.rays(_turned(upright, looking))
+        return _turned(back, origin), _turned(back, direction)
+
+    def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
+        """Return pixel position x, y and distance of points, as `Camera.px_from_point` says; NaN for points that are
+        not seen."""
+        local = _turned(PANORAMA_FROM_CAMERA, point)
+        if self.stereo is None:
+            looking, length = local, np.sqrt(sum(np.square(part) for part in local))
+            with np.errstate(divide="ignore"):
+                distance = length / weight
+        else:
+            upright = self._upright_from_panorama()
+            seen, distance = self.stereo.directions(_turned(upright, local), weight, is_unit=self.projection.is_unit)
+            looking = _turned(np.linalg.inv(upright), seen)
+        u, v = self.projection.uv_from_direction(looking)
+        window = self.window
+        x = (u - window.left) * (self.width / (window.right - window.left))
+        y = (window.top - v) * (self.height / (window.top - window.bottom))
+        return x, y, distance
+
+    def nearness_from_depth(self, depth: Array) -> Array:
+        """Return 1 / distance, which is 0 for the sky."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / depth
+
+    def depth_from_nearness(self, nearness: Array) -> Array:
+        """Return 1 / nearness, which is +inf for 0."""
+        with np.errstate(divide="ignore", over="ignore"):
+            return 1.0 / nearness
+
+    def _upright_from_panorama(self) -> Array:
+        """Return the turn (3, 3) from the panorama's frame to that in which spherical stereo has its z."""
+        if not self.around_world:
+            return np.eye(3)
+        return self.world_from_camera[:3, :3] @ PANORAMA_FROM_CAMERA.T
+
+
+def _scaled(vector: Vector, factor: Array) -> Vector:
+    """Return a vector times a factor."""
+    x, y, z = vector
+    return x * factor, y * factor, z * factor
+
+
+def _turned(matrix: Array, vector: Vector) -> Vector:
+    """Return a matrix (3, 3) times a vector, without the products with 0."""
+    rows: list[list[float]] = matrix.tolist()
+    parts = []
+    for row in rows:
+        used = [factor * part if factor != 1.0 else part for factor, part in zip(row, vector, strict=True) if factor]
+        parts.append(sum(used[1:], start=used[0]))
+    x, y, z = parts
+    return x, y, z
