@@ -10,7 +10,7 @@ weight is 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,11 @@ class Camera(Protocol):
         ...
 
     @property
+    def period_px(self) -> float:
+        """Pixels to the right after which the same direction is shown again; +inf where that is never so."""
+        ...
+
+    @property
     def lens(self) -> object:
         """All that decides, besides size and pose, what the picture shows: cameras in one place with equal ones see the
         same."""
@@ -86,9 +91,18 @@ class Camera(Protocol):
         """Return the depth of points by their nearness: the inverse of `nearness_from_depth`."""
         ...
 
+    def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:
+        """Return the depth of the points at pixel positions (x, y) of which Blender's Depth pass has this value."""
+        ...
+
+    def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:
+        """Return the value that Blender's Depth pass has for points at pixel positions (x, y) and this depth: the
+        inverse of `depth_from_pass`."""
+        ...
+
 
 @dataclass(frozen=True)
-class PlanarCamera:
+class _PlanarCamera:
     """Common part of the cameras that have a view plane: their fields, and the map between pixels and places on it."""
 
     width: int
@@ -96,10 +110,20 @@ class PlanarCamera:
     world_from_camera: Array
     plane: ViewPlane
 
+    period_px = np.inf
+
     @property
     def lens(self) -> ViewPlane:
         """The view plane, as `Camera.lens` says."""
         return self.plane
+
+    def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:  # noqa: ARG002
+        """Return the value itself: Blender's Depth pass has the depth."""
+        return value
+
+    def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:  # noqa: ARG002
+        """Return the depth itself: it is what Blender's Depth pass has."""
+        return depth
 
     def _plane_from_px(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return x and y on the view plane, in its units, of pixel positions (x, y)."""
@@ -117,7 +141,7 @@ class PlanarCamera:
 
 
 @dataclass(frozen=True)
-class PerspectiveCamera(PlanarCamera):
+class PerspectiveCamera(_PlanarCamera):
     """A pinhole camera. An off-axis view, as of an eye, is one whose view plane is not centred; nothing else
     differs."""
 
@@ -148,7 +172,7 @@ class PerspectiveCamera(PlanarCamera):
 
 
 @dataclass(frozen=True)
-class OrthographicCamera(PlanarCamera):
+class OrthographicCamera(_PlanarCamera):
     """A camera with parallel rays; its view plane is in scene units.
 
     The sky is put at the depth SKY_DEPTH, where float32 still tells depths apart.
@@ -179,6 +203,15 @@ class OrthographicCamera(PlanarCamera):
     def depth_from_nearness(self, nearness: Array) -> Array:
         """Return -nearness, and +inf where that is the sky's depth to within rounding."""
         return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
+
+
+PlanarCamera = PerspectiveCamera | OrthographicCamera
+"""Cameras that have a view plane."""
+
+
+def is_planar(camera: Camera) -> TypeGuard[PlanarCamera]:
+    """Return whether a camera has a view plane."""
+    return isinstance(camera, PlanarCamera)
 
 
 def planar(camera: Camera) -> PlanarCamera:
@@ -252,6 +285,19 @@ def target_px_from_source_px(
     return target.px_from_point((point_x, point_y, point_z), weight)
 
 
+def eye_distance(source: Camera, target: Camera) -> float:
+    """Return the distance, in scene units, between the places from which two cameras see: those of the cameras, or
+    where their rays begin on the circle of spherical stereo."""
+    if is_planar(source) and is_planar(target):
+        return float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
+    places = []
+    for camera in (source, target):
+        origin, _ = camera.ray_from_px(np.array(0.5 * camera.width), np.array(0.5 * camera.height))
+        places.append(camera.world_from_camera[:3, :3] @ [float(part) for part in origin])
+    own = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
+    return float(np.linalg.norm(own + places[0] - places[1]))
+
+
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
     source nearness.
@@ -260,7 +306,7 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     a first-order estimate, which is good enough for that.
     """
     transform = target_from_source(source, target)
-    baseline = float(np.linalg.norm(transform[:3, 3]))
+    baseline = eye_distance(source, target)
     if isinstance(source, OrthographicCamera) and isinstance(target, OrthographicCamera):
         return float(np.linalg.norm(transform[:2, 2] * _px_per_unit(target)))
     x, y = np.array(source.width / 2), np.array(source.height / 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from .camera import Camera, PerspectiveCamera, ViewPlane, planar
+from .camera import Camera, PerspectiveCamera, ViewPlane, is_planar, planar
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,9 @@ def moving(now: Camera, before: Camera, after: Camera) -> Moving:
 
 def _with_plane_of(now: Camera, then: Camera) -> Camera:
     """Return the camera `then` with the view plane of `now`, scaled by the change of focal length between them."""
-    plane, before = planar(now).plane, planar(then).plane
+    if not is_planar(now):
+        return then
+    plane, before = now.plane, planar(then).plane
     zoom = (before.right - before.left) / (plane.right - plane.left)
     if not isinstance(now, PerspectiveCamera):
         zoom = 1.0

@@ -20,7 +20,8 @@ class PanoramicCamera:
 
     window: the part of the projection's picture that is shown, by its sides in u and v. stereo: the eye's spherical
     stereo; None for a lens whose rays all begin in the camera's own place. around_world: spherical stereo turns around
-    the world's z, and around the camera's own y otherwise.
+    the world's z, and around the camera's own y otherwise. ends_at_lens: False for a camera whose rays go on beyond a
+    fisheye's edge.
     """
 
     width: int
@@ -30,6 +31,7 @@ class PanoramicCamera:
     projection: Projection
     stereo: SphericalStereo | None = None
     around_world: bool = False
+    ends_at_lens: bool = True
 
     @property
     def lens(self) -> tuple[ViewPlane, Projection, SphericalStereo | None, bool]:
@@ -44,10 +46,9 @@ class PanoramicCamera:
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Return origin and unit direction of rays, as `Camera.ray_from_px` says; NaN where the picture shows
         nothing."""
-        window = self.window
-        u = window.left + (window.right - window.left) / self.width * x
-        v = window.top - (window.top - window.bottom) / self.height * y
-        looking = self.projection.direction_from_uv(u, v)
+        looking = self._looking(x, y)
+        if self.ends_at_lens:
+            looking = _scaled(looking, np.where(self.within_lens(x, y) >= 0.0, 1.0, np.nan))
         camera_from_panorama = PANORAMA_FROM_CAMERA.T
         if self.stereo is None:
             zero = np.array(0.0)
@@ -86,11 +87,63 @@ class PanoramicCamera:
         with np.errstate(divide="ignore", over="ignore"):
             return 1.0 / nearness
 
+    def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:
+        """Return the distance along the rays, as `Camera.depth_from_pass` says: Blender's pass has the distance from
+        the camera's own place, or along its axis for a perspective camera."""
+        if not self.around_world:
+            return self.depth_from_distance(x, y, value)
+        origin, direction = self.ray_from_px(x, y)
+        return (-value - origin[2]) / direction[2]
+
+    def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:
+        """Return the value of Blender's Depth pass, as `Camera.pass_from_depth` says."""
+        origin, direction = self.ray_from_px(x, y)
+        if self.around_world:
+            return -(origin[2] + depth * direction[2])
+        ahead, beside = _past_origin(origin, direction)
+        return np.sqrt(np.square(depth + ahead) + beside)
+
+    def depth_from_distance(self, x: Array, y: Array, distance: Array) -> Array:
+        """Return the distance along the rays through pixel positions (x, y) of points at a distance from the camera's
+        own place."""
+        ahead, beside = _past_origin(*self.ray_from_px(x, y))
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(np.maximum(np.square(distance) - beside, 0.0)) - ahead
+
+    def near_clips(self, x: Array, y: Array) -> Array:
+        """Return the distance along the rays through pixel positions (x, y), in near clips, at which Cycles clips
+        them: 1 in a panorama, and at the plane of the near clip in a perspective camera."""
+        if not self.around_world:
+            return np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)))
+        return 1.0 / self._looking(x, y)[0]
+
+    def within_lens(self, x: Array, y: Array) -> Array:
+        """Return how far within the lens's edge pixel positions (x, y) lie, as `Projection.within_lens` says."""
+        return self.projection.within_lens(*self._uv(x, y))
+
+    def _uv(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return the places u, v in the projection's picture of pixel positions (x, y)."""
+        window = self.window
+        u = window.left + (window.right - window.left) / self.width * x
+        return u, window.top - (window.top - window.bottom) / self.height * y
+
+    def _looking(self, x: Array, y: Array) -> Vector:
+        """Return the directions in which the camera alone would look at pixel positions (x, y), in the panorama's
+        frame, as the projection has them."""
+        return self.projection.direction_from_uv(*self._uv(x, y))
+
     def _upright_from_panorama(self) -> Array:
         """Return the turn (3, 3) from the panorama's frame to that in which spherical stereo has its z."""
         if not self.around_world:
             return np.eye(3)
         return self.world_from_camera[:3, :3] @ PANORAMA_FROM_CAMERA.T
+
+
+def _past_origin(origin: Vector, direction: Vector) -> tuple[Array, Array]:
+    """Return how far ahead along unit rays they begin, counted from where they come nearest to the camera's own place,
+    and the square of their distance from it there."""
+    ahead = sum((o * d for o, d in zip(origin, direction, strict=True)), start=np.array(0.0))
+    return ahead, sum((np.square(o) for o in origin), start=np.array(0.0)) - np.square(ahead)
 
 
 def _scaled(vector: Vector, factor: Array) -> Vector:

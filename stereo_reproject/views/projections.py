@@ -36,7 +36,13 @@ class Projection(Protocol):
         ...
 
     def direction_from_uv(self, u: Array, v: Array) -> Vector:
-        """Return the directions that are shown at places u, v; NaN where the picture shows none."""
+        """Return the directions that are shown at places u, v. Beyond the edge of a lens it goes on as the formula
+        does, as far as that has any direction; NaN further out."""
+        ...
+
+    def within_lens(self, u: Array, v: Array) -> Array:
+        """Return how far within the lens's edge places u, v lie, in a unit of the projection's own: 0 at the edge and
+        negative beyond, where the picture shows nothing. It is 1 where a lens has no edge."""
         ...
 
     def uv_from_direction(self, direction: Vector) -> tuple[Array, Array]:
@@ -54,8 +60,16 @@ def _azimuth_near(middle: float, direction: Vector) -> Array:
     return middle + turned - 2.0 * np.pi * np.round(turned / (2.0 * np.pi))
 
 
+class _WholePicture:
+    """Common part of the projections that fill the whole picture."""
+
+    def within_lens(self, u: Array, v: Array) -> Array:
+        """Return 1: there is no edge."""
+        return np.ones(np.broadcast_shapes(np.shape(u), np.shape(v)))
+
+
 @dataclass(frozen=True)
-class Equirectangular:
+class Equirectangular(_WholePicture):
     """The projection whose columns are longitudes and whose rows are latitudes, from the first to the last in each."""
 
     longitudes: tuple[float, float]
@@ -83,7 +97,7 @@ class Equirectangular:
 
 
 @dataclass(frozen=True)
-class CentralCylindrical:
+class CentralCylindrical(_WholePicture):
     """The projection onto a cylinder of radius 1 around the vertical, from its axis.
 
     longitudes are the first and the last, heights those of the lower and the upper edge. is_unit: Cycles hands the
@@ -129,8 +143,13 @@ class _Fisheye:
         """Width and height of the picture in the unit of `_angle`'s argument."""
         raise NotImplementedError
 
+    @property
+    def _widest(self) -> float:
+        """Largest angle off the axis that the lens shows."""
+        raise NotImplementedError
+
     def _angle(self, radius: Array) -> Array:
-        """Return the angle off the axis at a distance from the picture's middle; NaN beyond the lens."""
+        """Return the angle off the axis at a distance from the picture's middle; NaN where there is none."""
         raise NotImplementedError
 
     def _radius(self, angle: Array) -> Array:
@@ -138,7 +157,7 @@ class _Fisheye:
         raise NotImplementedError
 
     def direction_from_uv(self, u: Array, v: Array) -> Vector:
-        """Return unit directions, as `Projection` says; NaN beyond the lens."""
+        """Return unit directions, as `Projection` says."""
         width, height = self._size
         across, up = (u - 0.5) * width, (v - 0.5) * height
         radius = np.hypot(across, up)
@@ -148,6 +167,12 @@ class _Fisheye:
             # In the very middle Cycles takes what is above it.
             sine = np.sin(angle) / np.where(middle, 1.0, radius)
         return np.cos(angle), -across * sine, np.where(middle, np.sin(angle), up * sine)
+
+    def within_lens(self, u: Array, v: Array) -> Array:
+        """Return the radians by which the angle off the axis is smaller than the widest one."""
+        width, height = self._size
+        angle = np.abs(self._angle(np.hypot((u - 0.5) * width, (v - 0.5) * height)))
+        return self._widest - np.nan_to_num(angle, nan=np.pi)
 
     def uv_from_direction(self, direction: Vector) -> tuple[Array, Array]:
         """Return places u, v, as `Projection` says."""
@@ -171,8 +196,12 @@ class FisheyeEquidistant(_Fisheye):
     def _size(self) -> tuple[float, float]:
         return 2.0, 2.0
 
+    @property
+    def _widest(self) -> float:
+        return 0.5 * self.field_of_view
+
     def _angle(self, radius: Array) -> Array:
-        return np.where(radius <= 1.0, 0.5 * self.field_of_view * radius, np.nan)
+        return 0.5 * self.field_of_view * radius
 
     def _radius(self, angle: Array) -> Array:
         return angle / (0.5 * self.field_of_view)
@@ -193,10 +222,13 @@ class FisheyeEquisolid(_Fisheye):
     def _size(self) -> tuple[float, float]:
         return self.sensor
 
+    @property
+    def _widest(self) -> float:
+        return 0.5 * self.field_of_view
+
     def _angle(self, radius: Array) -> Array:
-        widest = 2.0 * self.focal_length * np.sin(0.25 * self.field_of_view)
         with np.errstate(invalid="ignore"):
-            return np.where(radius <= widest, 2.0 * np.arcsin(radius / (2.0 * self.focal_length)), np.nan)
+            return 2.0 * np.arcsin(radius / (2.0 * self.focal_length))
 
     def _radius(self, angle: Array) -> Array:
         return 2.0 * self.focal_length * np.sin(0.5 * angle)
@@ -218,9 +250,12 @@ class FisheyePolynomial(_Fisheye):
     def _size(self) -> tuple[float, float]:
         return self.sensor
 
+    @property
+    def _widest(self) -> float:
+        return 0.5 * self.field_of_view
+
     def _angle(self, radius: Array) -> Array:
-        angle = -np.polynomial.polynomial.polyval(radius, self.coefficients)
-        return np.where(np.abs(angle) <= 0.5 * self.field_of_view, angle, np.nan)
+        return -np.polynomial.polynomial.polyval(radius, self.coefficients)
 
     def _radius(self, angle: Array) -> Array:
         polynomial = -np.polynomial.Polynomial(self.coefficients)
@@ -236,7 +271,7 @@ class FisheyePolynomial(_Fisheye):
 
 
 @dataclass(frozen=True)
-class EquiangularCubeFace:
+class EquiangularCubeFace(_WholePicture):
     """One face of a cube map, 90° wide and high, whose columns and rows are equal angles apart."""
 
     is_unit = True
@@ -255,7 +290,7 @@ class EquiangularCubeFace:
 
 
 @dataclass(frozen=True)
-class Rectilinear:
+class Rectilinear(_WholePicture):
     """The projection of a perspective camera. u and v are places on the view plane at unit depth, u to the right."""
 
     is_unit = True

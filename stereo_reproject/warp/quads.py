@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..images import bands
 from ..images.masks import dilate
-from ..views.camera import Camera, target_px_from_source_px
+from ..views.camera import Camera, is_planar, target_px_from_source_px
 from .grid import CELL_QUADS, Grid, lattice_depth
 from .tuning import TUNING
 
@@ -37,12 +37,35 @@ def draw_quads(
     torn = np.pad(torn, beyond, constant_values=True)
     surface = _Surface((target.height, target.width))
     for quads in _fine_quads(vertices, torn, source, target, grid):
-        surface.draw(quads)
+        for placed in _all_around(quads, target):
+            surface.draw(placed)
     if grid.subdivided.any():
         surface.prefer_what_is_drawn()
     for quads in _coarse_quads(vertices, source, target, grid):
-        surface.draw(quads)
+        for placed in _all_around(quads, target):
+            surface.draw(placed)
     return surface.result()
+
+
+def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:
+    """Yield quads in all the places in which a target that may look all around shows them, and only in one otherwise.
+
+    In a panorama the corners of a quad may be on either side of where the picture's angles begin anew. Those that are
+    still half of all angles apart are behind the camera, or the eye stands between them: they are not drawn.
+    """
+    if is_planar(target):
+        yield quads
+        return
+    period, x = target.period_px, quads.x
+    if np.isfinite(period):
+        x = x - period * np.round((x - x[:, :1, :1]) / period)
+    span = np.array([x[:, :-1, :-1], x[:, :-1, 1:], x[:, 1:, :-1], x[:, 1:, 1:]])
+    drawn = quads.drawn & (np.ptp(span, axis=0) < 0.5 * min(period, 2.0 * target.width))
+    yield replace(quads, x=x, drawn=drawn)
+    for shift in (-period, period):
+        again = drawn & (span.max(axis=0) + shift > 0.0) & (span.min(axis=0) + shift < target.width)
+        if again.any():
+            yield replace(quads, x=x + shift, drawn=again)
 
 
 _Corners = tuple[NDArray, NDArray, NDArray]
@@ -151,7 +174,8 @@ def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target
     i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
     # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
     depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
-    if not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
+    linear = is_planar(source) and is_planar(target)
+    if linear and not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
         return torn.copy()
     behind = np.empty(vertices.shape, bool)
     for rows in bands.bands(vertices.shape):

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..views.camera import Camera, OrthographicCamera, planar, target_from_source
+from ..views.camera import Camera, OrthographicCamera, is_planar, target_from_source
 from .grid import CELL_QUADS, Grid
 from .tuning import TUNING
 
@@ -47,6 +47,8 @@ class RowDisparity:
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
     """Return the shift of points between two cameras whose pictures show each point in the same row; None for any other
     pair."""
+    if not is_planar(source) or not is_planar(target):
+        return None
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0
@@ -57,7 +59,7 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
         return None
     if aside.max() > SAME_SHARE + lost:
         return None
-    one, other = planar(source).plane, planar(target).plane
+    one, other = source.plane, target.plane
     rows = (one.bottom, one.top, source.height) == (other.bottom, other.top, target.height)
     size, other_size = (one.right - one.left) / source.width, (other.right - other.left) / target.width
     if not rows or not np.isclose(size, other_size, rtol=SAME_SHARE, atol=0.0):

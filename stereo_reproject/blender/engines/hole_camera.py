@@ -143,7 +143,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     table = folder / "table.exr"
     write_table(table, _table(task.views, task.rendered, task.packing))
     numbers = numbers_of_others(scene, task.rendered, task.others)
-    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width, numbers)
+    bytecode = compiled_shader(SHADER, scene.cycles.pixel_filter_type, scene.cycles.filter_width, numbers)
     with (
         lens_to_set(scene) as packed,
         packed_resolution(scene, task.packing),
@@ -177,14 +177,14 @@ def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecod
 
 
 @lru_cache(maxsize=MAX_KEPT_SHADERS)
-def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str:
-    """Return the custom camera's shader, compiled by the Blender that runs it. pixel_filter and width, in pixels, are
+def compiled_shader(path: Path, pixel_filter: str, width: float, others: tuple[float, ...] = ()) -> str:
+    """Return a custom camera's shader, compiled by the Blender that runs it. pixel_filter and width, in pixels, are
     Cycles' pixel filter; others are what `numbers_of_others` returns. Raises StereoReprojectError if it does not
     compile.
     """
     import _cycles  # pyright: ignore[reportMissingImports]
 
-    source = SHADER.read_text(encoding="utf-8")
+    source = path.read_text(encoding="utf-8")
     source = _with_numbers(source, BOX_OFFSETS, sample_offsets(pixel_filter, width))
     if others:
         source = _with_numbers(source, NO_OTHERS, np.array(others, np.float32))

@@ -16,7 +16,8 @@ from ...errors import BadInputError
 from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane, planar
 from ...views.panorama import PanoramicCamera
 from ...views.projections import Rectilinear
-from .panoramas import panorama_projection, spherical_stereo
+from .panoramas import PROJECTIONS, panorama_projection, spherical_stereo
+from .rendered import CYCLES
 
 MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
 
@@ -60,14 +61,27 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
         raise BadInputError(f"camera {camera.name!r} is linked from a file that is missing: find it, or make one here")
     if camera.type != "CAMERA":
         raise BadInputError(f"the scene looks through {camera.name!r}, which is no camera: choose one as scene camera")
-    if camera.data.type not in ("PERSP", "ORTHO"):
-        kind = {"PANO": "panoramic", "CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
+    if camera.data.type not in ("PERSP", "ORTHO", "PANO"):
+        kind = {"CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
         raise BadInputError(
-            f"camera {camera.name!r} is {kind}: only perspective and orthographic cameras are supported yet"
+            f"camera {camera.name!r} is {kind}: only perspective, orthographic and panoramic cameras are supported yet"
         )
-    if camera.data.type == "PERSP" and camera.data.stereo.use_spherical_stereo:
-        raise BadInputError(f"camera {camera.name!r} uses spherical stereo: switch it off, it is not supported yet")
+    if camera.data.type == "PANO" and camera.data.panorama_type not in PROJECTIONS:
+        raise BadInputError(
+            f"camera {camera.name!r} is a panoramic mirror ball, which is not supported: choose another panorama type"
+        )
     return camera
+
+
+def check_engine_shows(camera: bpy.types.Object, engine: str) -> None:
+    """Raise BadInputError if the engine, by its name in Blender, does not render a camera that `check_camera` takes as
+    Cycles does: EEVEE knows neither panoramas nor spherical stereo."""
+    data = camera.data
+    if engine != CYCLES and (data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo)):
+        what = "a panorama" if data.type == "PANO" else "spherical stereo"
+        raise BadInputError(
+            f"camera {camera.name!r} is set to {what}, which Cycles alone renders: set Cycles as engine"
+        )
 
 
 def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> dict[str, Camera]:
