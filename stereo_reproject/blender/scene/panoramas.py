@@ -11,6 +11,7 @@ from types import MappingProxyType
 import bpy
 import numpy as np
 
+from ...errors import BadInputError
 from ...views.projections import (
     CentralCylindrical,
     EquiangularCubeFace,
@@ -41,7 +42,9 @@ def spherical_stereo(data: bpy.types.Camera, view: str) -> SphericalStereo | Non
 
 
 def panorama_projection(data: bpy.types.Camera, render: bpy.types.RenderSettings) -> Projection:
-    """Return the projection of an evaluated panoramic camera, whose type is one of `PROJECTIONS`."""
+    """Return the projection of an evaluated panoramic camera, whose type is one of `PROJECTIONS`. Raises BadInputError
+    if it shows nothing.
+    """
     return PROJECTIONS[data.panorama_type](data, panorama_sensor(data, render))
 
 
@@ -54,17 +57,26 @@ def panorama_sensor(data: bpy.types.Camera, render: bpy.types.RenderSettings) ->
     return (size, size * high / wide) if horizontal else (size * wide / high, size)
 
 
+def _check_extent(what: str, first: float, last: float) -> None:
+    """Raise BadInputError where a panorama begins and ends at one place."""
+    if not first < last and not last < first:
+        raise BadInputError(f"the first and the last of the panorama's {what} are the same: set them apart")
+
+
 def _equirectangular(data: bpy.types.Camera, _: Sensor) -> Projection:
-    return Equirectangular((data.longitude_min, data.longitude_max), (data.latitude_min, data.latitude_max))
+    longitudes, latitudes = (data.longitude_min, data.longitude_max), (data.latitude_min, data.latitude_max)
+    _check_extent("longitudes", *longitudes)
+    _check_extent("latitudes", *latitudes)
+    return Equirectangular(longitudes, latitudes)
 
 
 def _cylindrical(data: bpy.types.Camera, _: Sensor) -> Projection:
+    longitudes = data.central_cylindrical_range_u_min, data.central_cylindrical_range_u_max
+    low, high = data.central_cylindrical_range_v_min, data.central_cylindrical_range_v_max
     radius = data.central_cylindrical_radius
-    return CentralCylindrical(
-        (data.central_cylindrical_range_u_min, data.central_cylindrical_range_u_max),
-        (data.central_cylindrical_range_v_min / radius, data.central_cylindrical_range_v_max / radius),
-        is_unit=data.dof.use_dof,
-    )
+    _check_extent("longitudes", *longitudes)
+    _check_extent("heights", low, high)
+    return CentralCylindrical(longitudes, (low / radius, high / radius), is_unit=data.dof.use_dof)
 
 
 def _equidistant(data: bpy.types.Camera, _: Sensor) -> Projection:

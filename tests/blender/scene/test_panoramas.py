@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stereo_reproject.blender.scene.rig import stereo_cameras
+from stereo_reproject.errors import BadInputError
 from stereo_reproject.images.passes import DEPTH_PASS
 from tests.blender.toolbox import (
     EYES,
@@ -282,3 +283,19 @@ def test_a_cylinder_with_an_aperture_converges_on_a_ball(panorama, tmp_path):
         assert_camera_is_cycles(panorama, tmp_path, 0.99)
     finally:
         dof.use_dof = False
+
+
+@pytest.mark.parametrize(
+    ("lens", "settings", "words"),
+    [
+        ("360", {"longitude_max": -np.pi}, "longitudes are the same"),
+        ("360", {"latitude_min": 0.5, "latitude_max": 0.5}, "latitudes are the same"),
+        ("cylinder", {"central_cylindrical_range_v_min": 1.0, "central_cylindrical_range_v_max": 1.0}, "heights"),
+    ],
+)
+def test_a_panorama_without_a_view_is_said(panorama, lens, settings, words):
+    set_up(panorama, LENSES[lens], {})
+    for name, value in settings.items():
+        setattr(panorama.camera.data, name, value)
+    with pytest.raises(BadInputError, match=words):
+        stereo_cameras(evaluated_camera(panorama), panorama.render)
