@@ -164,5 +164,7 @@ def refuse_what_cannot_be_fitted(data: bpy.types.Camera) -> None:
     """Raise BadInputError for cameras in which interocular and convergence distance do not determine the parallax."""
     if data.type == "ORTHO":
         raise BadInputError("an orthographic camera shows all depths alike: make it perspective to fit it")
+    if data.type == "PANO" or data.stereo.use_spherical_stereo:
+        raise BadInputError("a panorama has no screen to be fitted to")
     if data.stereo.convergence_mode == "TOE":
         raise BadInputError("toe-in has other parallax at the sides of the picture: set the mode to Off-Axis to fit it")

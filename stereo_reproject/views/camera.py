@@ -2,14 +2,15 @@
 
 Every model answers both in its own camera space, so that nothing in the warp depends on a 4 x 4 projection matrix. A
 ray is (origin, direction) with the direction scaled to advance one unit of depth: the point at depth z is
-`origin + z * direction`. Points are homogeneous, (x, y, z) and a weight, so that the sky is a point like any other:
-its weight is 0.
+`origin + z * direction`. Depth is measured along the camera's axis by planar cameras, and along the ray by panoramic
+ones (`views.panorama`). Points are homogeneous, (x, y, z) and a weight, so that the sky is a point like any other: its
+weight is 0.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +52,14 @@ class Camera(Protocol):
         ...
 
     @property
-    def plane(self) -> ViewPlane:
-        """The rectangle that the picture shows."""
+    def period_px(self) -> float:
+        """Pixels to the right after which the same direction is shown again; +inf where that is never so."""
+        ...
+
+    @property
+    def lens(self) -> object:
+        """All that decides, besides size and pose, what the picture shows: cameras in one place with equal ones see the
+        same."""
         ...
 
     @property
@@ -84,15 +91,39 @@ class Camera(Protocol):
         """Return the depth of points by their nearness: the inverse of `nearness_from_depth`."""
         ...
 
+    def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:
+        """Return the depth of the points at pixel positions (x, y) of which Blender's Depth pass has this value."""
+        ...
+
+    def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:
+        """Return the value that Blender's Depth pass has for points at pixel positions (x, y) and this depth: the
+        inverse of `depth_from_pass`."""
+        ...
+
 
 @dataclass(frozen=True)
 class _PlanarCamera:
-    """Common part of both camera models: their fields, and the map between pixels and places on the view plane."""
+    """Common part of the cameras that have a view plane: their fields, and the map between pixels and places on it."""
 
     width: int
     height: int
     world_from_camera: Array
     plane: ViewPlane
+
+    period_px = np.inf
+
+    @property
+    def lens(self) -> ViewPlane:
+        """The view plane, as `Camera.lens` says."""
+        return self.plane
+
+    def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:  # noqa: ARG002
+        """Return the value itself: Blender's Depth pass has the depth."""
+        return value
+
+    def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:  # noqa: ARG002
+        """Return the depth itself: it is what Blender's Depth pass has."""
+        return depth
 
     def _plane_from_px(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return x and y on the view plane, in its units, of pixel positions (x, y)."""
@@ -174,9 +205,25 @@ class OrthographicCamera(_PlanarCamera):
         return np.where(nearness > -self.SKY_DEPTH * (1.0 - self.SKY_ROUNDING), -nearness, np.inf)
 
 
+PlanarCamera = PerspectiveCamera | OrthographicCamera
+"""Cameras that have a view plane."""
+
+
+def is_planar(camera: Camera) -> TypeGuard[PlanarCamera]:
+    """Return whether a camera has a view plane."""
+    return isinstance(camera, PlanarCamera)
+
+
+def planar(camera: Camera) -> PlanarCamera:
+    """Return the camera itself, for what needs its view plane. Raises TypeError if it has none."""
+    if isinstance(camera, PlanarCamera):
+        return camera
+    raise TypeError(f"{type(camera).__name__} has no view plane")
+
+
 def pixel_size(camera: Camera) -> tuple[float, float]:
     """Return the width and the height of a camera's pixel on its view plane, in the plane's units."""
-    plane = camera.plane
+    plane = planar(camera).plane
     return (plane.right - plane.left) / camera.width, (plane.top - plane.bottom) / camera.height
 
 
@@ -209,10 +256,10 @@ def target_from_source(source: Camera, target: Camera) -> Array:
 
 
 def see_the_same(source: Camera, target: Camera) -> bool:
-    """Return whether both cameras have the same place, direction and view plane, so that nothing moves between their
+    """Return whether both cameras have the same place, direction and lens, so that nothing moves between their
     pictures."""
     same_place = np.allclose(target_from_source(source, target), np.eye(4), rtol=0.0, atol=1e-12)
-    return same_place and source.plane == target.plane
+    return same_place and source.lens == target.lens
 
 
 def target_px_from_source_px(
@@ -238,6 +285,19 @@ def target_px_from_source_px(
     return target.px_from_point((point_x, point_y, point_z), weight)
 
 
+def eye_distance(source: Camera, target: Camera) -> float:
+    """Return the distance, in scene units, between the places from which two cameras see: those of the cameras, or
+    where their rays begin on the circle of spherical stereo."""
+    if is_planar(source) and is_planar(target):
+        return float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
+    places = []
+    for camera in (source, target):
+        origin, _ = camera.ray_from_px(np.array(0.5 * camera.width), np.array(0.5 * camera.height))
+        places.append(camera.world_from_camera[:3, :3] @ [float(part) for part in origin])
+    own = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
+    return float(np.linalg.norm(own + places[0] - places[1]))
+
+
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
     source nearness.
@@ -246,7 +306,7 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     a first-order estimate, which is good enough for that.
     """
     transform = target_from_source(source, target)
-    baseline = float(np.linalg.norm(transform[:3, 3]))
+    baseline = eye_distance(source, target)
     if isinstance(source, OrthographicCamera) and isinstance(target, OrthographicCamera):
         return float(np.linalg.norm(transform[:2, 2] * _px_per_unit(target)))
     x, y = np.array(source.width / 2), np.array(source.height / 2)
@@ -266,5 +326,5 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
 
 def _px_per_unit(camera: Camera) -> Array:
     """Return the pixels (2,) per unit of the view plane: across, then down."""
-    plane = camera.plane
+    plane = planar(camera).plane
     return np.array([camera.width / (plane.right - plane.left), camera.height / (plane.top - plane.bottom)])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ..errors import BadInputError
 from ..words import Words
-from .camera import Camera, PerspectiveCamera, target_from_source
+from .camera import Camera, PerspectiveCamera, planar, target_from_source
 from .parallax import parallax_at
 
 MAX_VERGENCE_DEGREES = 1.0
@@ -171,7 +171,8 @@ def _check_depths(near: float, far: float) -> None:
 
 def unit_width(camera: Camera, frame_width: int) -> float:
     """Return the width, at unit depth, of the whole frame of frame_width pixels; the camera may show a part of it."""
-    return (camera.plane.right - camera.plane.left) / camera.width * frame_width
+    plane = planar(camera).plane
+    return (plane.right - plane.left) / camera.width * frame_width
 
 
 def depth_at_parallax(left: Camera, right: Camera, percent: float, frame_width: int) -> float | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, OrthographicCamera
+from .camera import Camera, OrthographicCamera, PlanarCamera, is_planar
 from .tuning import TUNING
 
 LEAST_DEPTH = 1e-6
@@ -32,29 +32,12 @@ class Lens:
 class Frustum:
     """The space that one camera may see, as half spaces in the world; tells which boxes may be in its picture.
 
-    It is widened by the radius of the lens and by a few pixels beyond the frame.
+    It is widened by the radius of the lens and by a few pixels beyond the frame. A panorama may see everything.
     """
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
-        plane = camera.plane
-        beyond_x = TUNING.frame_margin_pixels * (plane.right - plane.left) / camera.width
-        beyond_y = TUNING.frame_margin_pixels * (plane.top - plane.bottom) / camera.height
-        radius = lens.aperture
-        # A ray from the lens's rim through a point in focus is this much off its centre's ray, for each unit of depth.
-        slope = radius / lens.focus if radius > 0.0 else 0.0
-        edges = (
-            ((1.0, 0.0), plane.right + beyond_x),
-            ((-1.0, 0.0), -plane.left + beyond_x),
-            ((0.0, 1.0), plane.top + beyond_y),
-            ((0.0, -1.0), -plane.bottom + beyond_y),
-        )
-        # Outside of a side: n . (x, y) + w z > c, with z < 0 ahead; depth is -z.
-        flat = isinstance(camera, OrthographicCamera)
-        sides = [(*n, slope if flat else e + slope, radius + (e if flat else 0.0)) for n, e in edges]
-        sides.append((0.0, 0.0, 1.0, -lens.near))
-        if np.isfinite(lens.far):
-            sides.append((0.0, 0.0, -1.0, lens.far))
-        self._normals = np.array([side[:3] for side in sides])
+        sides = _sides(camera, lens) if is_planar(camera) else []
+        self._normals = np.array([side[:3] for side in sides]).reshape(-1, 3)
         self._limits = np.array([side[3] for side in sides])
         self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
 
@@ -69,8 +52,32 @@ class Frustum:
         return ~outside.all(axis=-2).any(axis=-1)
 
 
+def _sides(camera: PlanarCamera, lens: Lens) -> list[tuple[float, float, float, float]]:
+    """Return the half spaces beyond the sides of what a camera may see, as normal and limit, in camera space."""
+    plane = camera.plane
+    beyond_x = TUNING.frame_margin_pixels * (plane.right - plane.left) / camera.width
+    beyond_y = TUNING.frame_margin_pixels * (plane.top - plane.bottom) / camera.height
+    radius = lens.aperture
+    # A ray from the lens's rim through a point in focus is this much off its centre's ray, for each unit of depth.
+    slope = radius / lens.focus if radius > 0.0 else 0.0
+    edges = (
+        ((1.0, 0.0), plane.right + beyond_x),
+        ((-1.0, 0.0), -plane.left + beyond_x),
+        ((0.0, 1.0), plane.top + beyond_y),
+        ((0.0, -1.0), -plane.bottom + beyond_y),
+    )
+    # Outside of a side: n . (x, y) + w z > c, with z < 0 ahead; depth is -z.
+    flat = isinstance(camera, OrthographicCamera)
+    sides = [(*n, slope if flat else e + slope, radius + (e if flat else 0.0)) for n, e in edges]
+    sides.append((0.0, 0.0, 1.0, -lens.near))
+    if np.isfinite(lens.far):
+        sides.append((0.0, 0.0, -1.0, lens.far))
+    return sides
+
+
 def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[np.bool_]:
-    """Return (H, W) the pixels that boxes may cover: those in the rectangle around the corners of any of the boxes.
+    """Return (H, W) the pixels that boxes may cover: those in the rectangle around the corners of any of the boxes; in
+    a panorama, all of them.
 
     A box has its corners (8, 3) in the world, in the order of Blender's `bound_box`. One that is in view and reaches
     behind the camera covers all pixels. One that is infinite, or that has a perspective camera inside, covers none,
@@ -85,7 +92,7 @@ def covered_by(boxes: Sequence[NDArray], camera: Camera, lens: Lens) -> NDArray[
         local = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
         if not isinstance(camera, OrthographicCamera) and _encloses_origin(local):
             continue
-        if (local[:, 2] >= -LEAST_DEPTH).any():
+        if not is_planar(camera) or (local[:, 2] >= -LEAST_DEPTH).any():
             return np.ones_like(result)
         x, y, _ = camera.px_from_point(tuple(local.T), np.ones(len(local)))
         low, high = (np.array([bound(x), bound(y)]) for bound in (np.min, np.max))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from .camera import Camera, PerspectiveCamera, ViewPlane
+from .camera import Camera, PerspectiveCamera, ViewPlane, is_planar, planar
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,10 @@ def moving(now: Camera, before: Camera, after: Camera) -> Moving:
 
 def _with_plane_of(now: Camera, then: Camera) -> Camera:
     """Return the camera `then` with the view plane of `now`, scaled by the change of focal length between them."""
-    plane = now.plane
-    zoom = (then.plane.right - then.plane.left) / (plane.right - plane.left)
+    if not is_planar(now):
+        return then
+    plane, before = now.plane, planar(then).plane
+    zoom = (before.right - before.left) / (plane.right - plane.left)
     if not isinstance(now, PerspectiveCamera):
         zoom = 1.0
     scaled = ViewPlane(*(zoom * side for side in (plane.left, plane.right, plane.bottom, plane.top)))

@@ -22,7 +22,7 @@ from ..images.passes import (
     known_depth,
 )
 from ..images.sharpness import Sharpness, sharpness_of
-from ..views.camera import Camera, target_from_source, target_px_from_source_px
+from ..views.camera import Camera, is_planar, target_from_source, target_px_from_source_px
 from ..views.view import View
 from .forward import Warp
 from .motion import warp_motion
@@ -145,7 +145,7 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
     seen = lookup(nearness, warp.x, warp.y)[..., 0]
     same_depth = np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
-    moves = not same_depth and row_disparity_of(source, target) is None
+    moves = not (same_depth and is_planar(source)) and row_disparity_of(source, target) is None
     for rows in bands(seen.shape):
         x, y, covered = warp.x[rows], warp.y[rows], warp.nearness[rows] > -np.inf
         away = source.depth_from_nearness(seen[rows])

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
+from ..images.lookup import touches
 from ..images.reasons import Reason
-from ..views.camera import Camera, target_px_from_source_px
+from ..views.camera import Camera, is_planar, target_px_from_source_px
 from .forward import Warp
+from .tuning import TUNING
 
 
 def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint16]:
@@ -21,15 +25,46 @@ def empty_reasons(warp: Warp, source: Camera, target: Camera) -> NDArray[np.uint
     is a place that landed, but within the half pixel by which the grid reaches beyond the source's frame.
     """
     flags = np.empty(warp.nearness.shape, np.uint16)
+    edge = _lens_edges(source, target)
     for rows in bands(flags.shape):
         x, y, nearness = warp.x[rows], warp.y[rows], warp.nearness[rows]
         beyond = (x < 0) | (x > source.width) | (y < 0) | (y > source.height)
+        if edge is not None:
+            beyond |= edge.target[rows] | touches(edge.source, x, y, share=0.0)
         np.multiply(beyond, Reason.OUTSIDE.bit, out=flags[rows])
         row, column, behind = _behind_empty(nearness)
         if row.size:
             seen = _is_within(source, target, row + rows.start, column, behind)
             flags[rows][row, column] = np.where(seen, Reason.DISOCCLUDED.bit, Reason.OUTSIDE.bit)
     return flags
+
+
+@dataclass(frozen=True)
+class _LensEdges:
+    """Pixels (H, W) at the edge of fisheye lenses, which mix with the black beyond it: in source and target."""
+
+    source: NDArray[np.bool_]
+    target: NDArray[np.bool_]
+
+
+def _lens_edges(source: Camera, target: Camera) -> _LensEdges | None:
+    """Return the pixels at the edge of the cameras' lenses; None where nothing of them is seen."""
+    if is_planar(source) or is_planar(target):
+        return None
+    edges = _LensEdges(*(_at_lens_edge(camera) for camera in (source, target)))
+    return edges if edges.source.any() or edges.target.any() else None
+
+
+def _at_lens_edge(camera: Camera) -> NDArray[np.bool_]:
+    """Return (H, W) the pixels of a camera whose filter reaches beyond the edge of the lens on one side alone."""
+    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    reach = TUNING.lens_edge_pixels
+    shown = [
+        np.isfinite(camera.ray_from_px(x + right, y + down)[1][0])
+        for right in (-reach, reach)
+        for down in (-reach, reach)
+    ]
+    return np.any(shown, axis=0) & ~np.all(shown, axis=0)
 
 
 def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..views.camera import Camera
+from ..views.camera import Camera, is_planar
 from .grid import Grid
 from .quads import draw_quads
 from .scanline import RowDisparity, row_disparity_of, warp_rows
@@ -67,7 +67,19 @@ def forward_warp(
     disparity = row_disparity_of(source, target)
     if disparity is not None:
         return _along_rows(depth, source, target, disparity, grid, torn)
-    return Warp(*draw_quads(depth, source, target, grid, torn))
+    drawn = Warp(*draw_quads(depth, source, target, grid, torn))
+    return drawn if is_planar(target) else _with_nothing(drawn, source, target)
+
+
+def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
+    """Return a map in which the pixels of the target that show nothing, beyond the edge of a lens, have the same place
+    of the source where that shows nothing either, and no nearness."""
+    y, x = (np.indices(drawn.nearness.shape) + 0.5).astype(np.float32)
+    nothing = ~(np.isfinite(target.ray_from_px(x, y)[1][0]) | np.isfinite(source.ray_from_px(x, y)[1][0]))
+    if not nothing.any():
+        return drawn
+    nearness = np.where(nothing, np.float32(0.0), drawn.nearness)
+    return Warp(np.where(nothing, x, drawn.x), np.where(nothing, y, drawn.y), nearness)
 
 
 def _along_rows(

@@ -11,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..views.camera import Camera, PerspectiveCamera, disparity_per_nearness, target_px_from_source_px
+from ..views.camera import (
+    Camera,
+    PerspectiveCamera,
+    disparity_per_nearness,
+    eye_distance,
+    is_planar,
+    target_px_from_source_px,
+)
 from ..views.parallax import ARC_MINUTE, parallax_difference
 from .tuning import TUNING
 
@@ -92,6 +99,8 @@ def _parallax_range(near: NDArray, far: NDArray, source: Camera, target: Camera)
     if isinstance(source, PerspectiveCamera):
         baseline = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
         return parallax_difference(near, far, float(np.linalg.norm(baseline)))
+    if not is_planar(source):
+        return parallax_difference(near, far, eye_distance(source, target))
     return _disparity_range(near, far, source, target) * TUNING.orthographic_width_radians / source.width
 
 

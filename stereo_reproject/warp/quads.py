@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..images import bands
 from ..images.masks import dilate
-from ..views.camera import Camera, target_px_from_source_px
+from ..views.camera import Camera, is_planar, target_px_from_source_px
 from .grid import CELL_QUADS, Grid, lattice_depth
 from .tuning import TUNING
 
@@ -19,6 +19,9 @@ CHUNK_CELLS = 192
 """Cells drawn at a time: some 49 000 quads, whose temporaries stay in a processor's cache."""
 
 ALL = slice(None)
+
+CORNER_ROUNDING = 2.0**-18
+"""Pixels to which corners in a panorama are rounded: far above double precision, and far below what shows."""
 
 LARGEST_AREA_PIXELS = 1e12
 """Area of a triangle, in square pixels of the target, above which it is a rounding error."""
@@ -37,12 +40,63 @@ def draw_quads(
     torn = np.pad(torn, beyond, constant_values=True)
     surface = _Surface((target.height, target.width))
     for quads in _fine_quads(vertices, torn, source, target, grid):
-        surface.draw(quads)
+        for placed in _all_around(quads, target):
+            surface.draw(placed)
     if grid.subdivided.any():
         surface.prefer_what_is_drawn()
     for quads in _coarse_quads(vertices, source, target, grid):
-        surface.draw(quads)
+        for placed in _all_around(quads, target):
+            surface.draw(placed)
     return surface.result()
+
+
+def _all_around(quads: _Quads, target: Camera) -> Iterator[_Quads]:
+    """Yield quads in all the places in which a target that may look all around shows them, and only in one otherwise.
+
+    In a panorama the corners of a quad may be on either side of where the picture's angles begin anew: they are put
+    beside the first one of their cell, and one by one where a cell reaches around half of all angles. A quad that does
+    so by itself is behind the camera, or the eye stands within: it is not drawn.
+    """
+    if is_planar(target):
+        yield quads
+        return
+    half = 0.5 * min(target.period_px, 2.0 * target.width)
+    placed = _beside_first(quads, target.period_px)
+    apart = np.flatnonzero(placed.drawn & (np.ptp(_four(placed.x), axis=0) >= half))
+    parts = [placed] if apart.size == 0 else [placed, _beside_first(_one_by_one(quads, apart), target.period_px)]
+    for part in parts:
+        x = _four(part.x)
+        drawn = part.drawn & (np.ptp(x, axis=0) < half)
+        yield replace(part, drawn=drawn)
+        for shift in (-target.period_px, target.period_px):
+            again = drawn & (x.max(axis=0) + shift > 0.0) & (x.min(axis=0) + shift < target.width)
+            if again.any():
+                yield replace(part, x=part.x + shift, drawn=again)
+
+
+def _four(corners: NDArray) -> NDArray:
+    """Return (4, C, n, n) the four corners of each quad, of values (C, n + 1, n + 1)."""
+    return np.array([corners[:, :-1, :-1], corners[:, :-1, 1:], corners[:, 1:, :-1], corners[:, 1:, 1:]])
+
+
+def _beside_first(quads: _Quads, period: float) -> _Quads:
+    """Return quads with all corners of a cell moved by whole periods, in pixels, to within half of one from its first
+    corner."""
+    if not np.isfinite(period):
+        return quads
+    return replace(quads, x=quads.x - period * np.round((quads.x - quads.x[:, :1, :1]) / period))
+
+
+def _one_by_one(quads: _Quads, chosen: NDArray[np.int64]) -> _Quads:
+    """Return the chosen ones (K,) of quads, which are flat indices, each as a cell of its own."""
+    corners = quads.x, quads.y, quads.nearness
+    x, y, nearness = (_four(values).reshape(4, -1)[:, chosen].T.reshape(-1, 2, 2) for values in corners)
+    one = (chosen.size, 1, 1)
+    first_x, first_y, wide, high, margin = (
+        np.broadcast_to(values, quads.drawn.shape).ravel().take(chosen).reshape(one)
+        for values in (quads.source_x, quads.source_y, quads.size_x, quads.size_y, quads.margin)
+    )
+    return _Quads(x, y, nearness, first_x, first_y, wide, high, np.ones(one, bool), margin)
 
 
 _Corners = tuple[NDArray, NDArray, NDArray]
@@ -89,13 +143,38 @@ def _project(source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDAr
 
     x, y and depth broadcast. The result is NaN where a point lies behind the target's camera.
     """
-    target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
+    if is_planar(source):
+        target_x, target_y, target_depth = target_px_from_source_px(source, target, x, y, depth)
+    else:
+        target_x, target_y, target_depth = _past_poles(source, target, x, y, depth)
+    if not is_planar(target):
+        # An arc tangent's last digit depends on its place in an array; two cells must agree on the corners they share.
+        target_x, target_y = (np.round(a / CORNER_ROUNDING) * CORNER_ROUNDING for a in (target_x, target_y))
     nearness = target.nearness_from_depth(target_depth)
     shape = np.broadcast_shapes(depth.shape, np.shape(target_x))
     whole_x, whole_y, whole_nearness = (
         np.ascontiguousarray(np.broadcast_to(a, shape)) for a in (target_x, target_y, nearness)
     )
     return whole_x, whole_y, whole_nearness
+
+
+def _past_poles(
+    source: Camera, target: Camera, x: NDArray, y: NDArray, depth: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return what `target_px_from_source_px` does for a panoramic source, with the places of corners above and below
+    the picture continued from those within: beyond a pole there are rays that belong to the other side of the picture.
+    """
+    within = np.clip(y, 0.5, source.height - 0.5)
+    beyond = y - within
+    here = target_px_from_source_px(source, target, x, within, depth)
+    if not beyond.any():
+        return here
+    back = target_px_from_source_px(source, target, x, within - np.sign(beyond), depth)
+    across, down = here[0] - back[0], here[1] - back[1]
+    if np.isfinite(target.period_px):
+        across = across - target.period_px * np.round(across / target.period_px)
+    beyond = np.abs(beyond)
+    return here[0] + beyond * across, here[1] + beyond * down, here[2]
 
 
 def _coarse_quads(vertices: NDArray, source: Camera, target: Camera, grid: Grid) -> Iterator[_Quads]:
@@ -151,7 +230,8 @@ def _left_out(vertices: NDArray, torn: NDArray[np.bool_], source: Camera, target
     i, j = np.arange(vertices.shape[0])[:, None] - 0.5, np.arange(vertices.shape[1]) - 0.5
     # How far ahead something is, is linear: if the corners of all that there may be are ahead, so is everything.
     depths = np.array([np.fmin.reduce(vertices, axis=None), np.fmax.reduce(vertices, axis=None)])[:, None, None]
-    if not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
+    linear = is_planar(source) and is_planar(target)
+    if linear and not np.isnan(target_px_from_source_px(source, target, j[[0, -1]], i[[0, -1]], depths)[0]).any():
         return torn.copy()
     behind = np.empty(vertices.shape, bool)
     for rows in bands.bands(vertices.shape):

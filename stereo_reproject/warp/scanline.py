@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..views.camera import Camera, OrthographicCamera, target_from_source
+from ..views.camera import Camera, OrthographicCamera, is_planar, target_from_source
 from .grid import CELL_QUADS, Grid
 from .tuning import TUNING
 
@@ -47,6 +47,8 @@ class RowDisparity:
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
     """Return the shift of points between two cameras whose pictures show each point in the same row; None for any other
     pair."""
+    if not is_planar(source) or not is_planar(target):
+        return None
     transform = target_from_source(source, target)
     moved = np.array(transform)
     moved[0, 3] = 0.0

@@ -74,6 +74,10 @@ class WarpTuning:
     least_mirror_weight: float = 0.98
     """Share of a looked-up colour that must come from the mirror: the rest is that of a pixel of its rim."""
 
+    # Panoramas.
+    lens_edge_pixels: float = 1.5
+    """Pixels beside a fisheye's edge that mix with the black beyond it: the reach of Blender's usual pixel filter."""
+
     # The choice of the GPU.
     least_gpu_pixels: int = 4_000_000
     """Pixels of a picture from which a GPU is thought of unasked: for fewer, NumPy takes too little time for the

@@ -183,7 +183,7 @@ PANORAMAS = [
 ]
 
 
-@several("panoramic camera", PANORAMAS, REFUSED, "panoram")
+@several("panoramic camera", PANORAMAS, EITHER)
 def _(scene, kind):
     scene.camera.data.type = "PANO"
     owner = scene.camera.data if hasattr(scene.camera.data, "panorama_type") else scene.camera.data.cycles
@@ -421,7 +421,7 @@ def _(scene):
     scene.camera.data.stereo.convergence_mode = "TOE"
 
 
-@odd("spherical stereo and poles that merge, of a plain camera", REFUSED, "spherical")
+@odd("spherical stereo and poles that merge, of a plain camera", EITHER)
 def _(scene):
     stereo = scene.camera.data.stereo
     stereo.use_spherical_stereo = stereo.use_pole_merge = True

@@ -228,16 +228,20 @@ def test_the_scene_that_is_looked_at_is_rendered(extension, scene, tmp_path):
     bpy.data.scenes.remove(other)
 
 
+def mirror_ball(scene):
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "MIRRORBALL"
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda scene: setattr(scene, "camera", None), "has no camera"),
-        (lambda scene: setattr(scene.camera.data, "type", "PANO"), "panoramic"),
+        (mirror_ball, "panoramic mirror ball"),
         (lambda scene: setattr(scene.render, "engine", "BLENDER_WORKBENCH"), "set Cycles or EEVEE"),
         (lambda scene: setattr(scene.view_layers[0], "use", False), "view layer"),
         (lambda scene: setattr(scene.render, "resolution_percentage", 1), "pixels are to be rendered"),
     ],
-    ids=["no camera", "panorama", "workbench", "no view layer", "tiny"],
+    ids=["no camera", "mirror ball", "workbench", "no view layer", "tiny"],
 )
 def test_what_cannot_be_rendered_is_said_and_changes_nothing(extension, scene, spoil, message):
     spoil(scene)

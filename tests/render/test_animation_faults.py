@@ -222,7 +222,7 @@ def test_interrupted_it_leaves_what_is_finished_and_nothing_else(blend, expected
 def test_a_frame_that_cannot_be_rendered_is_left_out(expected, tmp_path):
     scene = open_demo()
     data = scene.camera.data.copy()
-    data.type = "PANO"
+    data.type, data.panorama_type = "PANO", "MIRRORBALL"
     panoramic = bpy.data.objects.new("Panoramic", data)
     scene.collection.objects.link(panoramic)
     for frame, camera in ((1, scene.camera), (PANORAMIC, panoramic), (PANORAMIC + 1, scene.camera)):

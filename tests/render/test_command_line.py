@@ -373,8 +373,8 @@ def workbench(scene):
     scene.render.engine = "BLENDER_WORKBENCH"
 
 
-def panoramic(scene):
-    scene.camera.data.type = "PANO"
+def mirror_ball(scene):
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "MIRRORBALL"
 
 
 def without_camera(scene):
@@ -393,7 +393,7 @@ def orthographic(scene):
     ("change", "options", "part"),
     [
         (workbench, [], "BLENDER_WORKBENCH"),
-        (panoramic, [], "panoramic"),
+        (mirror_ball, [], "panoramic mirror ball"),
         (without_camera, [], "no camera"),
         (layers_off, [], "view layer"),
         (orthographic, ["--fill", "packed", "--packed-by", "osl"], "orthographic"),

@@ -21,7 +21,7 @@ from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...trace.packing import Packing
 from ...trace.pixel_filter import sample_offsets
-from ...views.camera import Camera, PerspectiveCamera, pixel_size
+from ...views.camera import Camera, PerspectiveCamera, pixel_size, planar
 from ...warp.motion import motion_from_directions
 from ...words import Words
 from ..scene.visible import aperture_radius
@@ -89,7 +89,7 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
 
 def _corner(eye: Camera) -> float:
     """Return the length of the ray from the eye to the farthest corner of its view plane, at unit depth."""
-    plane = eye.plane
+    plane = planar(eye).plane
     reach_x, reach_y = max(abs(plane.left), abs(plane.right)), max(abs(plane.bottom), abs(plane.top))
     return float(np.linalg.norm((reach_x, reach_y, 1.0)))
 
@@ -144,7 +144,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     table = folder / "table.exr"
     write_table(table, _table(task.views, task.rendered, task.packing))
     numbers = numbers_of_others(scene, task.rendered, task.others)
-    bytecode = _bytecode(scene.cycles.pixel_filter_type, scene.cycles.filter_width, numbers)
+    bytecode = compiled_shader(SHADER, scene.cycles.pixel_filter_type, scene.cycles.filter_width, numbers)
     with (
         lens_to_set(scene) as packed,
         packed_resolution(scene, task.packing),
@@ -164,7 +164,7 @@ def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecod
     packed.custom_mode = "INTERNAL"
     packed.custom_bytecode = bytecode
     packed.custom_bytecode_hash = hashlib.md5(packed.custom_bytecode.encode(), usedforsecurity=False).hexdigest()
-    plane = target.plane
+    plane = planar(target).plane
     parameters = packed.cycles_custom
     parameters["table"] = str(table)
     parameters["size"] = (float(packing.width), float(packing.height), 0.0)
@@ -178,14 +178,14 @@ def _set_camera(packed: bpy.types.Camera, task: PackedTask, table: Path, bytecod
 
 
 @lru_cache(maxsize=MAX_KEPT_SHADERS)
-def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str:
-    """Return the custom camera's shader, compiled by the Blender that runs it. pixel_filter and width, in pixels, are
+def compiled_shader(path: Path, pixel_filter: str, width: float, others: tuple[float, ...] = ()) -> str:
+    """Return a custom camera's shader, compiled by the Blender that runs it. pixel_filter and width, in pixels, are
     Cycles' pixel filter; others are what `numbers_of_others` returns. Raises StereoReprojectError if it does not
     compile.
     """
     import _cycles  # pyright: ignore[reportMissingImports]
 
-    source = SHADER.read_text(encoding="utf-8")
+    source = path.read_text(encoding="utf-8")
     source = _with_numbers(source, BOX_OFFSETS, sample_offsets(pixel_filter, width))
     if others:
         source = _with_numbers(source, NO_OTHERS, np.array(others, np.float32))
@@ -194,7 +194,7 @@ def _bytecode(pixel_filter: str, width: float, others: tuple[float, ...]) -> str
         shader.write_text(source, encoding="utf-8")
         if not _cycles.osl_compile(str(shader), str(compiled)):
             raise StereoReprojectError(
-                Words("Blender's OSL compiler does not take {shader}: use --fill card", shader=SHADER.name)
+                Words("Blender's OSL compiler does not take {shader}: use --fill card", shader=path.name)
             )
         return compiled.read_text()
 

@@ -11,7 +11,7 @@ import bpy
 from ...errors import BadInputError
 from ...images.passes import Passes
 from ...trace.packing import pack
-from ...views.camera import Camera
+from ...views.camera import Camera, is_planar
 from ...words import Words
 from ..scene.effects import has_grease_pencil, is_animated, uses_output
 from ..scene.motion import vector_pass_asked_for
@@ -22,6 +22,7 @@ from .hole_camera import OSL_CAMERA, missing_osl_cameras
 from .packed_camera import PACKED_RENDER_SETTINGS, UNSHARED_NOISE, PackedCamera, PackedTask
 from .packed_views import PackedPixels, switch_on_positions, without_added_positions
 from .portal_camera import PORTAL_CAMERA
+from .ray_camera import RAY_CAMERA
 from .render import Rendered, render_views
 
 CAMERAS = {camera.name: camera for camera in (OSL_CAMERA, PORTAL_CAMERA)}
@@ -71,8 +72,10 @@ class PackedCameras:
     """
 
     def __init__(self, asked: str, eyes: Iterable[Camera]) -> None:
-        self._candidates = tuple(CAMERAS.values()) if asked == "auto" else (CAMERAS[asked],)
         self._eyes = tuple(eyes)
+        self._candidates = tuple(CAMERAS.values()) if asked == "auto" else (CAMERAS[asked],)
+        if not all(map(is_planar, self._eyes)):
+            self._candidates = (RAY_CAMERA,)
         self._found: dict[tuple[str, float], str | None] = {}
 
     def chosen(self, scene: bpy.types.Scene, deepest: float) -> PackedCamera:

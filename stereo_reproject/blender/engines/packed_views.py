@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
-from ...views.camera import Camera, pixel_size, target_from_source
+from ...views.camera import Camera, pixel_size, planar, target_from_source
 from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
@@ -47,7 +47,7 @@ def numbers_of_others(scene: bpy.types.Scene, rendered: Camera, others: Sequence
     """
     numbers: list[float] = []
     for camera in others:
-        plane = camera.plane
+        plane = planar(camera).plane
         pose = FORWARD @ target_from_source(camera, rendered) @ FORWARD
         numbers += [plane.left, plane.top, *pixel_size(camera), focus_distance_of(scene, camera), *pose[:3].ravel()]
     return tuple(float(number) for number in numbers)

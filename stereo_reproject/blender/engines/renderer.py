@@ -16,7 +16,7 @@ from ...holes.classifier import Optics, ray_lengths_tell
 from ...images.denoising import Denoise
 from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
-from ...images.passes import COLOUR_PASS, Passes, cryptomatte_of
+from ...images.passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of
 from ...jobs.memory import give_back_freed
 from ...settings.frame import EYES
 from ...trace.costs import TraceCosts
@@ -24,8 +24,9 @@ from ...trace.fill import SourceCost
 from ...trace.measuring import TraceRender, learned_costs, open_share
 from ...trace.planner import FillPlanner
 from ...trace.requests import TraceRequest
-from ...views.camera import Camera, PerspectiveCamera
+from ...views.camera import Camera, PerspectiveCamera, is_planar
 from ...views.frustum import covered_by
+from ...views.panorama import share_between_eyes
 from ...warp.tuning import TUNING as WARP_TUNING
 from ...words import Words
 from ..gpu.warp import gpu_warper
@@ -72,8 +73,15 @@ class BlenderRenderer:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about parts of the scene that this way of rendering shows differently, a line each; none here."""
-        return []
+        """Warnings about parts of the scene that this way of rendering shows differently, or wrongly, a line each: here
+        of things that stand between the eyes of a panorama."""
+        if not self._between_eyes:
+            return []
+        message = (
+            "{share} of the picture show what is nearer to the camera than its interocular distance: the eyes do not "
+            "see that alike, and the pair may be wrong there; move the camera, or lower the distance"
+        )
+        return [Words(message, share=f"{self._between_eyes:.1%}")]
 
     def __init__(
         self,
@@ -95,6 +103,7 @@ class BlenderRenderer:
         self.seed = scene.cycles.seed
         self.motion = eyes_in_motion(scene, eyes) if vector_pass_asked_for(scene) else None
         self.metadata: dict[str, str] = {}
+        self._between_eyes = 0.0
         if views and scene.render.engine == CYCLES:
             switch_on_positions(scene)
         self.denoise: Denoise | None = None
@@ -155,7 +164,9 @@ class BlenderRenderer:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(without_sheet(rendered.attributes))
-        passes = without_counts(self.scene, self._guided(rendered.views[view])) | self._rays.of(rendered.views[view])
+        self._between_eyes = share_between_eyes(self.cameras[view], rendered.views[view][DEPTH_PASS][..., 0])
+        found = _with_depth(rendered.views[view], self.cameras[view])
+        passes = without_counts(self.scene, self._guided(found)) | self._rays.of(found)
         own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
 
@@ -235,7 +246,7 @@ class BlenderRenderer:
         for mask in request.masks:
             rendered, passes = WHOLE_TRACES[method](self.scene, request.view, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
-            apart.append(passes)
+            apart.append(_with_depth(passes, self.cameras[request.view], np.argwhere(mask)))
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
 
     def _note(self, method: str, rendered: Rendered, share: float) -> None:
@@ -269,6 +280,16 @@ def _as_asked_for(scene: bpy.types.Scene, passes: Passes) -> Passes:
     if scene.render.engine != CYCLES or cryptomatte_asked_for(scene):
         return passes
     return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
+
+
+def _with_depth(passes: Passes, camera: Camera, places: NDArray[np.intp] | None = None) -> Passes:
+    """Return a view's passes with depth as its camera has it, not as Blender's Depth pass has: (H, W, C), or (N, C) of
+    the pixels at places (N, 2), their rows and columns."""
+    if DEPTH_PASS not in passes or is_planar(camera):
+        return passes
+    y, x = np.indices(passes[DEPTH_PASS].shape[:2]) if places is None else places.T
+    depth = camera.depth_from_pass(x + 0.5, y + 0.5, passes[DEPTH_PASS][..., 0])
+    return {**passes, DEPTH_PASS: depth[..., None].astype(np.float32)}
 
 
 def cost_of(rendered: Rendered) -> SourceCost:

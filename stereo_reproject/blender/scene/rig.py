@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import BadInputError
-from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane
+from ...views.camera import Camera, OrthographicCamera, PerspectiveCamera, ViewPlane, planar
+from ...views.panorama import PanoramicCamera
+from ...views.projections import Rectilinear
 from ...words import Words
+from .panoramas import PROJECTIONS, panorama_projection, spherical_stereo
+from .rendered import CYCLES
 
 MODES = {"off-axis": "OFFAXIS", "parallel": "PARALLEL", "toe-in": "TOE"}
 
@@ -68,23 +72,33 @@ def check_camera(camera: bpy.types.Object | None) -> bpy.types.Object:
                 camera=repr(camera.name),
             )
         )
-    if camera.data.type not in ("PERSP", "ORTHO"):
-        kind = {"PANO": "panoramic", "CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
+    if camera.data.type not in ("PERSP", "ORTHO", "PANO"):
+        kind = {"CUSTOM": "custom"}.get(camera.data.type, camera.data.type)
         raise BadInputError(
             Words(
-                "camera {camera} is {kind}: only perspective and orthographic cameras are supported yet",
+                "camera {camera} is {kind}: only perspective, orthographic and panoramic cameras are supported yet",
                 camera=repr(camera.name),
                 kind=Words(kind),
             )
         )
-    if camera.data.type == "PERSP" and camera.data.stereo.use_spherical_stereo:
+    if camera.data.type == "PANO" and camera.data.panorama_type not in PROJECTIONS:
         raise BadInputError(
             Words(
-                "camera {camera} uses spherical stereo: switch it off, it is not supported yet",
+                "camera {camera} is a panoramic mirror ball, which is not supported: choose another panorama type",
                 camera=repr(camera.name),
             )
         )
     return camera
+
+
+def check_engine_shows(camera: bpy.types.Object, engine: str) -> None:
+    """Raise BadInputError if the engine, by its name in Blender, does not render a camera that `check_camera` takes as
+    Cycles does: EEVEE knows neither panoramas nor spherical stereo."""
+    data = camera.data
+    if engine != CYCLES and (data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo)):
+        what = "a panorama" if data.type == "PANO" else "spherical stereo"
+        message = "camera {camera} is set to {what}, which Cycles alone renders: set Cycles as engine"
+        raise BadInputError(Words(message, camera=repr(camera.name), what=Words(what)))
 
 
 def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> dict[str, Camera]:
@@ -108,8 +122,8 @@ def stereo_cameras(camera: bpy.types.Object, render: bpy.types.RenderSettings) -
 
 
 def _is_wide(eye: Camera) -> bool:
-    """Return whether double precision can tell the pixels of the eye's view plane apart."""
-    plane = eye.plane
+    """Return whether double precision can tell the pixels of the eye's view plane, or panorama, apart."""
+    plane = eye.window if isinstance(eye, PanoramicCamera) else planar(eye).plane
     sides = ((plane.left, plane.right, eye.width), (plane.bottom, plane.top, eye.height))
     return all(
         (high - low) / count > PIXEL_ROUNDINGS * np.finfo(np.float64).eps * max(abs(low), abs(high))
@@ -137,9 +151,31 @@ def _eye(camera: bpy.types.Object, render: bpy.types.RenderSettings, region: Fra
     data = camera.data
     world = np.array(camera.matrix_world, np.float64)
     world[:3, :3] /= np.linalg.norm(world[:3, :3], axis=0)
+    if data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo):
+        return _eye_with_rays(data, render, region, view, world)
     plane = _region_plane(_view_plane(data, render, region, data.shift_x + _stereo_shift(data, view)), region)
     model = OrthographicCamera if data.type == "ORTHO" else PerspectiveCamera
     return model(region.width, region.height, world @ camera_from_eye(data, view), plane)
+
+
+def _eye_with_rays(
+    data: bpy.types.Camera,
+    render: bpy.types.RenderSettings,
+    region: FrameRegion,
+    view: str,
+    world: NDArray[np.float64],
+) -> PanoramicCamera:
+    """Return one eye of a panoramic camera, or of a perspective one with spherical stereo, for the pixels of the
+    region. world is the camera's pose without its scale."""
+    stereo = spherical_stereo(data, view)
+    if data.type == "PERSP":
+        plane = _region_plane(_view_plane(data, render, region, data.shift_x), region)
+        return PanoramicCamera(region.width, region.height, world, plane, Rectilinear(), stereo, around_world=True)
+    # In a panorama a shift is in pictures, and off-axis convergence shifts nothing.
+    whole = ViewPlane(data.shift_x, 1.0 + data.shift_x, data.shift_y, 1.0 + data.shift_y)
+    pose = world if stereo is not None else world @ camera_from_eye(data, view)
+    projection = panorama_projection(data, render)
+    return PanoramicCamera(region.width, region.height, pose, _region_plane(whole, region), projection, stereo)
 
 
 def camera_from_eye(data: bpy.types.Camera, view: str) -> NDArray[np.float64]:

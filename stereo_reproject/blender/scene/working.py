@@ -15,7 +15,7 @@ from ...errors import BadInputError
 from ...settings.frame import SceneOverrides
 from ...words import Words
 from .rendered import camera_at, check_layers, engine_of
-from .rig import check_camera, frame_region
+from .rig import check_camera, check_engine_shows, frame_region
 from .setting_up import DRIVEN_SEED, apply_overrides, set_up
 
 Block = TypeVar("Block", bound=bpy.types.ID)
@@ -74,6 +74,7 @@ def working_scene(
     # As Blender has it, a frame that is asked for by its number has no subframe.
     frame, subframe = _standing(scene) if overrides.frame is None else (overrides.frame, 0.0)
     camera = check_camera(camera_at(scene, frame))
+    check_engine_shows(camera, engine)
     rendered = check_layers(scene)[0] if layer is None else layer
     copy = scene.copy()
     eye = camera.copy()

@@ -378,16 +378,17 @@ def looking_through_a_lamp(scene):
     scene.camera = lamp
 
 
-def panoramic(scene):
-    scene.camera.data.type = "PANO"
+def mirror_ball(scene):
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "MIRRORBALL"
 
 
 def custom(scene):
     scene.camera.data.type = "CUSTOM"
 
 
-def spherical(scene):
-    scene.camera.data.stereo.use_spherical_stereo = True
+def panorama_in_eevee(scene):
+    scene.camera.data.type = "PANO"
+    scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
 
 
 def layers_off(scene):
@@ -404,9 +405,9 @@ def workbench(scene):
     [
         (without_camera, "no camera"),
         (looking_through_a_lamp, "'Lamp'"),
-        (panoramic, "panoramic"),
+        (mirror_ball, "panoramic mirror ball"),
+        (panorama_in_eevee, "panorama, which Cycles alone renders"),
         (custom, "custom"),
-        (spherical, "spherical"),
         (layers_off, "view layer"),
         (workbench, "BLENDER_WORKBENCH"),
     ],

@@ -1,0 +1,151 @@
+"""Panoramic pairs: packed pixels are those that Blender's own multiview renders, and whole pairs are as good."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.scene.working import working_scene
+from stereo_reproject.errors import BadInputError
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.settings.frame import SceneOverrides
+from stereo_reproject.trace.requests import TraceRequest
+from tests.blender.scene.test_panoramas import DEGREE, LENSES, set_up
+from tests.blender.toolbox import (
+    FINEST_FILTER,
+    add_camera,
+    add_cube,
+    add_sphere,
+    colour,
+    emission,
+    empty_scene,
+    render_plain,
+    rms,
+)
+from tests.render.test_frame import render_pair, rgb, waves
+
+SIZE = (128, 64)
+
+POSITION = 1e-5
+"""Relative to the distance: single precision, in which the table has the rays too."""
+
+SOFTENED = 1.6
+"""rms(ours - a) / rms(b - a), where all noise is that of the pixel filter, and no light's hides that a lookup between
+pixels softens edges."""
+
+DEPTH = 3e-3
+"""Relative; depths of the ball's 32 x 16 faces and of small boxes are interpolated."""
+
+RIGHT_DEPTH = 0.9
+"""Share of target pixels whose depth is that: the others lie on edges, and all of these boxes are small."""
+
+MOST_TRACED = 0.45
+"""Share of pixels that are traced: these pictures are small, and the edges of their boxes and lenses long."""
+
+SPHERICAL = {
+    "convergence_mode": "OFFAXIS",
+    "use_spherical_stereo": True,
+    "use_pole_merge": True,
+    "pole_merge_angle_from": 60.0 * DEGREE,
+    "pole_merge_angle_to": 75.0 * DEGREE,
+}
+STEREOS = {"spherical": SPHERICAL, "toe-in": {"convergence_mode": "TOE", "pivot": "CENTER"}}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Shining by itself: boxes all around the camera, within a ball."""
+    scene = empty_scene(*SIZE, samples=16)
+    scene.cycles.sampling_pattern = "TABULATED_SOBOL"
+    add_sphere(scene, emission(image=waves(tmp_path, "ball", 0)), radius=9.0, location=(0.5, -0.3, 0.2))
+    box = emission(image=waves(tmp_path, "box", 1))
+    rng = np.random.default_rng(1)
+    for place in itertools.product((-2.4, 0.2, 2.1), repeat=3):
+        if np.linalg.norm(place) > 1.0:
+            add_cube(scene, box, size=rng.uniform(0.4, 0.8), location=place, rotation=rng.uniform(0, 3, 3))
+    add_camera(scene, interocular=0.065, convergence=2.5)
+    scene.camera.location, scene.camera.rotation_euler = (0.1, -0.2, 0.15), (math.pi / 2, 0.0, 0.7)
+    scene.camera.data.clip_start = 0.01
+    return scene
+
+
+@pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo):
+    set_up(scene, lens, stereo)
+    scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
+    scene.view_layers[0].use_pass_position = True
+    assert_packed_is_plain(scene, tmp_path)
+
+
+def test_packed_pixels_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    data = scene.camera.data
+    data.type, data.lens, data.clip_start = "PERSP", 12.0, 2.0
+    scene.camera.rotation_euler.x = 1.2
+    scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
+    scene.view_layers[0].use_pass_position = True
+    assert_packed_is_plain(scene, tmp_path)
+
+
+def assert_packed_is_plain(scene, folder):
+    plain = render_plain(scene, folder)
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder)
+        for view, expected in plain.items():
+            camera = renderer.cameras[view]
+            shape = (camera.height, camera.width)
+            (traced,) = renderer.trace("packed", [TraceRequest(view, np.ones(shape, bool))])
+            traced = {name: image.reshape(*shape, -1) for name, image in traced.items()}
+            hit = np.isfinite(expected[DEPTH_PASS][..., 0]) & (expected[DEPTH_PASS][..., 0] > 0.0)
+            assert np.array_equal(hit, np.isfinite(traced[DEPTH_PASS][..., 0]) & (traced[DEPTH_PASS][..., 0] > 0.0))
+            y, x = np.indices(shape) + 0.5
+            depth = camera.pass_from_depth(x, y, traced[DEPTH_PASS][..., 0])
+            off = np.linalg.norm(traced["Position"] - expected["Position"], axis=-1) / np.fmax(depth, 1e-6)
+            # A ray that grazes an edge meets one side or the other.
+            assert np.mean(off[hit] < POSITION) > 0.995
+            close = hit & (off < POSITION)
+            np.testing.assert_allclose(depth[close], expected[DEPTH_PASS][..., 0][close], rtol=10.0 * POSITION)
+            assert rms((traced[COLOUR_PASS] - expected[COLOUR_PASS])[close]) < 1e-3
+
+
+@pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+def test_a_pair(scene, tmp_path, lens, stereo):
+    set_up(scene, lens, stereo)
+    first, second = (render_plain(scene, tmp_path, seed=seed)["right"] for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed")
+    assert report["fractions"]["rerendered"] < MOST_TRACED
+    ours = rgb(eyes["right"])
+    noise = rms(colour(second) - colour(first))
+    assert rms(ours - colour(first)) < SOFTENED * noise
+    depth, expected = eyes["right"]["Depth.Z"], first[DEPTH_PASS][..., 0]
+    known = np.isfinite(expected) & (expected > 0.0)
+    assert np.mean(np.abs(depth[known] / expected[known] - 1.0) < DEPTH) > RIGHT_DEPTH
+    nothing = colour(first).max(axis=-1) + colour(second).max(axis=-1) == 0.0
+    # Beside the lens a pixel may show a little of what it has within.
+    assert np.mean(ours[nothing] > 0.0) < 0.02 if nothing.any() else True
+
+
+def test_things_between_the_eyes_are_warned_of(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.cycles.samples = 1
+    scene.camera.data.stereo.interocular_distance = 4.0
+    report, _ = render_pair(scene, tmp_path, fill="packed")
+    assert any("nearer to the camera than its interocular distance" in line for line in report["warnings"])
+
+
+def test_without_such_things_nothing_is_warned_of(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.cycles.samples = 1
+    report, _ = render_pair(scene, tmp_path, fill="packed")
+    assert not any("interocular" in line for line in report["warnings"])
+
+
+def test_pole_limits_that_cross_are_refused(scene, tmp_path):
+    crossing = {**SPHERICAL, "pole_merge_angle_from": 75.0 * DEGREE, "pole_merge_angle_to": 60.0 * DEGREE}
+    set_up(scene, LENSES["VR180"], crossing)
+    with pytest.raises(BadInputError, match=r"starts at 75° and ends at 60°: set its end above its start"):
+        render_pair(scene, tmp_path, fill="packed")
