@@ -15,6 +15,7 @@ def _classes() -> tuple[type, ...]:
     from . import (
         depth,
         depth_view,
+        explained,
         image_panels,
         jobs,
         kept,
@@ -48,6 +49,7 @@ def _classes() -> tuple[type, ...]:
         screen_here.STEREO_REPROJECT_OT_set_screen_here,
         depth_view.STEREO_REPROJECT_GGT_screen,
         pictures.STEREO_REPROJECT_OT_show_picture,
+        explained.STEREO_REPROJECT_OT_explain,
         preset_menu.STEREO_REPROJECT_OT_add_preset,
         preset_menu.STEREO_REPROJECT_PT_presets,
         view_modes.STEREO_REPROJECT_OT_show_view,

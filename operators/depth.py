@@ -10,9 +10,13 @@ from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from ..stereo_reproject.words import Words
+from .lengths import length_words
 from .results import KnownDepth, result_of
 from .stereo import EditsCamera, check_editable, parallax_now, viewing_conditions
 from .text import reported, sentence, shown
+
+BEHIND_FOR_CUT = "{line}. Nothing is in front of the screen, because its edge would cut {name} there (Avoid Cuts)"
+"""Report of a fit that places all behind the screen."""
 
 MAX_INTEROCULAR = 100.0
 """Interocular distance, in scene units, up to which Blender's own setting goes."""
@@ -120,20 +124,25 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
         scene = context.scene
         try:
             data = check_editable(scene).data
-            fit = self._fit(context, data)
+            fit, cut = self._fit(context, data)
         except BadInputError as error:
             self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         data.stereo.interocular_distance = fit.interocular
         if data.stereo.convergence_mode == "OFFAXIS":
             data.stereo.convergence_distance = convergence_of_screen(data, fit.screen_depth)
-        length = bpy.utils.units.to_string(scene.unit_settings.system, "LENGTH", fit.interocular, precision=3)
+        length = length_words(scene, fit.interocular)
         line = Words("Interocular {length}: {parallax}", length=length, parallax=parallax_line(scene))
+        if cut is not None:
+            line = Words(BEHIND_FOR_CUT, line=line, name=repr(cut))
         self.report({"INFO"}, reported(line))
         return {"FINISHED"}
 
-    def _fit(self, context: bpy.types.Context, data: bpy.types.Camera) -> Fit:
-        """Return the stereo settings that fit the scene as it is now. Raises BadInputError where there are none."""
+    def _fit(self, context: bpy.types.Context, data: bpy.types.Camera) -> tuple[Fit, str | None]:
+        """Return the stereo settings that fit the scene as it is now, and the name of what the frame would cut in front
+        of the screen, for which all is placed behind it; None if there is nothing. Raises BadInputError where no
+        settings fit.
+        """
         refuse_what_cannot_be_fitted(data)
         if self.in_front + self.behind == 0.0:
             raise BadInputError("no depth is left: raise In Front or Behind")
@@ -142,13 +151,14 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
         eyes = stereo_cameras(scene.camera, scene.render)
         width = unit_width(eyes["left"], frame_region(scene.render).full_width)
         limits = fit_limits(viewing, Limits(-self.in_front, self.behind))
+        avoided = None
         if data.stereo.convergence_mode == "PARALLEL":
             fit = fit_parallel(known.near, limits, width)
         else:
             fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
             cut = cut_in_front(known.edges, fit.depth_at(-MIN_CUT_PERCENT, width), EDGE_ROWS)
             if cut and self.avoid_cuts and limits.far > 0.0:
-                limits = Limits(0.0, limits.far)
+                limits, avoided = Limits(0.0, limits.far), cut[0][0]
                 fit = fit_off_axis(known.near, known.far, limits, width, viewing.eyes_percent)
         if fit.interocular > MAX_INTEROCULAR:
             raise BadInputError(
@@ -157,7 +167,7 @@ class STEREO_REPROJECT_OT_fit_to_comfort(EditsCamera, bpy.types.Operator):
                     length=f"{fit.interocular:.0f}",
                 )
             )
-        return fit
+        return fit, avoided
 
 
 def refuse_what_cannot_be_fitted(data: bpy.types.Camera) -> None:

@@ -27,25 +27,25 @@ on most screens."""
 
 MAX_NAMED_CUTS = 2
 
-TURNED_APART = (
-    "Too far behind a screen {width} m wide: wider apart than a viewer's eyes ({eyes} mm). Lower the interocular"
-    " distance, or set the convergence farther away."
-)
-TOO_FAR = (
-    "Too far behind the screen: more than {percent} %."
-    " Lower the interocular distance, or set the convergence farther away."
-)
-TOO_NEAR = (
-    "Too near in front of the screen: more than {percent} %."
-    " Lower the interocular distance, or set the convergence nearer."
-)
+TURNED_APART = "Too far behind a screen {width} m wide: wider apart than a viewer's eyes ({eyes} mm)."
+TOO_FAR = "Too far behind the screen: more than {percent} %."
+TOO_NEAR = "Too near in front of the screen: more than {percent} %."
 """Warnings of the panel, each with figures in braces."""
 
 CUT = {
-    "left": "{name} is in front of the screen and cut by its left edge. Set the convergence nearer, or move it.",
-    "right": "{name} is in front of the screen and cut by its right edge. Set the convergence nearer, or move it.",
+    ("left",): "{name} is in front of the screen and cut by its left edge.",
+    ("right",): "{name} is in front of the screen and cut by its right edge.",
+    ("left", "right"): "{name} is in front of the screen and cut by its left and right edges.",
 }
-"""Message about what the frame cuts, by the side of its edge."""
+"""Message about what the frame cuts, by the sides of its edges."""
+
+LOWER = "Lower the interocular distance."
+LOWER_OR_FARTHER = "Lower the interocular distance, or set the convergence farther away."
+LOWER_OR_NEARER = "Lower the interocular distance, or set the convergence nearer."
+LOWER_OR_MOVE = "Lower the interocular distance, or move the object."
+NEARER_OR_MOVE = "Set the convergence nearer, or move the object."
+"""Advice that follows a warning. Only the interocular distance helps on both sides of the screen, and in a parallel
+camera."""
 
 FIT_SHARE = 0.43
 """Share of the row that Fit to Comfort has: the other button has an icon, and both must fit into a narrow panel."""
@@ -88,16 +88,20 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 
 
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons that place the scene's depth, that depth on the screen, and what is uncomfortable in it."""
+    """Draw what is uncomfortable in the scene's depth, the buttons that place it, and that depth on the screen."""
     layout.use_property_split = False
+    scene = context.scene
+    known, found = result_of(scene).depth, parallax_now(scene)
+    limits = comfort_limits(viewing_conditions(scene))
+    if known is not None and found:
+        for warning in warnings_on(scene, known, found, limits):
+            paragraph(layout, context, warning, icon="ERROR")
     # Beside its icon, the text needs no margins of its own.
     fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
     row.operator(STEREO_REPROJECT_OT_fit_to_comfort.bl_idname)
     row.operator(STEREO_REPROJECT_OT_set_screen_here.bl_idname, icon="EYEDROPPER")
-    scene = context.scene
     layout.prop(scene.stereo_reproject, "show_depth", toggle=True, icon="VIEW3D")
-    known, found = result_of(scene).depth, parallax_now(scene)
     if known is None or not found:
         layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
         return
@@ -110,15 +114,12 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     else:
         paragraph(column, context, when)
         column.operator(measure, icon="FILE_REFRESH")
-    limits = comfort_limits(viewing_conditions(scene))
     percents = [parallax.percent for _, parallax in found]
     _draw_bar(column, min(percents), max(percents), limits)
     _draw_ends(column, context)
     for name, parallax in found:
         fields = {"side": side_words(parallax.percent), "pixels": f"{abs(parallax.pixels):.0f}"}
         paragraph(layout, context, Words("{end}: {side} ({pixels} px)", end=Words(name), **fields))
-    for warning in warnings_on(scene, known, found, limits):
-        paragraph(layout, context, warning, icon="ERROR")
 
 
 def _when(known: KnownDepth, scene: bpy.types.Scene) -> str:
@@ -165,19 +166,25 @@ def warnings_on(
     `parallax_now` returns where the depth is known, limits are those of the viewing conditions.
     """
     (_, near), (_, far) = found
+    cuts = _cuts(scene, known)
+    apart, too_near = not is_comfortable(scene, far), near.percent < limits.near
+    too_far = apart or far.percent > limits.far
+    only_lower = (too_far and (too_near or bool(cuts))) or scene.camera.data.stereo.convergence_mode == "PARALLEL"
     warnings = []
-    if not is_comfortable(scene, far):
+    if apart:
         viewing = viewing_conditions(scene)
         sizes = {"width": f"{viewing.screen_width:g}", "eyes": f"{1000.0 * viewing.eye_distance:.0f}"}
-        warnings.append(Words(TURNED_APART, **sizes))
-    elif far.percent > limits.far:
-        warnings.append(Words(TOO_FAR, percent=f"{limits.far:.1f}"))
-    if near.percent < limits.near:
-        warnings.append(Words(TOO_NEAR, percent=f"{-limits.near:.1f}"))
-    return warnings + _cut(scene, known)
+        warnings.append((Words(TURNED_APART, **sizes), LOWER_OR_FARTHER))
+    elif too_far:
+        warnings.append((Words(TOO_FAR, percent=f"{limits.far:.1f}"), LOWER_OR_FARTHER))
+    if too_near:
+        warnings.append((Words(TOO_NEAR, percent=f"{-limits.near:.1f}"), LOWER_OR_NEARER))
+    said = [(warning, LOWER if only_lower else advice) for warning, advice in warnings]
+    said += [(cut, LOWER_OR_MOVE if only_lower else NEARER_OR_MOVE) for cut in cuts]
+    return [Words("{warning} {advice}", warning=warning, advice=Words(advice)) for warning, advice in said]
 
 
-def _cut(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
+def _cuts(scene: bpy.types.Scene, known: KnownDepth) -> list[Words]:
     """Return sentences that name what stands in front of the screen and is cut by the frame's left or right edge."""
     eyes = eyes_of(scene)
     if eyes is None or not known.edges:
@@ -186,6 +193,8 @@ def _cut(scene: bpy.types.Scene, known: KnownDepth) -> list[str]:
     depth = depth_at_parallax(left, right, -MIN_CUT_PERCENT, frame_width)
     if depth is None:
         return []
-    return [
-        Words(CUT[side], name=repr(name)) for name, side in cut_in_front(known.edges, depth, EDGE_ROWS)[:MAX_NAMED_CUTS]
-    ]
+    sides: dict[str, list[str]] = {}
+    for name, side in cut_in_front(known.edges, depth, EDGE_ROWS):
+        sides.setdefault(name, []).append(side)
+    named = list(sides.items())[:MAX_NAMED_CUTS]
+    return [Words(CUT[tuple(sorted(found))], name=repr(name)) for name, found in named]

@@ -7,51 +7,43 @@ from typing import Any
 
 import bpy
 
+from ..stereo_reproject.images.reasons import Reason
 from ..stereo_reproject.pipeline.next_accuracy import WHOLE
 from ..stereo_reproject.pipeline.stages import OUTSIDE_TOTAL, Stage, label_of
 from ..stereo_reproject.report.table import more_seconds_text
 from ..stereo_reproject.report.verdict import accuracy_name, saved_seconds
 from ..stereo_reproject.words import Words
 from .drawing import draw_row, paragraph
+from .explained import ESTIMATED, MEASURED, TIME, TRACED, draw_heading
 from .results import result_of
 
-REASONS = {
-    "disoccluded": "Hidden before",
-    "outside": "Beyond the edge",
-    "silhouette": "Edges",
-    "transparent": "Behind glass",
-    "volume": "Volumes",
-    "defocus": "Blurred edges",
-    "detail": "Fine detail",
-    "view-dependent": "Mirrors",
-    "invalid": "Broken pixels",
-    "refined": "Uncertain areas",
-    "probe": "Spot checks",
-    "rerendered": "In all",
-}
+REASONS = {reason.label: reason.words for reason in Reason} | {"rerendered": "In all"}
 """Names, for artists, of the reasons why pixels of the second eye were rendered."""
 
 STAGES: dict[str, str] = {
-    Stage.PLAN: "Looking at it",
+    Stage.PLAN: "Scene examined",
     Stage.SOURCE: "Rendered eye",
-    Stage.DENOISE_SOURCE: "Denoising it",
+    Stage.DENOISE_SOURCE: "Denoising that eye",
     Stage.WARP: "Reprojecting",
-    Stage.PILOT: "First checks",
+    Stage.PILOT: "First spot checks",
     Stage.FILL: "Rendered again",
     Stage.REFINE: "Uncertain areas",
-    Stage.DENOISE_TARGET: "Denoising",
+    Stage.DENOISE_TARGET: "Denoising the other eye",
 }
 """Names, for artists, of the stages of a pair."""
 
-MEASURED = (
-    ("Honest ratio", "honest_ratio"),
-    ("Noise ratio", "noise_ratio"),
-    ("Worst tiles", "worst_tiles"),
-    ("Error", "rmse"),
+ERROR, ERROR_AND_NOISE = "Error (1 = only noise)", "Error and noise"
+"""Names, for artists, of the honest ratio and of the noise ratio."""
+
+MEASURED_FIGURES = (
+    (ERROR, "honest_ratio"),
+    (ERROR_AND_NOISE, "noise_ratio"),
+    ("Worst spots", "worst_tiles"),
+    ("Mean difference", "rmse"),
 )
 """Figures of a comparison that are shown: names for artists, and keys of the report."""
 
-KEPT = {True: "kept", False: "not kept", None: "too close"}
+KEPT = {True: "kept", False: "not kept", None: "too close to tell"}
 
 
 class Details:
@@ -86,26 +78,27 @@ def made_by(report: Mapping[str, Any], size: str) -> Words:
 def _draw_quality(layout: bpy.types.UILayout, context: bpy.types.Context, report: Mapping[str, Any]) -> None:
     """Draw the estimated and measured quality, and the price of a better one."""
     column = layout.column(align=True)
-    column.label(text="Quality (Estimated)")
+    draw_heading(column, ESTIMATED)
     estimate = report["estimate"]
     if estimate["noise_ratio"] is None:
-        paragraph(column, context, Words("No estimate: {reason}", reason=estimate["from"]))
+        paragraph(column, context, Words("Not checked: {reason}", reason=estimate["from"]))
     else:
-        draw_row(column, "Honest ratio", f"{estimate['honest_ratio']:.3f}")
+        draw_row(column, ERROR, f"{estimate['honest_ratio']:.3f}")
         if estimate["honest_low"] is not None:
-            draw_row(column, "95 % interval", f"{estimate['honest_low']:.2f} - {estimate['honest_high']:.2f}")
+            draw_row(column, "Likely range", f"{estimate['honest_low']:.2f} - {estimate['honest_high']:.2f}")
         if estimate["promise"] is not None:
-            draw_row(column, Words("At most {ratio}", ratio=f"{estimate['promise']:g}"), KEPT[estimate["kept"]])
-        draw_row(column, "Noise ratio", f"{estimate['noise_ratio']:.3f}")
+            promise = Words("Promise: at most {ratio}", ratio=f"{estimate['promise']:g}")
+            draw_row(column, promise, KEPT[estimate["kept"]])
+        draw_row(column, ERROR_AND_NOISE, f"{estimate['noise_ratio']:.3f}")
     if report.get("correction"):
         draw_row(column, "Matched to EEVEE", f"{100.0 * report['correction']['mean']:.0f} %")
     compare = report.get("compare")
     if compare:
         column = layout.column(align=True)
-        column.label(text="Quality (Measured)")
+        draw_heading(column, MEASURED)
         if compare.get("no_noise"):
-            paragraph(column, context, Words("No noise ratio: {reason}", reason=compare["no_noise"]))
-        for words, name in MEASURED:
+            paragraph(column, context, Words("Not held against noise: {reason}", reason=compare["no_noise"]))
+        for words, name in MEASURED_FIGURES:
             if compare.get(name) is not None:
                 draw_row(column, words, f"{compare[name]:.3f}")
     paragraph(layout, context, price_words(report["price"]))
@@ -115,10 +108,12 @@ def price_words(price: Mapping[str, Any]) -> str:
     """Return a sentence that says what the next better accuracy would cost. `price` is the part of that name of a
     pair's report.
     """
-    better = Words("Rendering it whole" if price["accuracy"] == WHOLE else accuracy_name(price["accuracy"]))
     if price["more_seconds"] is None:
         return Words("It cannot be better: all of it was rendered")
-    return Words("{better} would take {time}", better=better, time=more_seconds_text(price))
+    time = more_seconds_text(price)
+    if price["accuracy"] == WHOLE:
+        return Words("Rendering both eyes would take {time}", time=time)
+    return Words("Accuracy {better} would take {time}", better=Words(accuracy_name(price["accuracy"])), time=time)
 
 
 def fill_words(fill: Mapping[str, Any]) -> Words:
@@ -130,16 +125,16 @@ def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: 
     """Draw the seconds of each stage, and the gain over multiview."""
     seconds = report["seconds"]
     column = layout.column(align=True)
-    column.label(text="Time")
+    draw_heading(column, TIME)
     for name in (*(stage for stage in Stage if stage not in OUTSIDE_TOTAL), "total"):
         if seconds.get(name, 0.0) >= 0.005:
             draw_row(column, STAGES.get(name, label_of(name).capitalize()), f"{seconds[name]:.2f} s")
     compare = report.get("compare")
     if compare:
-        draw_row(column, "Multiview", f"{compare['multiview_seconds']:.2f} s")
-        draw_row(column, "Gain, measured", f"{compare['speedup']:.2f} x")
+        draw_row(column, "Both eyes rendered", f"{compare['multiview_seconds']:.2f} s")
+        draw_row(column, "Speed, measured", f"{compare['speedup']:.2f} x")
     else:
-        draw_row(column, "Gain, predicted", f"{report['predicted_speedup']:.2f} x")
+        draw_row(column, "Speed, predicted", f"{report['predicted_speedup']:.2f} x")
     draw_row(column, "Saved in all", f"{saved_seconds(report):.2f} s")
     paragraph(layout, context, fill_words(report["fill"]))
 
@@ -147,7 +142,7 @@ def _draw_times(layout: bpy.types.UILayout, context: bpy.types.Context, report: 
 def _draw_traced(layout: bpy.types.UILayout, report: Mapping[str, Any]) -> None:
     """Draw the share of the second eye's pixels that were rendered again, for each reason."""
     column = layout.column(align=True)
-    column.label(text="Rendered Again")
+    draw_heading(column, TRACED)
     for name, fraction in report["fractions"].items():
         if fraction > 0.0:
             draw_row(column, REASONS.get(name, name.capitalize()), f"{100.0 * fraction:.1f} %")

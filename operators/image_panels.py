@@ -8,7 +8,7 @@ from .details import Details
 from .drawing import draw_buttons, draw_outcome
 from .fitting import fits
 from .jobs import running
-from .pictures import STEREO_REPROJECT_OT_show_picture
+from .pictures import NAME, STEREO_REPROJECT_OT_show_picture
 from .results import PICTURES, Result, result_of
 from .view_row import draw_view_modes
 
@@ -29,16 +29,21 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
             self._draw_pictures(context, result)
 
     def _draw_pictures(self, context: bpy.types.Context, result: Result) -> None:
-        """Draw a button for the pair and one for each picture that explains it; those of missing pictures are grey."""
+        """Draw a button for the pair and one for each picture that explains it, that of the one that is shown pressed;
+        those of missing pictures are grey.
+        """
         column = self.layout.column(align=True)
         name = STEREO_REPROJECT_OT_show_picture.bl_idname
-        column.operator(name, text="Stereo Pair", icon="CAMERA_STEREO").which = "PAIR"
+        image = context.space_data.image
+        is_pair = image is not None and image.type == "RENDER_RESULT"
+        column.operator(name, text="Render Result", icon="CAMERA_STEREO", depress=is_pair).which = "PAIR"
         beside = all(fits(context, text, 0.5) for _, text, _ in PICTURES.values())
         grid = column.grid_flow(columns=2 if beside else 1, even_columns=True, align=True)
         for which, (_, text, _) in PICTURES.items():
+            is_shown = image is not None and image.name == NAME.format(text)
             row = grid.row(align=True)
             row.enabled = result.picture(which) is not None
-            row.operator(name, text=text).which = which
+            row.operator(name, text=text, depress=is_shown).which = which
 
 
 class IMAGE_PT_stereo_reproject_details(Details, bpy.types.Panel):

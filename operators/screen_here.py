@@ -12,6 +12,7 @@ from ..stereo_reproject.blender.scene.rig import frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.depth_range import FramePixels
 from ..stereo_reproject.words import Words
+from .lengths import length_words
 from .results import result_of
 from .slots import content_now
 from .stereo import EditsCamera, check_editable, set_screen_depth, warn_if_parallel
@@ -106,7 +107,7 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
             self.report({"ERROR"}, sentence(reported(error)))
             return {"CANCELLED"}
         set_screen_depth(scene, self.depth)
-        words = Words("The screen is {length} before the camera", length=length_words(scene, self.depth))
+        words = Words("The screen is {length} from the camera", length=length_words(scene, self.depth))
         self.report({"INFO"}, reported(words))
         warn_if_parallel(self, scene)
         return {"FINISHED"}
@@ -115,11 +116,6 @@ class STEREO_REPROJECT_OT_set_screen_here(EditsCamera, bpy.types.Operator):
 def show_help(context: bpy.types.Context, text: str) -> None:
     """Show a text about what is under the mouse in the status bar, and after it what can be done."""
     context.workspace.status_text_set(f"{shown(text)}    {shown(HELP)}")
-
-
-def length_words(scene: bpy.types.Scene, length: float) -> str:
-    """Return a length, in scene units, in the scene's unit system."""
-    return bpy.utils.units.to_string(scene.unit_settings.system, "LENGTH", length, precision=3)
 
 
 def depth_under_mouse(context: bpy.types.Context, event: bpy.types.Event) -> float:

@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..stereo_reproject.blender.commands.processes import module_in_blender
 from ..stereo_reproject.blender.output.saved_views import shown_views
-from ..stereo_reproject.blender.output.wiggle import GIF, check_wiggle_path, wiggle_pictures
+from ..stereo_reproject.blender.output.wiggle import GIF, check_wiggle_path, wiggle_pictures, wiggle_size
 from ..stereo_reproject.delivery.gif import write_gif
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.files import whole_file
@@ -19,7 +19,9 @@ from ..stereo_reproject.jobs.wiggle_movie import make_wiggle_movie
 from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
 from ..stereo_reproject.words import Words
+from .results import result_of
 from .run import temporary_folder
+from .slots import content_now
 from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in
 from .wiggling import WIGGLE_SECONDS
@@ -45,7 +47,7 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         max=100,
     )
     seconds: bpy.props.FloatProperty(
-        name="Time per Eye",
+        name="Time per Eye (s)",
         description="Time for which each eye is shown, in seconds",
         default=WIGGLE_SECONDS,
         min=0.02,
@@ -60,13 +62,19 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
         cls.poll_message_set(shown(NO_PAIR))
         return context.scene is not None and pair_in(context) is not None
 
-    def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the settings beside the files."""
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings beside the files, and the size in pixels where the pair's is known."""
         column = self.layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(self, "percentage")
+        sides = _sides_of_pair(context)
+        if sides is not None:
+            width, height = wiggle_size(sides, self.percentage, suffix=Path(self.filepath).suffix.lower() or GIF)
+            row = column.row()
+            row.alignment = "RIGHT"
+            row.label(text=shown(Words("{width} x {height} pixels", width=width, height=height)))
         column.prop(self, "seconds")
-        for line in ("The name's ending says which:", ".gif plays anywhere,", ".mp4 is smaller"):
+        for line in ("The name's ending says which:", ".gif plays anywhere,", ".mp4 has all colours"):
             self.layout.label(text=line)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -87,6 +95,23 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             return {"CANCELLED"}
         self.report({"INFO"}, reported(Words("Wiggle saved: {path}", path=path)))
         return {"FINISHED"}
+
+
+def _sides_of_pair(context: bpy.types.Context) -> tuple[int, int] | None:
+    """Return width and height of the pair that would be exported, in pixels; None where they are not known: Blender
+    does not tell them of a Render Result that is not ours.
+    """
+    pair = pair_in(context)
+    if pair is None or pair.type != "RENDER_RESULT":
+        sides = (0, 0) if pair is None else tuple(pair.size)
+        return sides if all(sides) else None
+    result, content = result_of(context.scene), content_now()
+    delivery = result.delivery
+    if result.report is None or delivery is None or content is None:
+        return None
+    if content not in (delivery.content, delivery.multiview):
+        return None
+    return tuple(result.report["size"])
 
 
 def _export(scene: bpy.types.Scene, pair: bpy.types.Image, path: Path, percentage: float, seconds: float) -> None:

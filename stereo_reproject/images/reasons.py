@@ -41,5 +41,26 @@ class Reason(IntFlag):
 
     @property
     def label(self) -> str:
-        """Name of the reason in reports and legends, as "view-dependent"."""
+        """Name of the reason in reports, as "view-dependent"."""
         return str(self.name).lower().replace("_", "-")
+
+    @property
+    def words(self) -> str:
+        """Name of the reason for artists, in legends and panels, as "Reflections"."""
+        return WORDS[self]
+
+
+WORDS = {
+    Reason.DISOCCLUDED: "Hidden from the first eye",
+    Reason.OUTSIDE: "Beyond the frame",
+    Reason.SILHOUETTE: "Edges",
+    Reason.TRANSPARENT: "Behind glass",
+    Reason.VIEW_DEPENDENT: "Reflections",
+    Reason.VOLUME: "Volumes",
+    Reason.DEFOCUS: "Blurred edges",
+    Reason.DETAIL: "Fine detail",
+    Reason.REFINED: "Uncertain areas",
+    Reason.PROBE: "Spot checks",
+    Reason.INVALID: "Broken pixels",
+}
+"""Names of the reasons for artists."""

@@ -18,14 +18,20 @@ from ..words import Words
 UNCERTAIN_AREAS = "Uncertain Areas"
 """Name, for artists, of the picture estimate.png, which shows where the second eye is off by more than noise."""
 
-AS_GOOD = "As good as a full render"
-NEARLY_AS_GOOD = "Nearly as good as a full render"
-NOT_AS_GOOD = f"Not as good as a full render: see {UNCERTAIN_AREAS}"
-TOO_CLOSE = "Too close to tell if it is as good as a full render"
+RENDERED = "rendering both eyes"
+"""Words for that against which a pair's quality and time are held."""
+
+OF_PREVIEW = f"{RENDERED} of this preview"
+"""Words for that against which a preview's quality is held."""
+
+AS_GOOD = "As good as rendering both eyes"
+NEARLY_AS_GOOD = "Nearly as good as rendering both eyes"
+NOT_AS_GOOD = f"Not as good as rendering both eyes: see {UNCERTAIN_AREAS}"
+TOO_CLOSE = "Too close to tell if it is as good as rendering both eyes"
 UNPROMISED = "Not checked: reflections and glass stay as the first eye sees them"
 
 MAX_EQUAL_RATIO = SETTINGS["balanced"].promise or 1.0
-"""Greatest honest ratio of a picture that is called as good as a full render: what the default accuracy promises."""
+"""Greatest honest ratio of a picture that is called as good as a rendered one: what the default accuracy promises."""
 
 LEAST_NAMED_SHARE = 0.01
 """Least share of wrong tiles that the verdict of a good picture mentions."""
@@ -66,21 +72,22 @@ def accuracy_name(accuracy: str) -> str:
 
 def quality_of(report: Mapping[str, Any], *, preview: bool = False) -> Verdict:
     """Return the verdict on a pair's quality. A comparison with multiview decides where it has measured something;
-    else the estimate does. A preview is held against a plain preview, since it tells nothing of more samples."""
+    else the estimate does. A preview is held against both eyes rendered as small and noisy, since it tells nothing of
+    more samples."""
     found = _quality_of(report)
     return Verdict(_of_preview(found.words), found.good) if preview else found
 
 
 def _of_preview(words: str) -> str:
-    """Return words about a full render as words about a plain preview."""
+    """Return words about a pair as words about a preview."""
     if not isinstance(words, Words):
-        return words.replace("a full render", "a plain preview")
+        return words.replace(RENDERED, OF_PREVIEW)
     fields = {name: _of_preview(field) if isinstance(field, str) else field for name, field in words.fields.items()}
-    return Words(words.message.replace("a full render", "a plain preview"), **fields)
+    return Words(words.message.replace(RENDERED, OF_PREVIEW), **fields)
 
 
 def _quality_of(report: Mapping[str, Any]) -> Verdict:
-    """Return the verdict on a pair's quality, held against a full render; see `quality_of`."""
+    """Return the verdict on a pair's quality, held against both eyes rendered whole; see `quality_of`."""
     estimate, compare = report["estimate"], report.get("compare") or {}
     measured = compare.get("honest_ratio")
     if measured is not None:
@@ -127,14 +134,14 @@ def quality_of_animation(rows: Sequence[Mapping[str, Any]]) -> Verdict | None:
         return None
     if worse:
         counts = {"count": len(worse), "all": len(told), "frames": spelled(worse)}
-        words = Words("Not as good as full renders: {count} of {all} frames ({frames})", **counts)
+        words = Words("Not as good as rendering both eyes: {count} of {all} frames ({frames})", **counts)
         return Verdict(words, good=False)
     if None in told.values():
         unknown = sum(good is None for good in told.values())
         counts = {"count": unknown, "all": len(told)}
-        words = Words("Not known of {count} of {all} frames if they are as good as full renders", **counts)
+        words = Words("Not known of {count} of {all} frames if they are as good as rendering both eyes", **counts)
         return Verdict(words, good=None)
-    return Verdict("As good as full renders", good=True)
+    return Verdict(AS_GOOD, good=True)
 
 
 def duration(seconds: float) -> str:
@@ -207,8 +214,9 @@ def predicted_words(gain: float) -> str:
     be."""
     share = 1.0 - 1.0 / gain
     if share < LEAST_SAVED_SHARE:
-        return Words("Full render: little or no time saved, predicted")
-    return Words("Full render: {share} % less time, predicted", share=f"{100.0 * share:.0f}")
+        return Words("A full render is predicted to save little or no time over rendering both eyes")
+    message = "A full render is predicted to take {share} % less time than rendering both eyes"
+    return Words(message, share=f"{100.0 * share:.0f}")
 
 
 def time_words(report: Mapping[str, Any], *, full_gain: float | None = None) -> str:

@@ -95,10 +95,37 @@ def test_a_fit_never_turns_the_eyes_apart(fit, scene):
     assert fit()[1] == pytest.approx(0.65, abs=PERCENT_TOLERANCE)
 
 
-def test_a_fit_keeps_behind_the_screen_what_the_frame_would_cut(fit, scene):
+def test_a_fit_keeps_behind_the_screen_what_the_frame_would_cut(fit, scene, capfd):
     place_at_the_left_edge(scene)
     assert fit() == pytest.approx([0.0, 2.0], abs=PERCENT_TOLERANCE)
+    assert "because its edge would cut 'Post' there (Avoid Cuts)" in capfd.readouterr().out
     assert fit(avoid_cuts=False) == pytest.approx([-1.0, 2.0], abs=PERCENT_TOLERANCE)
+    assert "Avoid Cuts" not in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("system", "unit", "scale", "length", "words"),
+    [
+        ("METRIC", "METERS", 1.0, 0.06283, "0.0628 m"),
+        ("METRIC", "METERS", 1.0, 2.0, "2 m"),
+        ("METRIC", "METERS", 1.0, 1234.5, "1234 m"),
+        ("METRIC", "CENTIMETERS", 1.0, 0.06283, "6.28 cm"),
+        ("METRIC", "METERS", 0.01, 6.5, "0.065 m"),
+        ("METRIC", "ADAPTIVE", 1.0, 0.06283, "6.28 cm"),
+        ("IMPERIAL", "FEET", 1.0, 3.048, "10 ft"),
+        ("NONE", "METERS", 0.01, 0.06283, "0.0628"),
+        ("METRIC", "METERS", 1.0, 0.0, "0 m"),
+    ],
+)
+def test_lengths_are_in_the_unit_that_the_scene_asks_for(extension, scene, system, unit, scale, length, words):
+    from stereo_reproject_extension.operators.lengths import length_words
+
+    units = scene.unit_settings
+    units.system = system
+    if system != "NONE":
+        units.length_unit = unit
+    units.scale_length = scale
+    assert length_words(scene, length) == words
 
 
 def test_a_parallel_camera_is_fitted_by_its_interocular_distance(fit, scene):
@@ -305,6 +332,7 @@ def test_both_sides_are_warned_of_and_nothing_is_said_of_a_comfortable_scene(fit
         "Too far behind a screen 0.6 m wide",
         "Too near in front of the screen",
     ]
+    assert all(text.endswith(". Lower the interocular distance.") for text in warnings(scene))
     fit(in_front=2.5, behind=2.0)
     stereo.interocular_distance *= 1.6
     assert [text.partition(":")[0] for text in warnings(scene)] == [
@@ -319,6 +347,26 @@ def test_what_the_frame_cuts_in_front_of_the_screen_is_named(extension, scene):
     assert any(text.startswith("'Post' is in front of the screen and cut by its left edge") for text in warnings(scene))
     scene.camera.data.stereo.convergence_distance = NEAR
     assert not any("cut by" in text for text in warnings(scene))
+
+
+def test_what_both_edges_cut_is_named_once(extension, scene):
+    add_plane(scene, diffuse(), size=(20, 1), location=(0, 0, -NEAR)).name = "Beam"
+    scene.camera.data.stereo.convergence_distance = 6.0
+    (said,) = (text for text in warnings(scene) if "cut by" in text)
+    assert said.startswith("'Beam' is in front of the screen and cut by its left and right edges. Set the conv")
+
+
+def test_advice_never_contradicts_itself(extension, scene):
+    place_at_the_left_edge(scene)
+    stereo = scene.camera.data.stereo
+    stereo.convergence_distance = 6.0
+    for factor in (1.0, 2.0, 5.0, 20.0):
+        stereo.interocular_distance = 0.065 * factor
+        said = " ".join(warnings(scene))
+        assert not ("nearer" in said and "farther" in said), factor
+    stereo.convergence_mode = "PARALLEL"
+    assert warnings(scene)
+    assert "onvergence" not in " ".join(warnings(scene)), "a parallel camera has none"
 
 
 def test_a_tilted_floor_far_behind_is_no_cut(extension, scene):

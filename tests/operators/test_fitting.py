@@ -66,8 +66,8 @@ def row(where, name, value, monkeypatch):
 
 @pytest.mark.parametrize("width", [120, 250, 400])
 def test_a_row_of_figures_keeps_both(extension, width, monkeypatch):
-    items = row(context(width), "95 % interval", "0.95 - 1.05", monkeypatch)
-    assert items == [("label", "95 % interval"), ("label", "0.95 - 1.05")]
+    items = row(context(width), "Likely range", "0.95 - 1.05", monkeypatch)
+    assert items == [("label", "Likely range"), ("label", "0.95 - 1.05")]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.5])
@@ -76,7 +76,7 @@ def test_lines_of_a_paragraph_fit(extension, width, scale):
     from stereo_reproject_extension.operators import drawing, fitting
 
     drawn, where = Drawn(), context(width, scale)
-    drawing.paragraph(drawn, where, "Will it be as good as a full render? Mmmm: WWWW, for 12 % of it, see /tmp/il/" * 3)
+    drawing.paragraph(drawn, where, "Will it be as good as both eyes? Mmmm: WWWW, for 12 % of it, see /tmp/il/" * 3)
     assert len(drawn.items) > 2
     widths = [fitting.text_width(where, text) for _, text in drawn.items]
     assert max(widths) <= fitting.room_for_text(where)

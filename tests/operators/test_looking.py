@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import bpy
 import imageio_ffmpeg
@@ -21,6 +22,23 @@ GIF_LEVELS = 10.0
 MOVIE_LEVELS = 12.0
 """Mean difference of a movie's channels from the eyes, at most: H.264 at Blender's own quality, with half the colour
 along each side, of a noisy picture."""
+
+
+class Drawn:
+    """A layout that notes labels, and buttons with whether they are pressed; it stands for its parts too."""
+
+    def __init__(self):
+        self.labels, self.buttons = [], []
+
+    def label(self, *, text, **_):
+        self.labels.append(text)
+
+    def operator(self, _name, *, depress, **_):
+        self.buttons.append((SimpleNamespace(), depress))
+        return self.buttons[-1][0]
+
+    def __getattr__(self, name):
+        return lambda *_, **__: self
 
 
 @pytest.fixture
@@ -171,6 +189,39 @@ def test_an_earlier_file_stays_where_the_new_one_cannot_be_written(pair, tmp_pat
         bpy.ops.stereo_reproject.export_wiggle(filepath=str(path))
     assert path.read_bytes() == b"earlier"
     assert list(place.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("percentage", "name", "sides"), [(50, "a.gif", (48, 27)), (99, "a.mp4", (94, 52))])
+def test_the_export_says_how_many_pixels_it_writes(pair, percentage, name, sides):
+    from stereo_reproject_extension.operators.wiggle_export import STEREO_REPROJECT_OT_export_wiggle
+
+    drawn = Drawn()
+    operator = SimpleNamespace(layout=drawn, percentage=percentage, filepath=name)
+    STEREO_REPROJECT_OT_export_wiggle.draw(operator, bpy.context)
+    assert f"{sides[0]} x {sides[1]} pixels" in drawn.labels
+
+
+def test_of_another_render_the_export_names_no_pixels(pair):
+    from stereo_reproject_extension.operators.wiggle_export import _sides_of_pair
+
+    assert _sides_of_pair(bpy.context) == SIZE
+    bpy.ops.render.render()
+    assert _sides_of_pair(bpy.context) is None
+
+
+def test_the_button_of_the_picture_that_is_shown_is_pressed(pair):
+    from stereo_reproject_extension.operators.image_panels import IMAGE_PT_stereo_reproject
+    from stereo_reproject_extension.operators.pictures import load_picture
+    from stereo_reproject_extension.operators.results import result_of
+
+    shown = {"PAIR": render_result(), "HOLES": load_picture(pair, "HOLES"), "GRID": load_picture(pair, "GRID")}
+    for which, image in shown.items():
+        drawn = Drawn()
+        space = SimpleNamespace(image=image)
+        context = SimpleNamespace(space_data=space, region=None, preferences=bpy.context.preferences)
+        IMAGE_PT_stereo_reproject._draw_pictures(SimpleNamespace(layout=drawn), context, result_of(pair))
+        assert [button.which for button, pressed in drawn.buttons if pressed] == [which]
+        assert len(drawn.buttons) == 5
 
 
 def test_without_a_pair_nothing_can_be_exported(extension, scene):

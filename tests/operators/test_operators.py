@@ -137,7 +137,7 @@ def test_a_preview_claims_no_gain_of_its_own_and_is_named(extension, scene, tmp_
     result = result_of(scene)
     assert result.report["seconds"]["denoise_source"] > 0.0
     assert (result.delivery.frame, result.delivery.preview) == (scene.frame_current, True)
-    assert verdicts_on(scene, result)[1].words.startswith("Full render: ")
+    assert verdicts_on(scene, result)[1].words.startswith("A full render is predicted to ")
 
 
 def test_a_result_is_known_by_its_slot_until_something_else_is_shown(extension, scene):
@@ -413,8 +413,8 @@ def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
     ("accuracy", "more", "complete", "words"),
     [
         ("full", None, True, "It cannot be better: all of it was rendered"),
-        ("full", 0.0, True, "Rendering it whole would take less than 0.1 s more"),
-        ("high", 2.04, False, "High would take at least 2.0 s more"),
+        ("full", 0.0, True, "Rendering both eyes would take less than 0.1 s more"),
+        ("high", 2.04, False, "Accuracy High would take at least 2.0 s more"),
     ],
 )
 def test_what_is_better_has_its_price(extension, accuracy, more, complete, words):

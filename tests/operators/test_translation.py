@@ -8,10 +8,10 @@ import pytest
 TABLE = {
     "{time} saved": "{time} gespart",
     "{sentence}.": "{sentence}!",
-    "Nearly as good as a full render": "Fast so gut wie ein volles Rendern",
-    "{better} would take {time}": "{time} mehr für {better}",
+    "Nearly as good as rendering both eyes": "Fast so gut wie beide Augen gerendert",
+    "Accuracy {better} would take {time}": "{time} mehr für {better}",
     "Exact": "Genau",
-    "Honest ratio": "Ehrliches Verhältnis",
+    "Error (1 = only noise)": "Fehler (1 = nur Rauschen)",
     "Only Cycles and EEVEE can be reprojected: choose one in Render properties.": "Nur Cycles und EEVEE",
     "Predicted: {gain} times as fast as multiview": "{gain}-mal so schnell",
     "1 stereo frame rendered": "Ein Stereobild",
@@ -89,7 +89,7 @@ def test_the_verdict_is_translated_with_its_figures(german):
 
     assert paragraph(Words("{sentence}.", sentence=saved_words(190.0))) == "3 min 10 s gespart!"
     verdict = _quality(1.2, True, 0.0).words
-    assert paragraph(Words("{sentence}.", sentence=verdict)) == "Fast so gut wie ein volles Rendern!"
+    assert paragraph(Words("{sentence}.", sentence=verdict)) == "Fast so gut wie beide Augen gerendert!"
 
 
 def test_fields_may_stand_in_another_order(german):
@@ -105,8 +105,8 @@ def test_rows_of_figures_are_translated(german):
     from stereo_reproject_extension.operators.drawing import draw_row
 
     drawn = Drawn()
-    draw_row(drawn, "Honest ratio", "1.020")
-    assert drawn.labels == ["Ehrliches Verhältnis", "1.020"]
+    draw_row(drawn, "Error (1 = only noise)", "1.020")
+    assert drawn.labels == ["Fehler (1 = nur Rauschen)", "1.020"]
 
 
 def test_reports_are_translated(german):

@@ -106,9 +106,9 @@ def frame(number, **estimate):
 
 def test_an_animation_names_the_frames_that_are_worse():
     good, worse, unknown = {}, {"kept": False}, {"kept": None}
-    assert quality_of_animation([frame(1), frame(2)]) == Verdict("As good as full renders", good=True)
+    assert quality_of_animation([frame(1), frame(2)]) == Verdict(AS_GOOD, good=True)
     found = quality_of_animation([frame(1, **worse), frame(2, **worse), frame(3, **good), frame(4, **unknown)])
-    assert found == Verdict("Not as good as full renders: 2 of 4 frames (1-2)", good=False)
+    assert found == Verdict("Not as good as rendering both eyes: 2 of 4 frames (1-2)", good=False)
     assert quality_of_animation([frame(1), frame(2, **unknown)]).good is None
     assert quality_of_animation([{"frame": 1, "estimate": None}, {"frame": 2, "estimate": {"kept": True}}]) is None
     assert saved_by_animation({"multiview_seconds": 9000.0, "seconds": 1800.0}) == pytest.approx(7200.0)
@@ -134,9 +134,9 @@ def test_a_preview_predicts_the_full_render():
 @pytest.mark.parametrize(
     ("gain", "words"),
     [
-        (2.0, "Full render: 50 % less time, predicted"),
-        (1.02, "Full render: little or no time saved, predicted"),
-        (0.8, "Full render: little or no time saved, predicted"),
+        (2.0, "A full render is predicted to take 50 % less time than rendering both eyes"),
+        (1.02, "A full render is predicted to save little or no time over rendering both eyes"),
+        (0.8, "A full render is predicted to save little or no time over rendering both eyes"),
     ],
 )
 def test_a_prediction_is_said_in_plain_words(gain, words):
@@ -148,10 +148,11 @@ def test_accuracies_have_names_for_artists():
 
 
 def test_a_preview_claims_no_gain_of_its_own():
-    assert quality_of(report(), preview=True) == Verdict("As good as a plain preview", good=True)
-    assert quality_of(report(kept=False), preview=True).words.startswith("Not as good as a plain preview: ")
+    assert quality_of(report(), preview=True) == Verdict("As good as rendering both eyes of this preview", good=True)
+    not_as_good = "Not as good as rendering both eyes of this preview: "
+    assert quality_of(report(kept=False), preview=True).words.startswith(not_as_good)
     assert time_words(seconds()) == "35 s saved"
-    assert time_words(seconds(), full_gain=1.5) == "Full render: 33 % less time, predicted"
+    assert time_words(seconds(), full_gain=1.5) == predicted_words(1.5)
 
 
 def test_a_picture_has_a_name():

@@ -220,6 +220,7 @@ def test_reasons_are_single_bits_that_a_mask_holds():
     assert len(set(bits)) == len(bits)
     assert np.bitwise_or.reduce([reason.bit for reason in Reason]) <= np.iinfo(np.uint16).max
     assert Reason.VIEW_DEPENDENT.label == "view-dependent"
+    assert len({reason.words for reason in Reason}) == len(bits)
     labels = {reason.label for reason in Reason}
     named = {"disoccluded", "outside", "silhouette", "transparent", "view-dependent", "volume", "defocus"}
     assert named | {"refined", "probe"} <= labels

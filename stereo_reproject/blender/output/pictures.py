@@ -34,13 +34,13 @@ COLOURS: dict[Reason, tuple[int, int, int]] = {
 }
 """A pixel with several reasons shows the first of these."""
 
-ABOVE: tuple[tuple[float, tuple[int, int, int]], ...] = (
-    (1.1, (250, 225, 110)),
-    (1.25, (250, 165, 50)),
-    (1.5, (235, 85, 45)),
-    (2.0, (225, 30, 120)),
+ABOVE: tuple[tuple[float, str, tuple[int, int, int]], ...] = (
+    (1.1, "Barely off", (250, 225, 110)),
+    (1.25, "Slightly off", (250, 165, 50)),
+    (1.5, "Clearly off", (235, 85, 45)),
+    (2.0, "Far off", (225, 30, 120)),
 )
-"""Noise ratios that a tile may be above, and their colours in the picture of the estimate."""
+"""Honest ratios that a tile may be above, with their words and colours in the picture of the estimate."""
 
 WITHOUT_PROBES = (95, 95, 105)
 
@@ -77,7 +77,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
     """
     picture, shares = _holes(target, reasons)
     _write_with_legend(
-        path, picture, [(f"{reason.label} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
+        path, picture, [(f"{reason.words} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
     )
 
 
@@ -114,16 +114,15 @@ def write_estimate(
     picture = backdrop.copy()
     ratio, low = estimates[..., 0], estimates[..., 1]
     unknown = np.isnan(ratio)
-    words = f"no estimate: {why_none}" if why_none else f"no probe tells: {100.0 * np.mean(unknown):.1f} %"
+    words = f"Not checked: {why_none}" if why_none else f"Not checked {100.0 * np.mean(unknown):.1f} %"
     shown = [(words, WITHOUT_PROBES, unknown)] if unknown.any() else []
     if (~unknown & (ratio != 1.0)).any():
-        ends = [*(limit for limit, _ in ABOVE[1:]), np.inf]
-        for (limit, colour), end in zip(ABOVE, ends, strict=True):
+        ends = [*(limit for limit, _, _ in ABOVE[1:]), np.inf]
+        for (limit, words, colour), end in zip(ABOVE, ends, strict=True):
             band = (ratio > limit) & (ratio <= end) & (low > 1.0)
-            words = f"honest ratio {limit:g} to {end:g}" if np.isfinite(end) else f"above {limit:g}"
-            shown.append((f"{words}: {100.0 * np.mean(band):.1f} %", colour, band))
+            shown.append((f"{words} {100.0 * np.mean(band):.1f} %", colour, band))
     if not shown:
-        shown = [("all of it was traced", ABOVE[0][1], unknown)]
+        shown = [("All of it was rendered", ABOVE[0][2], unknown)]
     for _, colour, where in shown:
         picture[where] = np.array(colour) // 2 + backdrop[where] // 2
     _write_with_legend(path, picture, [(text, colour) for text, colour, _ in shown])
@@ -137,7 +136,7 @@ def write_difference(path: Path, target: NDArray[np.float32], reference: NDArray
     difference = np.abs(judged(target) - judged(reference))
     difference = np.maximum(difference[..., :COLOUR_CHANNELS], difference[..., COLOUR_CHANNELS:])
     picture = (255.0 * np.minimum(DIFFERENCE_GAIN * difference, 1.0)).astype(np.uint8)
-    words = f"difference from multiview, {DIFFERENCE_GAIN} times; even speckle is noise"
+    words = f"Difference from multiview, {DIFFERENCE_GAIN} times as bright; even speckle is noise"
     _write_with_legend(path, picture, [(words, (255, 255, 255))])
 
 

@@ -41,6 +41,14 @@ def check_wiggle_path(path: Path) -> None:
         raise BadInputError(Words("{path} is a folder: choose another name", path=path))
 
 
+def wiggle_size(sides: tuple[int, ...], percentage: float, *, suffix: str) -> tuple[int, ...]:
+    """Return the sides of a wiggle in pixels, made smaller to this percentage of those of the pair. suffix is the
+    extension of its file: a movie's sides are even.
+    """
+    step = 1 if suffix == GIF else SIDE_STEP_PX
+    return tuple(max(int(0.01 * percentage * side / step), 1) * step for side in sides)
+
+
 def wiggle_pictures(
     views: Mapping[str, NDArray[np.float32]], percentage: float, *, suffix: str
 ) -> list[NDArray[np.uint8]]:
@@ -49,9 +57,7 @@ def wiggle_pictures(
     views are the eyes (H, W, 3) as a screen shows them, from 0 to 1. suffix is the extension of the file that they are
     for: a movie's sides are even.
     """
-    step = 1 if suffix == GIF else SIDE_STEP_PX
-    sides = views[VIEWS[0]].shape[:2]
-    height, width = (max(int(0.01 * percentage * side / step), 1) * step for side in sides)
+    height, width = wiggle_size(views[VIEWS[0]].shape[:2], percentage, suffix=suffix)
     smaller = [made_smaller(views[view], width, height) for view in VIEWS]
     return [np.round(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8) for picture in smaller]
 

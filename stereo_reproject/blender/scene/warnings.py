@@ -56,7 +56,7 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
             warnings.append("nothing is linked to the compositor's output: only its File Output nodes show the pair")
     denoised = scene.cycles.use_denoising if overrides.denoise is None else overrides.denoise
     if _engine_of(scene, overrides) == CYCLES and denoised and not has_denoiser(scene):
-        warnings.append("this Blender is built without a denoiser: both eyes are left noisy, as by its own render")
+        warnings.append("this Blender has no denoiser: both eyes stay noisy, as after F12")
     warnings += _unbaked(scene)
     warnings += missing_files(scene)
     if bpy.app.autoexec_fail:
