@@ -192,7 +192,7 @@ def test_what_is_said_instead_of_the_scene_or_is_not_seen_counts_for_nothing(sce
 
 
 def test_nothing_is_left_of_an_animation_that_cannot_be_rendered(scene, tmp_path):
-    scene.camera.data.type = "PANO"
+    scene.camera.data.type, scene.camera.data.panorama_type = "PANO", "MIRRORBALL"
     with pytest.raises(BadInputError):
         render(scene)
     assert not (tmp_path / "out").exists()
