@@ -27,7 +27,9 @@ TABLE = {
     "{time} left": "noch {time}",
     "{stage}, {saved} so far": "{stage}, bisher {saved}",
     "Cancelled: {count} frames are finished and stay": "Abgebrochen: {count} Bilder bleiben",
-    "camera {camera} uses spherical stereo: switch it off, it is not supported yet": "kugelförmig ist {camera}",
+    "camera {camera} is a panoramic mirror ball, which is not supported: choose another panorama type": (
+        "kugelförmig ist {camera}"
+    ),
     "{what} is not in front of the camera": "davor liegt nicht {what}",
     "The focus distance": "der Fokus",
     "no view layer of scene {scene} is used for rendering: switch one on": "keine Ebene in {scene}",
@@ -186,7 +188,8 @@ def said_by(operator, **options):
 
 
 def test_why_a_button_is_grey_is_translated(german):
-    made_scene().camera.data.stereo.use_spherical_stereo = True
+    data = made_scene().camera.data
+    data.type, data.panorama_type = "PANO", "MIRRORBALL"
     assert said_by(bpy.ops.stereo_reproject.measure_depth).endswith("Kugelförmig ist 'Camera'")
 
 

@@ -75,13 +75,7 @@ class BlenderRenderer:
     def warnings(self) -> list[str]:
         """Warnings about parts of the scene that this way of rendering shows differently, or wrongly, a line each: here
         of things that stand between the eyes of a panorama."""
-        if not self._between_eyes:
-            return []
-        message = (
-            "{share} of the picture show what is nearer to the camera than its interocular distance: the eyes do not "
-            "see that alike, and the pair may be wrong there; move the camera, or lower the distance"
-        )
-        return [Words(message, share=f"{self._between_eyes:.1%}")]
+        return _warnings_between_eyes(self._between_eyes)
 
     def __init__(
         self,
@@ -280,6 +274,16 @@ def _as_asked_for(scene: bpy.types.Scene, passes: Passes) -> Passes:
     if scene.render.engine != CYCLES or cryptomatte_asked_for(scene):
         return passes
     return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
+
+
+def _warnings_between_eyes(share: float) -> list[str]:
+    """Return a warning of things that are nearer than the eyes are to each other, in this share of the picture; none
+    where it is 0."""
+    message = (
+        "{share} of the picture show what is nearer to the camera than its interocular distance: the eyes do not see "
+        "that alike, and the pair may be wrong there; move the camera, or lower the distance"
+    )
+    return [Words(message, share=f"{share:.1%}")] if share else []
 
 
 def _with_depth(passes: Passes, camera: Camera, places: NDArray[np.intp] | None = None) -> Passes:
