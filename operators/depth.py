@@ -5,14 +5,14 @@ from __future__ import annotations
 import bpy
 
 from ..stereo_reproject.blender.scene.depth import EDGE_ROWS, measure_depth
-from ..stereo_reproject.blender.scene.rig import check_camera, convergence_of_screen, frame_region, stereo_cameras
+from ..stereo_reproject.blender.scene.rig import convergence_of_screen, frame_region, stereo_cameras
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.views.comfort import BROADCAST, Fit, Limits, fit_limits, fit_off_axis, fit_parallel, unit_width
 from ..stereo_reproject.views.depth_range import MIN_CUT_PERCENT, cut_in_front
 from ..stereo_reproject.words import Words
 from .lengths import length_words
 from .results import KnownDepth, result_of
-from .stereo import EditsCamera, check_editable, parallax_now, viewing_conditions
+from .stereo import EditsCamera, check_editable, check_screen, parallax_now, viewing_conditions
 from .text import reported, sentence, shown
 
 BEHIND_FOR_CUT = "{line}. Nothing is in front of the screen, because its edge would cut {name} there (Avoid Cuts)"
@@ -32,7 +32,7 @@ class STEREO_REPROJECT_OT_measure_depth(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Return whether the scene has a camera for stereo."""
         try:
-            check_camera(context.scene.camera)
+            check_screen(context.scene.camera)
         except BadInputError as error:
             cls.poll_message_set(sentence(shown(error)))
             return False
@@ -54,7 +54,7 @@ def measure(context: bpy.types.Context) -> KnownDepth:
     where nothing is in front of the camera.
     """
     scene = context.scene
-    check_camera(scene.camera)
+    check_screen(scene.camera)
     (near, far), edges = measure_depth(scene, context.evaluated_depsgraph_get())
     result_of(scene).depth = known = KnownDepth(near, far, scene.frame_current, edges, camera_state(scene))
     return known
@@ -174,7 +174,5 @@ def refuse_what_cannot_be_fitted(data: bpy.types.Camera) -> None:
     """Raise BadInputError for cameras in which interocular and convergence distance do not determine the parallax."""
     if data.type == "ORTHO":
         raise BadInputError("an orthographic camera shows all depths alike: make it perspective to fit it")
-    if data.type == "PANO" or data.stereo.use_spherical_stereo:
-        raise BadInputError("a panorama has no screen to be fitted to")
     if data.stereo.convergence_mode == "TOE":
         raise BadInputError("toe-in has other parallax at the sides of the picture: set the mode to Off-Axis to fit it")

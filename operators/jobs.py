@@ -9,7 +9,7 @@ from typing import ClassVar
 import bpy
 
 from ..stereo_reproject.blender.scene.rendered import camera_at, check_engine, check_layers
-from ..stereo_reproject.blender.scene.rig import check_camera
+from ..stereo_reproject.blender.scene.rig import check_camera, check_engine_shows
 from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.words import Words
 from . import slots, under_way
@@ -133,7 +133,8 @@ class JobOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        self._tell(shown(Words("{far}.  {stage}", far=progress_of(run)[1], stage=stage_of(run))))
+        far = progress_of(run)[1]
+        self._tell(shown(Words("{far}.  {stage}", far=far, stage=stage_of(run))), shown(far))
         under_way.update(run.picture)
         # A check of a scene that was deleted is of no use; a pair is.
         if _scene_of(run) is None and not self.uses_render_result:
@@ -169,7 +170,8 @@ class JobOperator:
         try:
             if scene.stereo_reproject.source_engine == "scene":
                 check_engine(scene)
-            check_camera(camera_at(scene, scene.frame_current))
+            camera, chosen = check_camera(camera_at(scene, scene.frame_current)), scene.stereo_reproject.source_engine
+            check_engine_shows(camera, scene.render.engine if chosen == "scene" else chosen.upper())
             check_layers(scene)
             before(context)
             slots.note_start()
@@ -212,14 +214,16 @@ class JobOperator:
         self.report({"INFO"}, words)
         return {"FINISHED"}
 
-    def _tell(self, text: str) -> None:
-        """Show a text about progress in every window's status bar, if it is another than before."""
+    def _tell(self, text: str, short: str) -> None:
+        """Show a text about progress in every window's status bar, and over the pictures of the run, if it is another
+        than before. Where there is no room for it there, the short one is shown.
+        """
         # Where the sidebar lies over the 3D View, that is drawn anew with it: not more often than there is news.
         if text != self._told:
             self._told = text
             line = shown(Words("{text}   |   Esc: Cancel", text=text))
             _show(line)
-            under_way.say(line)
+            under_way.say(line, short)
 
 
 def _words_of_kept(run: BackgroundJob) -> str:

@@ -17,10 +17,13 @@ STRIP_COLOUR = (0.0, 0.0, 0.0, 0.6)
 
 @dataclass
 class _Line:
-    """The line that is drawn: the address of its editor's area, its text, and Blender's handle of the drawing."""
+    """The line that is drawn: the address of its editor's area, its text, a short one for narrow editors, and Blender's
+    handle of the drawing.
+    """
 
     area: int
     text: str
+    short: str
     handler: object
 
 
@@ -28,13 +31,15 @@ _lines: list[_Line] = []
 """The line of the job that is under way, if any."""
 
 
-def show_line(area: bpy.types.Area, text: str) -> None:
-    """Draw a text over the lower edge of an Image Editor until `remove_line`, in place of the one before."""
+def show_line(area: bpy.types.Area, text: str, short: str) -> None:
+    """Draw a text over the lower edge of an Image Editor until `remove_line`, in place of the one before; the short one
+    where there is no room for it.
+    """
     if not _lines:
         handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-        _lines.append(_Line(0, "", handler))
+        _lines.append(_Line(0, "", "", handler))
     line = _lines[0]
-    line.area, line.text = area.as_pointer(), text
+    line.area, line.text, line.short = area.as_pointer(), text, short
     _redraw(area)
 
 
@@ -66,15 +71,18 @@ def _draw() -> None:
     blf.size(FONT, SIZE_PX * scale)
     _, height = blf.dimensions(FONT, "Xg")
     corners = [(0.0, 0.0), (region.width, 0.0), (region.width, height + 2.0 * margin), (0.0, height + 2.0 * margin)]
+    blend = gpu.state.blend_get()
     gpu.state.blend_set("ALPHA")
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     strip = batch_for_shader(shader, "TRIS", {"pos": corners}, indices=[(0, 1, 2), (0, 2, 3)])
     shader.uniform_float("color", STRIP_COLOUR)
     strip.draw(shader)
-    gpu.state.blend_set("NONE")
-    blf.position(FONT, _left_of_text(area, region) + margin, margin, 0.0)
+    gpu.state.blend_set(blend)
+    left, line = _left_of_text(area, region) + margin, _lines[0]
+    has_room = left + blf.dimensions(FONT, line.text)[0] < region.width
+    blf.position(FONT, left, margin, 0.0)
     blf.color(FONT, *TEXT_COLOUR)
-    blf.draw(FONT, _lines[0].text)
+    blf.draw(FONT, line.text if has_room else line.short)
 
 
 def _left_of_text(area: bpy.types.Area, region: bpy.types.Region) -> float:

@@ -34,11 +34,24 @@ class EditsCamera:
 
 
 def check_editable(scene: bpy.types.Scene) -> bpy.types.Object:
-    """Return the scene's camera if it is one for stereo whose settings can be edited here. Raises BadInputError."""
-    camera = check_camera(scene.camera)
+    """Return the scene's camera if it is one for stereo with a screen, whose settings can be edited here. Raises
+    BadInputError.
+    """
+    camera = check_screen(scene.camera)
     if camera.data.library is not None:
         raise BadInputError("the camera is linked from another file: set it there")
     return camera
+
+
+def check_screen(camera: bpy.types.Object | None) -> bpy.types.Object:
+    """Return a camera if its pair is seen on a screen. Raises BadInputError; also for panoramas, whose eyes look in
+    every direction alike.
+    """
+    checked = check_camera(camera)
+    data = checked.data
+    if data.type == "PANO" or (data.type == "PERSP" and data.stereo.use_spherical_stereo):
+        raise BadInputError("a panorama has no screen: its eyes converge at the same distance all around")
+    return checked
 
 
 class STEREO_REPROJECT_OT_set_convergence(EditsCamera, bpy.types.Operator):
@@ -120,7 +133,7 @@ def eyes_of(scene: bpy.types.Scene) -> tuple[Camera, Camera, int] | None:
     where the scene has no camera for stereo.
     """
     try:
-        eyes = stereo_cameras(check_camera(scene.camera), scene.render)
+        eyes = stereo_cameras(check_screen(scene.camera), scene.render)
     except BadInputError:
         return None
     return eyes["left"], eyes["right"], frame_region(scene.render).full_width

@@ -70,11 +70,13 @@ def _editor_of_context() -> bpy.types.Area | None:
     return area if area is not None and area.type == "IMAGE_EDITOR" else None
 
 
-def say(text: str) -> None:
-    """Draw a text about the job over the editor that was chosen for it, if there is one."""
+def say(text: str, short: str) -> None:
+    """Draw a text about the job over the editor that was chosen for it, if there is one; the short one where there is
+    no room for it.
+    """
     area = _area_of(_editors[0]) if _editors else None
     if area is not None:
-        show_line(area, text)
+        show_line(area, text, short)
 
 
 def wanted_pictures(*, first_look: bool) -> Pictures:

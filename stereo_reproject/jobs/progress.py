@@ -64,6 +64,7 @@ class Progress:
         self._stage = next(iter(self._expected))
         self._stage_fraction: float | None = None
         self._advanced = now
+        self._shown = 0.0
         self._frame = 0
 
     def begin(self, stage: str, now: float) -> None:
@@ -94,9 +95,10 @@ class Progress:
             self._pace = (now - self._started) / (self._done_before() + fraction * expected)
 
     def fraction(self, now: float) -> float:
-        """Return the fraction of the run that is done, from 0 to 1."""
+        """Return the fraction of the run that is done, from 0 to 1, and never less than before."""
         whole = self._frames * sum(self._expected.values())
-        return min((self._done_before() + self._done_of_stage(now)) / whole, 1.0)
+        self._shown = max(self._shown, min((self._done_before() + self._done_of_stage(now)) / whole, 1.0))
+        return self._shown
 
     def remaining(self, now: float) -> float | None:
         """Return the seconds that the run still takes by estimate; None as long as they cannot be estimated."""
@@ -117,7 +119,8 @@ class Progress:
         or the time since the stage began; by the time alone never all of it."""
         expected = self._expected.get(self._stage, 0.0)
         known, since = (0.0, self._since) if self._stage_fraction is None else (self._stage_fraction, self._advanced)
-        if self._pace is None or expected == 0.0:
+        if self._pace is None or expected == 0.0 or not (self._tells or self._stage_fraction):
+            # What comes before the first render goes at a pace of its own.
             return expected * min(known, 1.0)
         by_time = known + (now - since) / (self._pace * expected) if self._pace > 0.0 else known
         return expected * min(max(known, min(by_time, MAX_SHOWN_FRACTION)), 1.0)

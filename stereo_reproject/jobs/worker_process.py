@@ -158,7 +158,7 @@ class Worker:
 
     def samples_done(self) -> float | None:
         """Return the fraction of this stage's samples that are rendered, from 0 to 1, as Blender's log has it; None
-        where the log does not say it, as in Blender 5.2."""
+        where the log does not say it."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(self._stage_begins, os.fstat(log.fileno()).st_size - SAMPLES_TAIL_BYTES))
             samples = SAMPLES_LINE.findall(log.read())

@@ -131,6 +131,9 @@ def save_and_undo_under_way():
 
 
 def cancel_with_escape():
+    progress = jobs().running().progress
+    yield from until(lambda: progress._stage_fraction, "nobody knew how many samples were done")
+    facts["samples"] = progress._stage_fraction
     press("ESC")
     yield from ended()
     facts["cancelled"] = [shown(), left()]
@@ -203,6 +206,7 @@ def fail_without_an_image_editor():
         # What is called from Python reports to Python.
         yield from click("VIEW_3D", "UI", "stereo_reproject_image(preview=True)")
         yield from ended()
+        yield from until(lambda: len(bpy.context.window_manager.windows) == 1, "the window was never closed")
         yield 0.5
         shoot(f"failed_as_{display.lower()}")
         facts[f"failed as {display}"] = [len(bpy.context.window_manager.windows), left()]

@@ -58,6 +58,10 @@ def test_an_undo_under_way_does_not_end_the_showing(facts):
     assert facts["after undo"].startswith("Stereo Render")
 
 
+def test_progress_knows_the_samples_that_are_done(facts):
+    assert 0.0 < facts["samples"] < 1.0
+
+
 def test_after_escape_the_editor_shows_what_it_did_before(facts):
     assert facts["cancelled"] == [RESULT, []]
 

@@ -48,6 +48,36 @@ def test_samples_tell_more_than_the_clock():
     assert progress.remaining(60.0) == pytest.approx(140.0)
 
 
+def test_between_two_counts_of_samples_the_clock_goes_on():
+    progress = Progress(0.0, {"source": 80.0, "fill": 20.0})
+    progress.begin("source", 0.0)
+    progress.advance(0.25, 10.0)
+    assert progress.fraction(10.0) == pytest.approx(0.2)
+    assert progress.fraction(20.0) == pytest.approx(0.4)
+    assert progress.remaining(20.0) == pytest.approx(30.0)
+
+
+def test_the_first_sample_moves_the_bar_but_tells_no_time():
+    progress = Progress(0.0, {"source": 80.0, "fill": 20.0})
+    progress.begin("source", 0.0)
+    progress.advance(0.01, 1.0)
+    assert progress.remaining(2.0) is None
+    assert progress.fraction(11.0) == pytest.approx(0.088)
+
+
+def test_progress_never_runs_backwards():
+    progress = Progress(0.0, {"plan": 1.0, "source": 79.0, "fill": 20.0})
+    for stage, now in (("plan", 0.0), ("source", 0.1)):
+        progress.begin(stage, now)
+    shown = [progress.fraction(50.0)]
+    for fraction, now in ((0.02, 50.0), (0.04, 99.0), (0.3, 100.0)):
+        shown.append(progress.fraction(now))
+        progress.advance(fraction, now)
+        shown.append(progress.fraction(now))
+    assert shown == sorted(shown)
+    assert shown[0] == pytest.approx(0.01), "what comes before a render tells nothing of it"
+
+
 def test_what_takes_longer_than_expected_is_never_done_before_it_is():
     progress = Progress(0.0, {"source": 1.0, "fill": 1.0}, in_seconds=True)
     progress.begin("source", 0.0)

@@ -429,3 +429,16 @@ def test_a_report_s_depth_is_that_of_its_frame_and_none_is_infinite(extension):
     report = {"frame": 7, "parallax": {"nearest": {"depth": 2.0}, "farthest": {"depth": None}}}
     assert KnownDepth.of_report(report) == KnownDepth(2.0, math.inf, 7)
     assert KnownDepth.of_report({"frame": 7, "parallax": None}) is None
+
+
+@pytest.mark.parametrize("kind", ["PANO", "PERSP"])
+def test_a_panorama_has_no_screen(extension, scene, kind):
+    from stereo_reproject_extension.operators.stereo import parallax_now
+
+    bpy.ops.stereo_reproject.measure_depth()
+    assert parallax_now(scene)
+    data = scene.camera.data
+    data.type, data.stereo.use_spherical_stereo = kind, True
+    assert parallax_now(scene) == []
+    for name in ("measure_depth", "fit_to_comfort", "set_convergence"):
+        assert not getattr(bpy.ops.stereo_reproject, name).poll()
