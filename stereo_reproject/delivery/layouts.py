@@ -9,7 +9,8 @@ Sources. st3d: Google, "Spherical Video V2 RFC", Stereoscopic 3D Video Box; it k
 StereoMode: RFC 9559 (Matroska), 5.1.4.1.28.3 and 18.10; it knows no yellow-blue anaglyph. Tags: the published rules of
 SKYBOX VR (LR, SBS, HSBS, TB, OU, HOU, 3dh, 3dv), Bino (-lr, -rl, -lrh, -tb, -tbh and more, at the end of the name),
 Rad TV (lr, rl, sbs, tb, bt, ou) and Kodi (sbs, hsbs, tab, htab). RL is known to some of them; HTB goes with HSBS, for
-players that look for TB in a name.
+players that look for TB in a name. Panoramas: SKYBOX VR and Rad TV know 180 and 360, SKYBOX VR and commedia 180x180;
+VR180 is not among them, for SKYBOX VR takes it for a fisheye.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from .projection import MoviePanorama
 
 
 @dataclass(frozen=True)
@@ -82,17 +85,27 @@ KNOWN_TAGS: dict[str, frozenset[str]] = {
     **dict.fromkeys(("rlh", "rlq", "bt", "ba", "bth", "baq"), _NOWHERE),
 }
 
+KNOWN_DEGREES: dict[str, int] = {"180": 180, "180x180": 180, "360": 360, "180x360": 360}
+"""Tags of panoramas, in small letters, and how many degrees they say."""
+
 _WORD = re.compile(r"[^\W_]+")
 MAX_TAG_WORDS = 4
 """Greatest number of words of a tag that is written apart: "half side by side"."""
 
 
-def tagged_name(path: Path, layout: Layout) -> Path:
-    """Return the path with the layout's tag put before its extension. A name that has the tag as a word already stays
-    as it is, and so does any name for a layout without a tag."""
-    if not layout.tag or layout.tag[1:].casefold() in _words(path.stem):
-        return path
-    return path.with_name(f"{path.stem}{layout.tag}{path.suffix}")
+def name_suffix(layout: Layout, panorama: MoviePanorama | None = None) -> str:
+    """Return the ending of a movie's name by which players know the layout and the part of the sphere that is shown,
+    such as "_180_LR"; "" where they know neither."""
+    return f"{_degrees_tag(panorama)}{layout.tag}"
+
+
+def tagged_name(path: Path, layout: Layout, panorama: MoviePanorama | None = None) -> Path:
+    """Return the path with the tags of `name_suffix` put before its extension. A tag that the name has as a word
+    already is not put there again."""
+    words = _words(path.stem)
+    degrees = "" if _says_degrees(path, panorama) else _degrees_tag(panorama)
+    layout_tag = "" if layout.tag[1:].casefold() in words else layout.tag
+    return path.with_name(f"{path.stem}{degrees}{layout_tag}{path.suffix}")
 
 
 def contradicting_tag(path: Path, layout: Layout) -> str | None:
@@ -101,9 +114,30 @@ def contradicting_tag(path: Path, layout: Layout) -> str | None:
     return next((written for tag, written in _tags(path.stem) if layout.name not in KNOWN_TAGS[tag]), None)
 
 
-def says(path: Path, layout: Layout) -> bool:
-    """Return True if a file's name has a tag by which players know it for this layout, or if the layout has no tag."""
-    return not layout.tag or any(layout.name in KNOWN_TAGS[tag] for tag, _ in _tags(path.stem))
+def contradicting_degrees(path: Path, panorama: MoviePanorama | None) -> str | None:
+    """Return the first word in a file's name by which players would take the movie for a panorama that it is not, as it
+    is written there; None without any. panorama is None for a planar movie."""
+    degrees = panorama.degrees if panorama is not None else None
+    words = (word.group() for word in _WORD.finditer(path.stem))
+    return next((word for word in words if KNOWN_DEGREES.get(word.casefold(), degrees) != degrees), None)
+
+
+def says(path: Path, layout: Layout, panorama: MoviePanorama | None = None) -> bool:
+    """Return True if a file's name has the tags by which players know it for this layout, and for a movie of this part
+    of the sphere, as far as there are tags for them."""
+    says_layout = not layout.tag or any(layout.name in KNOWN_TAGS[tag] for tag, _ in _tags(path.stem))
+    return says_layout and (not _degrees_tag(panorama) or _says_degrees(path, panorama))
+
+
+def _degrees_tag(panorama: MoviePanorama | None) -> str:
+    """Return the tag of a panorama, such as "_180"; "" where players know none."""
+    return f"_{panorama.degrees}" if panorama is not None and panorama.degrees else ""
+
+
+def _says_degrees(path: Path, panorama: MoviePanorama | None) -> bool:
+    """Return True if a file's name has a word by which players know it for a movie of this part of the sphere."""
+    said = {KNOWN_DEGREES.get(word) for word in _words(path.stem)} - {None}
+    return panorama is not None and panorama.degrees in said
 
 
 def _tags(stem: str) -> Iterator[tuple[str, str]]:

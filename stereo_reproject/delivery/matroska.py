@@ -1,10 +1,11 @@
-"""The mark that says in an MKV or WebM file how its eyes are laid out: Matroska's StereoMode.
+"""The marks that say in an MKV or WebM file how its eyes are laid out and which part of the sphere they see: Matroska's
+StereoMode and Projection.
 
 Elements are those of EBML (RFC 8794): number, size, content. In a movie (RFC 9559) Segment holds SeekHead with
 the places of the others, Void, Info, Tracks, Tags, Clusters with the pictures, Cues. libavformat leaves a Void
 behind SeekHead: Tracks grows into it, what lies between moves to the front, and nothing behind Tracks changes.
 
-DisplayWidth and DisplayHeight are the size of one eye's picture (RFC 9559, 18.10), so they go with the mark.
+DisplayWidth and DisplayHeight are the size of one eye's picture (RFC 9559, 18.10), so they go with StereoMode.
 
 Blender 5.2 marks its movies itself; which eye is first differs from movie to movie for no reason, and squeezed pictures
 are taken for whole ones. So a mark that is there already counts for nothing.
@@ -13,7 +14,7 @@ are taken for whole ones. So a mark that is there already counts for nothing.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -21,6 +22,7 @@ from typing import BinaryIO
 from ..errors import BadInputError
 from ..words import Words
 from .mp4 import damaged
+from .projection import MoviePanorama
 from .splicing import Edit, splice
 
 EBML, DOC_TYPE, SEGMENT = 0x1A45DFA3, 0x4282, 0x18538067
@@ -28,7 +30,13 @@ SEEK_HEAD, SEEK, SEEK_POSITION, VOID, CRC_32 = 0x114D9B74, 0x4DBB, 0x53AC, 0xEC,
 CLUSTER, TRACKS, TRACK_ENTRY, TRACK_TYPE, VIDEO = 0x1F43B675, 0x1654AE6B, 0xAE, 0x83, 0xE0
 PIXEL_WIDTH, PIXEL_HEIGHT = 0xB0, 0xBA
 STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT = 0x53B8, 0x54B0, 0x54BA
+PROJECTION, PROJECTION_TYPE, PROJECTION_PRIVATE = 0x7670, 0x7671, 0x7672
+PROJECTION_POSES = (0x7673, 0x7674, 0x7675)
+"""Yaw, pitch and roll, in degrees."""
+
 VIDEO_TRACK = 1
+EQUIRECTANGULAR = 1
+"""A ProjectionType."""
 
 WEBM_MODES = frozenset({0, 1, 2, 3, 11})
 """Values of StereoMode that WebM has (WebM Project, "WebM Container Guidelines")."""
@@ -67,14 +75,21 @@ class _Head:
     elements: list[Element]
 
 
-def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: int = 1) -> None:
-    """Set StereoMode of the first video track of an MKV or WebM file to `mode`; with None, remove it. The file is
-    replaced by a changed copy.
+def write_marks(
+    path: Path,
+    mode: int | None,
+    panorama: MoviePanorama | None = None,
+    *,
+    across: int = 1,
+    down: int = 1,
+) -> None:
+    """Set StereoMode of the first video track of an MKV or WebM file to `mode`, and its Projection to that of
+    `panorama`; what is None is removed. The file is replaced by a changed copy.
 
     across, down: the number of pictures of full size side by side and above one another in a frame; both are 1 where
     eyes are squeezed or interlaced. The pixels keep their aspect. Raises StereoReprojectError if the file is damaged,
-    and BadInputError if it cannot be read, has no room for the mark, or is a stream of unknown size. After an error the
-    file is as it was.
+    and BadInputError if it cannot be read, has no room for the marks, or is a stream of unknown size. After an error
+    the file is as it was.
     """
     try:
         with path.open("rb") as file:
@@ -85,7 +100,7 @@ def write_stereo_mode(path: Path, mode: int | None, *, across: int = 1, down: in
         ) from error
     tracks = head.elements[-1]
     try:
-        new = _marked_tracks(head.data, tracks, mode, across, down)
+        new = _with_video(head.data, tracks, lambda video: _marked(head.data, video, mode, panorama, (across, down)))
     except (ValueError, IndexError, KeyError, StopIteration) as error:
         raise damaged(path.name) from error
     if new != head.data[tracks.start : tracks.stop]:
@@ -168,36 +183,53 @@ def _elements(data: bytes, start: int, stop: int) -> Iterator[Element]:
         start = element.stop
 
 
-def _marked_tracks(data: bytes, tracks: Element, mode: int | None, across: int, down: int) -> bytes:
-    """Return the bytes of the Tracks element with the mark in its first video track set to `mode`; see
-    `write_stereo_mode`. Raises ValueError where there is no video track, and other errors where the data are
+def _with_video(data: bytes, tracks: Element, changed: Callable[[Element], bytes]) -> bytes:
+    """Return the bytes of the Tracks element with other content in the Video element of its first video track:
+    `changed` returns that content. Raises ValueError where there is no video track, and other errors where the data are
     damaged."""
     for entry in _elements(data, tracks.content, tracks.stop):
         children = list(_elements(data, entry.content, entry.stop)) if entry.number == TRACK_ENTRY else []
         kind = next((_uint(data, e) for e in children if e.number == TRACK_TYPE), None)
         if kind == VIDEO_TRACK:
             video = next(e for e in children if e.number == VIDEO)
-            new_video = _master(video, _marked_video(data, video, mode, across, down))
+            new_video = _master(video, changed(video))
             new_entry = _master(entry, _with(data, entry, video, new_video))
             return _master(tracks, _with(data, tracks, entry, new_entry))
     raise ValueError
 
 
-def _marked_video(data: bytes, video: Element, mode: int | None, across: int, down: int) -> bytes:
-    """Return the content of a Video element with StereoMode set to `mode` (None removes it) and the size for display
-    that goes with it."""
+def _marked(
+    data: bytes, video: Element, mode: int | None, panorama: MoviePanorama | None, eyes: tuple[int, int]
+) -> bytes:
+    """Return the content of a Video element with StereoMode set to `mode` and the size for display that goes with it,
+    and with the Projection of `panorama`; None removes either. eyes are `across` and `down` of `write_marks`."""
     children = list(_elements(data, video.content, video.stop))
     values = {element.number: _uint(data, element) for element in children}
+    projection = b"" if panorama is None else _projection(panorama)
+    marks: tuple[int, ...] = (PROJECTION,)
     if mode is None and STEREO_MODE not in values:
-        return data[video.content : video.stop]
-    marks = (STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT)
-    others = b"".join(data[e.start : e.stop] for e in children if e.number not in marks)
+        return _without(data, children, marks) + projection
+    marks += (STEREO_MODE, DISPLAY_WIDTH, DISPLAY_HEIGHT)
     width, height = _frame_shape(values)
+    across, down = eyes
     # A ratio that stays whole numbers.
     width, height = (width // across, height) if width % across == 0 else (width, height * across)
     width, height = (width, height // down) if height % down == 0 else (width * down, height)
     mark = b"" if mode is None else _unsigned(STEREO_MODE, mode)
-    return others + mark + _unsigned(DISPLAY_WIDTH, width) + _unsigned(DISPLAY_HEIGHT, height)
+    size = _unsigned(DISPLAY_WIDTH, width) + _unsigned(DISPLAY_HEIGHT, height)
+    return _without(data, children, marks) + mark + size + projection
+
+
+def _without(data: bytes, elements: list[Element], numbers: tuple[int, ...]) -> bytes:
+    """Return the bytes of these elements but for those with one of these IDs."""
+    return b"".join(data[e.start : e.stop] for e in elements if e.number not in numbers)
+
+
+def _projection(panorama: MoviePanorama) -> bytes:
+    """Return the bytes of a Projection element."""
+    poses = b"".join(_short(number, bytes(4)) for number in PROJECTION_POSES)
+    kind = _unsigned(PROJECTION_TYPE, EQUIRECTANGULAR)
+    return _short(PROJECTION, kind + _short(PROJECTION_PRIVATE, panorama.equi) + poses)
 
 
 def _frame_shape(values: dict[int, int]) -> tuple[int, int]:
@@ -219,7 +251,11 @@ def _uint(data: bytes, element: Element) -> int:
 
 def _unsigned(number: int, value: int) -> bytes:
     """Return the bytes of an element with a two-byte ID, `number`, whose content is an unsigned number, `value`."""
-    content = value.to_bytes(max((value.bit_length() + 7) // 8, 1))
+    return _short(number, value.to_bytes(max((value.bit_length() + 7) // 8, 1)))
+
+
+def _short(number: int, content: bytes) -> bytes:
+    """Return the bytes of an element with a two-byte ID, `number`, and less than 127 bytes of content."""
     return number.to_bytes(2) + bytes([0x80 | len(content)]) + content
 
 

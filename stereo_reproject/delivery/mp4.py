@@ -1,10 +1,11 @@
-"""The mark that says in an MP4 or MOV file how its eyes are laid out: Google's st3d box.
+"""The marks that say in an MP4 or MOV file how its eyes are laid out and which part of the sphere they see: Google's
+st3d and sv3d boxes, and in HEVC movies of panoramas Apple's vexu and hfov.
 
 Boxes are those of ISO/IEC 14496-12: size, type, content; the video's are moov, trak, mdia, minf, stbl, stsd, then the
-sample entry (avc1, hvc1, apcn ...), in which the mark is. Source: Google, "Spherical Video V2 RFC".
+sample entry (avc1, hvc1, apcn ...), in which the marks are. Source: Google, "Spherical Video V2 RFC".
 
 Blender 5.2 puts Apple's own marks, vexu and hfov, into MOV files; part of what it writes there differs from movie to
-movie for no reason, which eye is first among it. So those go when this one comes.
+movie for no reason, which eye is first among it. So those go when these come.
 """
 
 from __future__ import annotations
@@ -17,12 +18,16 @@ from typing import BinaryIO
 
 from ..errors import BadInputError, StereoReprojectError
 from ..words import Words
+from .projection import MoviePanorama, box_bytes, mp4_boxes
 from .splicing import Edit, splice
 
 PATH_TO_ENTRIES = (b"mdia", b"minf", b"stbl", b"stsd")
-MARKS = (b"st3d", b"vexu", b"hfov")
-AFTER_THE_MARK = (b"pasp", b"clap", b"sv3d")
-"""The RFC has them follow the mark."""
+MARKS = (b"st3d", b"sv3d", b"vexu", b"hfov")
+AFTER_THE_MARKS = (b"pasp", b"clap")
+"""The RFC has them follow the marks."""
+
+HEVC = (b"hvc1", b"hev1")
+"""Sample entries in which Apple's players look for marks."""
 
 VISUAL_SAMPLE_ENTRY = 78
 """Bytes of its own before its boxes (ISO/IEC 14496-12, 12.1.3)."""
@@ -100,13 +105,14 @@ def damaged(name: str) -> StereoReprojectError:
     )
 
 
-def write_st3d(path: Path, mode: int | None) -> None:
-    """Set the stereo layout of the first video track of an MP4 or MOV file: put in an st3d box with this value, or none
-    if `mode` is None. Marks that are there already are removed, Apple's included. The file is replaced by a changed
+def write_marks(path: Path, mode: int | None, panorama: MoviePanorama | None = None) -> None:
+    """Set the stereo layout and the projection of the first video track of an MP4 or MOV file: put in an st3d box with
+    the value `mode`, or none if that is None, and boxes that say which part of the sphere is shown, or none if
+    `panorama` is None. Marks that are there already are removed, Apple's included. The file is replaced by a changed
     copy.
 
     Raises StereoReprojectError if the file is damaged, and BadInputError if it cannot be read or written, has no room
-    for the mark, or is a kind of MP4 that is not supported. After an error the file is as it was.
+    for the marks, or is a kind of MP4 that is not supported. After an error the file is as it was.
     """
     try:
         with path.open("rb") as file:
@@ -115,7 +121,7 @@ def write_st3d(path: Path, mode: int | None) -> None:
         raise BadInputError(
             Words("{path} cannot be read ({reason})", path=path, reason=error.strerror or str(error))
         ) from error
-    edits, ancestors = _mark_edits(moov, moov_box, mode)
+    edits, ancestors = _mark_edits(moov, moov_box, mode, panorama)
     growth = sum(edit.growth for edit in edits)
     if not any(edit.new or edit.stop > edit.start for edit in edits):
         return
@@ -161,9 +167,11 @@ def _top_boxes(file: BinaryIO, name: str) -> Iterator[Box]:
         start += size
 
 
-def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit], list[Box]]:
-    """Return the edits that set the mark in the first video track (see `write_st3d`), and the boxes around it, whose
-    sizes change with it. Raises StereoReprojectError where there is no video track."""
+def _mark_edits(
+    moov: _Moov, moov_box: Box, mode: int | None, panorama: MoviePanorama | None
+) -> tuple[list[Edit], list[Box]]:
+    """Return the edits that set the marks in the first video track (see `write_marks`), and the boxes around them,
+    whose sizes change with them. Raises StereoReprojectError where there is no video track."""
     for track in moov.boxes(moov_box.content, moov_box.stop):
         way = moov.descendants(track, PATH_TO_ENTRIES) if track.kind == b"trak" else None
         if way and _is_video(moov, way[0]):
@@ -172,7 +180,7 @@ def _mark_edits(moov: _Moov, moov_box: Box, mode: int | None) -> tuple[list[Edit
             entry = next(moov.boxes(entries.content + 8, entries.stop), None)
             if entry is None or entry.content + VISUAL_SAMPLE_ENTRY > entry.stop:
                 raise damaged(moov.name)
-            return _entry_edits(moov, entry, mode), [moov_box, track, *way, entry]
+            return _entry_edits(moov, entry, _marks(entry, mode, panorama)), [moov_box, track, *way, entry]
     raise damaged(moov.name)
 
 
@@ -182,15 +190,20 @@ def _is_video(moov: _Moov, media: Box) -> bool:
     return handler is not None and moov.read(handler.content + 8, handler.content + 12) == b"vide"
 
 
-def _entry_edits(moov: _Moov, entry: Box, mode: int | None) -> list[Edit]:
-    """Return the edits of a video track's sample entry: old marks are removed, and an st3d box is inserted unless
-    `mode` is None."""
+def _marks(entry: Box, mode: int | None, panorama: MoviePanorama | None) -> bytes:
+    """Return the boxes that mark a sample entry; see `write_marks`."""
+    stereo = b"" if mode is None else box_bytes(b"st3d", bytes(4), bytes([mode]))
+    return stereo + (b"" if panorama is None else mp4_boxes(panorama, mode, for_apple=entry.kind in HEVC))
+
+
+def _entry_edits(moov: _Moov, entry: Box, marks: bytes) -> list[Edit]:
+    """Return the edits of a video track's sample entry: old marks are removed, and the boxes `marks` are inserted."""
     boxes = list(moov.boxes(entry.content + VISUAL_SAMPLE_ENTRY, entry.stop))
     edits = [Edit(box.start, box.stop, b"") for box in boxes if box.kind in MARKS]
-    if mode is not None:
+    if marks:
         end = boxes[-1].stop if boxes else entry.content + VISUAL_SAMPLE_ENTRY
-        place = next((box.start for box in boxes if box.kind in AFTER_THE_MARK), end)
-        edits.append(Edit(place, place, struct.pack(">I4sIB", 13, b"st3d", 0, mode)))
+        place = next((box.start for box in boxes if box.kind in AFTER_THE_MARKS), end)
+        edits.append(Edit(place, place, marks))
     return edits
 
 

@@ -47,6 +47,12 @@ def stereo(path: Path) -> str:
     return " ".join(filter(None, found.groups())) if found else ""
 
 
+def sphere(path: Path) -> str:
+    """The part of the sphere that a movie shows, by FFmpeg; "" for a planar one."""
+    found = re.search(r"Spherical Mapping: (.*?) *$", described(path), re.MULTILINE)
+    return found.group(1) if found else ""
+
+
 @contextmanager
 def refused(path: Path, message: str) -> Iterator[None]:
     """One line that says why, and the file as it was, nothing beside it."""

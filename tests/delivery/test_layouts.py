@@ -2,7 +2,18 @@ from pathlib import Path
 
 import pytest
 
-from stereo_reproject.delivery.layouts import KNOWN_TAGS, LAYOUTS, contradicting_tag, tagged_name
+from stereo_reproject.delivery.layouts import (
+    KNOWN_TAGS,
+    LAYOUTS,
+    contradicting_degrees,
+    contradicting_tag,
+    name_suffix,
+    says,
+    tagged_name,
+)
+from stereo_reproject.delivery.projection import FRONT, WHOLE, MoviePanorama
+
+PART = MoviePanorama(top=0.25)
 
 
 @pytest.mark.parametrize(
@@ -65,3 +76,57 @@ def test_every_name_that_is_made_says_what_it_is(layout):
 def test_a_layout_has_one_name():
     assert {name: layout.name for name, layout in LAYOUTS.items()} == {name: name for name in LAYOUTS}
     assert set().union(*KNOWN_TAGS.values()) <= LAYOUTS.keys()
+
+
+@pytest.mark.parametrize(
+    ("layout", "panorama", "suffix"),
+    [
+        ("side-by-side", FRONT, "_180_LR"),
+        ("top-bottom", FRONT, "_180_TB"),
+        ("side-by-side", WHOLE, "_360_LR"),
+        ("top-bottom", WHOLE, "_360_TB"),
+        ("side-by-side", PART, "_LR"),
+        ("side-by-side", None, "_LR"),
+        ("individual", WHOLE, "_360"),
+        ("individual", None, ""),
+    ],
+)
+def test_the_tags_of_panoramas(layout, panorama, suffix):
+    assert name_suffix(LAYOUTS[layout], panorama) == suffix
+    named = tagged_name(Path("film.mp4"), LAYOUTS[layout], panorama)
+    assert named == Path(f"film{suffix}.mp4")
+    assert tagged_name(named, LAYOUTS[layout], panorama) == named
+    assert says(named, LAYOUTS[layout], panorama)
+    assert contradicting_tag(named, LAYOUTS[layout]) is None
+    assert contradicting_degrees(named, panorama) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "tagged"),
+    [
+        ("film_LR.mp4", "film_LR_180.mp4"),
+        ("film_180.mp4", "film_180_LR.mp4"),
+        ("film_180x180_lr.mp4", "film_180x180_lr.mp4"),
+        ("film180.mp4", "film180_180_LR.mp4"),
+        ("film_360.mp4", "film_360_180_LR.mp4"),
+    ],
+)
+def test_a_tag_that_is_there_already(name, tagged):
+    assert tagged_name(Path(name), LAYOUTS["side-by-side"], FRONT) == Path(tagged)
+
+
+@pytest.mark.parametrize(
+    ("name", "panorama", "tag"),
+    [
+        ("film_180_LR.mp4", FRONT, None),
+        ("film-180x180.mp4", FRONT, None),
+        ("film_360_LR.mp4", FRONT, "360"),
+        ("film_180X180.mp4", WHOLE, "180X180"),
+        ("film_360.mp4", PART, "360"),
+        ("film_360.mp4", None, "360"),
+        ("film_LR.mp4", FRONT, None),
+        ("film_1800.mp4", None, None),
+    ],
+)
+def test_a_name_that_says_another_projection(name, panorama, tag):
+    assert contradicting_degrees(Path("folder_360_180") / name, panorama) == tag

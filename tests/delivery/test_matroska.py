@@ -4,8 +4,8 @@ import zlib
 import pytest
 
 from stereo_reproject.delivery.layouts import LAYOUTS
-from stereo_reproject.delivery.matroska import write_stereo_mode
-from stereo_reproject.delivery.stereo_mode import write_stereo_mode_of
+from stereo_reproject.delivery.marks import write_marks_of
+from stereo_reproject.delivery.matroska import write_marks
 from stereo_reproject.errors import StereoReprojectError
 from tests.delivery.movies import described, encode, frames, refused, stereo
 
@@ -70,7 +70,7 @@ def checksums_hold(data):
 
 def test_every_player_finds_the_mark_and_the_pictures(movie):
     before, later, data = frames(movie), frames(movie, start=0.2), movie.read_bytes()
-    write_stereo_mode(movie, 1, across=2)
+    write_marks(movie, 1, across=2)
     assert stereo(movie) == "side by side"
     assert frames(movie) == before
     assert frames(movie, start=0.2) == later
@@ -80,7 +80,7 @@ def test_every_player_finds_the_mark_and_the_pictures(movie):
     assert all(marked.startswith(number, place) for number, place in places(marked).items())
     assert checksums_hold(marked)
     assert marked[marked.index(CLUSTER) :] == data[data.index(CLUSTER) :]
-    write_stereo_mode(movie, 3, down=2)
+    write_marks(movie, 3, down=2)
     assert stereo(movie) == "top and bottom"
     assert frames(movie) == before
 
@@ -111,11 +111,11 @@ def test_the_checks_of_this_file_can_fail(movies):
 )
 def test_the_eyes_keep_their_shape(ffv1, layout, shape, mode):
     """FFmpeg tells the shape of a pixel once each eye has its whole picture's; squeezed ones are wider or higher."""
-    assert write_stereo_mode_of(ffv1, LAYOUTS[layout])
+    assert write_marks_of(ffv1, LAYOUTS[layout])
     assert f"SAR {shape} " in described(ffv1)
     assert mode in described(ffv1)
     once = ffv1.read_bytes()
-    assert write_stereo_mode_of(ffv1, LAYOUTS[layout])
+    assert write_marks_of(ffv1, LAYOUTS[layout])
     assert ffv1.read_bytes() == once
 
 
@@ -132,7 +132,7 @@ def test_the_eyes_keep_their_shape(ffv1, layout, shape, mode):
 )
 def test_the_first_row_of_an_odd_number_is_the_other_eyes(ffv1, layout, rows, mode):
     """Blender begins at the bottom."""
-    assert write_stereo_mode_of(ffv1, LAYOUTS[layout].at_height(rows))
+    assert write_marks_of(ffv1, LAYOUTS[layout].at_height(rows))
     assert mode in described(ffv1)
 
 
@@ -141,14 +141,14 @@ def test_a_mark_of_another_counts_for_nothing(tmp_path, half, shape):
     """Blender 5.2: the eyes at random, and squeezed pictures taken for whole ones."""
     path = encode(tmp_path / "f.mkv", "-c:v ffv1 -metadata:s:v stereo_mode=right_left")
     assert stereo(path) == "side by side (inverted)"
-    assert write_stereo_mode_of(path, LAYOUTS[f"side-by-side{half}"])
+    assert write_marks_of(path, LAYOUTS[f"side-by-side{half}"])
     assert stereo(path) == "side by side"
     assert f"SAR {shape} " in described(path)
 
 
 def test_the_shape_of_pixels_is_kept(tmp_path):
     path = encode(tmp_path / "f.mkv", "-c:v ffv1 -vf setsar=4/3")
-    write_stereo_mode(path, 1, across=2)
+    write_marks(path, 1, across=2)
     assert "SAR 4:3" in described(path)
 
 
@@ -156,11 +156,11 @@ def test_webm_has_few_modes(movies, tmp_path):
     path = tmp_path / "f.webm"
     path.write_bytes(movies["vp9.webm"].read_bytes())
     before = path.read_bytes()
-    assert not write_stereo_mode_of(path, LAYOUTS["interlace-rows"])
-    assert not write_stereo_mode_of(path, LAYOUTS["individual"])
+    assert not write_marks_of(path, LAYOUTS["interlace-rows"])
+    assert not write_marks_of(path, LAYOUTS["individual"])
     assert path.read_bytes() == before
-    assert write_stereo_mode_of(path, LAYOUTS["cross-eyed"])
-    assert not write_stereo_mode_of(path, LAYOUTS["anaglyph-red-cyan"])
+    assert write_marks_of(path, LAYOUTS["cross-eyed"])
+    assert not write_marks_of(path, LAYOUTS["anaglyph-red-cyan"])
     assert "stereo_mode" not in described(path)
     assert "SAR 1:1" in described(path)
 
@@ -168,7 +168,7 @@ def test_webm_has_few_modes(movies, tmp_path):
 def test_the_name_does_not_decide(movies, tmp_path):
     path = tmp_path / "f.mp4"
     path.write_bytes(movies["ffv1.mkv"].read_bytes())
-    assert write_stereo_mode_of(path, LAYOUTS["side-by-side"])
+    assert write_marks_of(path, LAYOUTS["side-by-side"])
     assert stereo(path) == "side by side"
 
 
@@ -177,13 +177,13 @@ def test_a_file_that_is_not_whole(movie, share):
     data = movie.read_bytes()
     movie.write_bytes(data[: 6 + int(len(data) * share) - 6 * (share > 0.5)])
     with refused(movie, "is not a whole movie"):
-        write_stereo_mode_of(movie, LAYOUTS["side-by-side"])
+        write_marks_of(movie, LAYOUTS["side-by-side"])
 
 
 def test_a_stream_of_unknown_size(tmp_path):
     path = encode(tmp_path / "f.mkv", "-c:v ffv1 -live 1")
     with refused(path, "size is not known"):
-        write_stereo_mode(path, 1)
+        write_marks(path, 1)
 
 
 def test_no_room(ffv1):
@@ -192,7 +192,7 @@ def test_no_room(ffv1):
     # Some other element of the same size.
     ffv1.write_bytes(data[:void] + b"\xed" + data[void + 1 :])
     with refused(ffv1, "no room"):
-        write_stereo_mode(ffv1, 1)
+        write_marks(ffv1, 1)
 
 
 def test_any_damage_is_refused_or_outlived(movies, tmp_path):
@@ -204,6 +204,6 @@ def test_any_damage_is_refused_or_outlived(movies, tmp_path):
             broken[chance.randrange(data.index(CLUSTER))] = chance.choice((0, 1, 0x80, 0xAE, 255))
         path.write_bytes(broken)
         try:
-            write_stereo_mode_of(path, LAYOUTS["side-by-side"])
+            write_marks_of(path, LAYOUTS["side-by-side"])
         except StereoReprojectError:
             assert path.read_bytes() == broken

@@ -4,9 +4,9 @@ import struct
 import pytest
 
 from stereo_reproject.delivery.layouts import LAYOUTS
-from stereo_reproject.delivery.mp4 import write_st3d
+from stereo_reproject.delivery.marks import write_marks_of
+from stereo_reproject.delivery.mp4 import write_marks
 from stereo_reproject.delivery.splicing import Edit, splice
-from stereo_reproject.delivery.stereo_mode import write_stereo_mode_of
 from stereo_reproject.errors import StereoReprojectError
 from tests.delivery.movies import described, encode, frames, refused, stereo
 
@@ -44,12 +44,12 @@ def faststart(movies, tmp_path):
 def test_every_player_finds_the_mark_and_the_pictures(movie):
     before, later = frames(movie), frames(movie, start=0.2)
     size = movie.stat().st_size
-    write_st3d(movie, 2)
+    write_marks(movie, 2)
     assert stereo(movie) == "side by side"
     assert frames(movie) == before
     assert frames(movie, start=0.2) == later
     assert movie.stat().st_size == size + 13
-    write_st3d(movie, 1)
+    write_marks(movie, 1)
     assert stereo(movie) == "top and bottom"
     assert frames(movie) == before
     assert movie.stat().st_size == size + 13
@@ -57,15 +57,15 @@ def test_every_player_finds_the_mark_and_the_pictures(movie):
 
 def test_taking_the_mark_away_gives_the_file_that_was(movie):
     before = movie.read_bytes()
-    write_st3d(movie, None)
+    write_marks(movie, None)
     assert movie.read_bytes() == before
-    write_st3d(movie, 2)
-    write_st3d(movie, None)
+    write_marks(movie, 2)
+    write_marks(movie, None)
     assert movie.read_bytes() == before
 
 
 def test_the_mark_comes_before_the_shape_of_the_pixels(faststart):
-    write_st3d(faststart, 2)
+    write_marks(faststart, 2)
     data = faststart.read_bytes()
     assert data.index(b"avcC") < data.index(b"st3d") < data.index(b"pasp")
 
@@ -78,7 +78,7 @@ def boxed(kind, *content):
 def test_apples_marks_go(faststart):
     """As Blender 5.2 writes them into MOV files."""
     before = frames(faststart)
-    write_st3d(faststart, 2)
+    write_marks(faststart, 2)
     theirs = boxed(b"vexu", boxed(b"eyes", boxed(b"stri", bytes(4), b"\x0b"))) + boxed(b"hfov", b"\0\0\0\7")
     clean = faststart.read_bytes()
     at = clean.index(b"pasp") - 4
@@ -95,7 +95,7 @@ def test_apples_marks_go(faststart):
         edits.append(Edit(table + 12, table + 12 + 4 * count, moved))
     splice(faststart, edits)
     assert b"vexu" in faststart.read_bytes()
-    write_st3d(faststart, 2)
+    write_marks(faststart, 2)
     assert faststart.read_bytes() == clean
     assert frames(faststart) == before
 
@@ -118,21 +118,21 @@ def test_sizes_of_64_bits(movies, tmp_path):
         + description
     )
     before = frames(path)
-    write_st3d(path, 2)
+    write_marks(path, 2)
     assert stereo(path) == "side by side"
     assert frames(path) == before == frames(movies["h264.mp4"])
 
 
 def test_a_cross_eyed_movie_has_a_mark_that_ffmpeg_does_not_know(faststart):
     before = frames(faststart)
-    assert write_stereo_mode_of(faststart, LAYOUTS["cross-eyed"])
+    assert write_marks_of(faststart, LAYOUTS["cross-eyed"])
     assert "Unknown st3d mode value 4" in described(faststart)
     assert frames(faststart) == before
 
 
 def test_a_layout_without_a_mark(faststart):
     before = faststart.read_bytes()
-    assert not write_stereo_mode_of(faststart, LAYOUTS["anaglyph-red-cyan"])
+    assert not write_marks_of(faststart, LAYOUTS["anaglyph-red-cyan"])
     assert faststart.read_bytes() == before
 
 
@@ -141,20 +141,20 @@ def test_a_file_that_is_not_whole(movie, share):
     data = movie.read_bytes()
     movie.write_bytes(data[: int(len(data) * share)])
     with refused(movie, "is not a whole movie"):
-        write_st3d(movie, 2)
+        write_marks(movie, 2)
 
 
 def test_an_empty_file(tmp_path):
     path = tmp_path / "f.mp4"
     path.touch()
     with refused(path, "is not a whole movie"):
-        write_stereo_mode_of(path, LAYOUTS["side-by-side"])
+        write_marks_of(path, LAYOUTS["side-by-side"])
 
 
 def test_a_fragmented_movie(tmp_path):
     path = encode(tmp_path / "f.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags frag_every_frame+empty_moov")
     with refused(path, "fragmented"):
-        write_st3d(path, 2)
+        write_marks(path, 2)
 
 
 def test_any_damage_is_refused_or_outlived(movies, tmp_path):
@@ -168,7 +168,7 @@ def test_any_damage_is_refused_or_outlived(movies, tmp_path):
             broken[chance.randrange(start, stop)] = chance.choice((0, 1, 7, 255))
         path.write_bytes(broken)
         try:
-            write_st3d(path, 2)
+            write_marks(path, 2)
         except StereoReprojectError:
             assert path.read_bytes() == broken
 
@@ -176,7 +176,7 @@ def test_any_damage_is_refused_or_outlived(movies, tmp_path):
 def test_other_containers_are_left_alone(tmp_path):
     path = encode(tmp_path / "a.avi", "-c:v mjpeg")
     before = path.read_bytes()
-    assert not write_stereo_mode_of(path, LAYOUTS["side-by-side"])
+    assert not write_marks_of(path, LAYOUTS["side-by-side"])
     assert path.read_bytes() == before
 
 

@@ -81,11 +81,12 @@ def make_movie(
         return []
     path = Path(options.movie)
     listener.on_stage(Stage.MOVIE, "")
-    for warning in movie_warnings(path, output.movie_layout):
+    for warning in movie_warnings(path, output.movie_layout, output.panorama):
         listener.warn(warning)
     with work_folder(path.parent, ()) as beside:
+        form, panorama = output.file_format, output.panorama
         made = write_movie(
-            scene, output.files, path, output.movie_layout, beside / "out", file_format=output.file_format
+            scene, output.files, path, output.movie_layout, beside / "out", file_format=form, panorama=panorama
         )
         return [_put_noted(movie, path.with_name(movie.name), journal, output) for movie in made]
 

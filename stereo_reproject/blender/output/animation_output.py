@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ...delivery.layouts import LAYOUTS, tagged_name
+from ...delivery.projection import MoviePanorama
 from ...errors import BadInputError
 from ...files import beside_name
 from ...images.exr import VIEWS
@@ -25,6 +26,7 @@ from ..scene.rendered import scene_frames
 from .image_settings import format_values, writes_half_floats
 from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie
+from .movie_panorama import movie_panorama
 from .output_paths import check_file_outputs, output_files, output_stem
 
 
@@ -32,7 +34,8 @@ from .output_paths import check_file_outputs, output_files, output_stem
 class Output:
     """The output of an animation. name is what the files' names begin with; files are each frame's, by its number: one,
     or one for each eye. layout is the frames', movie_layout that of a movie made of them (None: one that we have no
-    name for). values are all settings of the format; half_floats is True for an EXR of 16 bits.
+    name for). values are all settings of the format; half_floats is True for an EXR of 16 bits. panorama is the part of
+    the sphere that a movie shows (None: a planar one, or one whose layout has no name).
     """
 
     folder: Path
@@ -43,6 +46,7 @@ class Output:
     movie_layout: str | None
     values: Mapping[str, Any]
     half_floats: bool
+    panorama: MoviePanorama | None
 
     @property
     def all_files(self) -> list[Path]:
@@ -71,7 +75,9 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
         folder = files[frames[0]][0].parent
         shown = _of_movie(layout, own_movies)
         half = writes_half_floats(scene)
-        output = Output(folder, output_stem(scene), files, layout, settings.file_format, shown, values, half)
+        panorama = None if shown is None else movie_panorama(scene, frames)
+        stem, file_format = output_stem(scene), settings.file_format
+        output = Output(folder, stem, files, layout, file_format, shown, values, half, panorama)
     if options.movie is not None:
         options = replace(options, movie=str(_movie_path(scene, options.movie, output)))
     check_names(output.folder, _longest_names(output, options))
@@ -133,7 +139,8 @@ def _movie_path(scene: bpy.types.Scene, asked: str, output: Output) -> Path:
     if not asked or asked.endswith(("/", os.sep)) or path.is_dir():
         stem = output.name.rstrip("#_-. ") or Path(bpy.data.filepath).stem or scene.name
         path = path / f"{stem}.mp4"
-        path = path if output.movie_layout is None else tagged_name(path, LAYOUTS[output.movie_layout])
+        if output.movie_layout is not None:
+            path = tagged_name(path, LAYOUTS[output.movie_layout], output.panorama)
     check_movie(path)
     return path
 

@@ -11,8 +11,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...delivery.layouts import LAYOUTS, contradicting_tag, says, tagged_name
-from ...delivery.stereo_mode import write_stereo_mode_of
+from ...delivery.layouts import LAYOUTS, contradicting_degrees, contradicting_tag, says, tagged_name
+from ...delivery.marks import write_marks_of
+from ...delivery.projection import MoviePanorama
 from ...errors import BadInputError, StereoReprojectError
 from ...files import made_in
 from ...images.exr import VIEWS, read_colours
@@ -59,20 +60,31 @@ def movie_files(scene: bpy.types.Scene, path: Path, layout: str | None) -> list[
     return [path.with_stem(f"{path.stem}{suffix}") for suffix, _ in _parts(scene, layout)]
 
 
-def movie_warnings(path: Path, layout: str | None) -> list[str]:
-    """Return a warning where players would take the movie for one of another layout, or cannot know its layout; else an
-    empty list.
+def movie_warnings(path: Path, layout: str | None, panorama: MoviePanorama | None = None) -> list[str]:
+    """Return warnings where players would take the movie for one of another layout or projection, or cannot know its
+    own; else an empty list. panorama is the part of the sphere that it shows, None for a planar movie.
     """
     if layout is None:
         return []
-    tag = contradicting_tag(path, LAYOUTS[layout])
+    tag, degrees = contradicting_tag(path, LAYOUTS[layout]), contradicting_degrees(path, panorama)
+    warnings = []
     if tag is not None:
-        return [f"players take {tag} in {path.name} for another layout than {layout}"]
-    known = layout not in SQUEEZED and path.suffix.lower() not in WITHOUT_MARKS
-    named = tagged_name(path, LAYOUTS[layout]).name
-    if known or says(path, LAYOUTS[layout]):
-        return []
-    return [f"players know {layout} by its name alone: {named} tells it"]
+        warnings.append(f"players take {tag} in {path.name} for another layout than {layout}")
+    if degrees is not None:
+        shown = "a planar one" if panorama is None else _panorama_in_words(panorama)
+        warnings.append(f"players take {degrees} in {path.name} for another projection than {shown}")
+    marked = path.suffix.lower() not in WITHOUT_MARKS
+    named = tagged_name(path, LAYOUTS[layout], panorama).name
+    if warnings or says(path, LAYOUTS[layout], None if marked else panorama) or (marked and layout not in SQUEEZED):
+        return warnings
+    alone = panorama is not None and says(path, LAYOUTS[layout])
+    what = _panorama_in_words(panorama) if alone else layout
+    return [f"players know {what} by its name alone: {named} tells it"]
+
+
+def _panorama_in_words(panorama: MoviePanorama) -> str:
+    """Return what part of the sphere is shown, in words."""
+    return f"a panorama of {panorama.horizontal_degrees:.3g}°"
 
 
 def write_movie(
@@ -83,12 +95,14 @@ def write_movie(
     folder: Path,
     *,
     file_format: str,
+    panorama: MoviePanorama | None = None,
 ) -> list[Path]:
     """Write a movie of these frames' files into `folder`, under the name that `path` has, and return what was made.
     With the layout "individual" there is one movie for each eye, and its name ends in the eye's suffix.
 
     pictures are the files of each frame, by its number. Eyes in files of their own are put side by side. file_format is
-    that of the pictures. The movie's header tells players the layout. Raises BadInputError and StereoReprojectError.
+    that of the pictures. The movie's header tells players the layout, and which part of the sphere is shown:
+    `panorama`, None for planar pictures. Raises BadInputError and StereoReprojectError.
     """
     folder.mkdir(exist_ok=True)
     finished = []
@@ -97,7 +111,7 @@ def write_movie(
             of_part = {frame: files[part] for frame, files in pictures.items()}
             made, height = _encode(copy, of_part, folder, file_format)
             finished.append(made.replace(folder / f"{path.stem}{suffix}{path.suffix}"))
-            write_stereo_mode_of(finished[-1], LAYOUTS[layout or "individual"].at_height(height))
+            write_marks_of(finished[-1], LAYOUTS[layout or "individual"].at_height(height), panorama)
     return finished
 
 

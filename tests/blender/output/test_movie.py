@@ -8,14 +8,21 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
+from stereo_reproject.blender.commands.animation_movie import make_movie
+from stereo_reproject.blender.output.animation_output import output_of
 from stereo_reproject.blender.output.delivery import deliver_frames
 from stereo_reproject.blender.output.layouts import as_ordered, save_display_values
 from stereo_reproject.blender.output.movie import check_movie, movie_warnings, write_movie
+from stereo_reproject.blender.output.movie_panorama import movie_panorama
+from stereo_reproject.delivery.projection import FRONT, WHOLE, MoviePanorama
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS
+from stereo_reproject.sequence.journal import Journal
+from stereo_reproject.sequence.progress import Listener
+from stereo_reproject.settings.animation import AnimationSettings
 from tests.blender.snapshot import everything
 from tests.blender.toolbox import add_camera, add_plane, diffuse, empty_scene
-from tests.delivery.movies import described, stereo
+from tests.delivery.movies import described, sphere, stereo
 
 WIDTH, HEIGHT = 64, 32
 
@@ -62,10 +69,10 @@ def save_frames(scene, folder, numbers, ends=("",)):
     return found
 
 
-def make(scene, frames, path, layout, *, file_format="PNG"):
+def make(scene, frames, path, layout, *, file_format="PNG", panorama=None):
     before = everything()
     folder = path.parent / "out"
-    made = write_movie(scene, frames, path, layout, folder, file_format=file_format)
+    made = write_movie(scene, frames, path, layout, folder, file_format=file_format, panorama=panorama)
     assert everything() == before
     assert sorted(path for path in folder.rglob("*") if path.is_file()) == sorted(made)
     return made
@@ -161,6 +168,108 @@ def test_players_are_told_the_layout(scene, tmp_path, name, layout, mark):
     (movie,) = make(scene, frames, tmp_path / name, layout)
     assert stereo(movie) == mark
     assert len(decoded(movie)) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "panorama", "shown"),
+    [
+        ("film.mp4", "H264", FRONT, "tiled equirectangular [32, 0, 31, 0]"),
+        ("film.mp4", "H264", WHOLE, "equirectangular"),
+        ("film.mp4", "H265", FRONT, "half equirectangular"),
+        ("film.mov", "H265", FRONT, "half equirectangular"),
+        ("film.mkv", "H264", FRONT, "tiled equirectangular [32, 0, 31, 0]"),
+        ("film.webm", "WEBM", WHOLE, "equirectangular"),
+        ("film.avi", "H264", WHOLE, ""),
+        ("film.mov", "H264", None, ""),
+    ],
+)
+def test_players_are_told_the_part_of_the_sphere(scene, tmp_path, name, codec, panorama, shown):
+    scene.render.ffmpeg.codec = codec
+    frames = save_frames(scene, tmp_path, [1, 2])
+    (movie,) = make(scene, frames, tmp_path / name, "side-by-side", panorama=panorama)
+    assert sphere(movie) == shown
+    assert stereo(movie) == ("" if name == "film.avi" else "side by side")
+    assert_shows(movie, [1, 2])
+
+
+def set_panoramic(camera, *, degrees=180.0, kind="EQUIRECTANGULAR"):
+    camera.data.type = "PANO"
+    camera.data.panorama_type = kind
+    camera.data.longitude_min, camera.data.longitude_max = np.radians([-degrees / 2, degrees / 2])
+    camera.data.latitude_min, camera.data.latitude_max = np.radians([-90, 90])
+
+
+@pytest.mark.parametrize("spherical", [False, True])
+@pytest.mark.parametrize(("degrees", "panorama"), [(180, FRONT), (360, WHOLE), (90, MoviePanorama(0.375, 0.375))])
+def test_the_part_of_the_sphere_is_the_cameras(scene, degrees, panorama, spherical):
+    set_panoramic(scene.camera, degrees=degrees)
+    scene.camera.data.stereo.use_spherical_stereo = spherical
+    assert movie_panorama(scene, range(1, 4)) == panorama
+
+
+def test_planar_pictures_and_other_projections_show_no_part_of_the_sphere(scene):
+    assert movie_panorama(scene, [1]) is None
+    scene.camera.data.stereo.use_spherical_stereo = True
+    assert movie_panorama(scene, [1]) is None
+    set_panoramic(scene.camera, kind="FISHEYE_EQUIDISTANT")
+    assert movie_panorama(scene, [1]) is None
+    scene.camera = None
+    assert movie_panorama(scene, [1]) is None
+
+
+def test_what_the_frame_leaves_out_is_cut_away(scene):
+    set_panoramic(scene.camera, degrees=360)
+    render = scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 1.0, 0.5, 1.0
+    assert movie_panorama(scene, [1]) == MoviePanorama(left=0.25, bottom=0.5)
+    render.use_border = False
+    scene.camera.data.shift_x = 0.25
+    assert movie_panorama(scene, [1]) == WHOLE
+    set_panoramic(scene.camera, degrees=180)
+    assert movie_panorama(scene, [1]) == MoviePanorama(left=0.375, right=0.125)
+    scene.camera.data.shift_y = 0.25
+    assert movie_panorama(scene, [1]) is None
+
+
+def test_a_movie_of_several_cameras_shows_the_part_that_they_share(scene):
+    set_panoramic(scene.camera, degrees=180)
+    other = scene.camera.copy()
+    other.data = scene.camera.data.copy()
+    scene.collection.objects.link(other)
+    for frame, camera in ((1, scene.camera), (10, other)):
+        scene.timeline_markers.new("", frame=frame).camera = camera
+    assert movie_panorama(scene, range(1, 20)) == FRONT
+    set_panoramic(other, degrees=360)
+    assert movie_panorama(scene, range(1, 20)) is None
+    assert movie_panorama(scene, range(1, 10)) == FRONT
+    assert movie_panorama(scene, range(10, 20)) == WHOLE
+
+
+@pytest.mark.parametrize(
+    ("degrees", "layout", "name"),
+    [
+        (180, "side-by-side", "shot_180_LR.mp4"),
+        (360, "top-bottom", "shot_360_TB.mp4"),
+        (None, "top-bottom", "shot_TB.mp4"),
+    ],
+)
+def test_the_movie_of_an_animation_has_name_and_mark_by_its_camera(scene, tmp_path, degrees, layout, name):
+    if degrees is not None:
+        set_panoramic(scene.camera, degrees=degrees)
+    scene.render.filepath = str(tmp_path / "shot_")
+    asked = AnimationSettings(frames=(1, 2), output=str(tmp_path), file_format="PNG", layout=layout, movie="")
+    options, output = output_of(scene, asked)
+    for number, (path,) in output.files.items():
+        save_display_values(scene, picture(number), path)
+    journal = Journal(output.folder, output.name)
+    journal.place.make()
+    warnings = []
+    (movie,) = make_movie(scene, options, output, journal, Listener(warn=warnings.append))
+    assert movie == tmp_path / name
+    assert sphere(movie) == {180: "tiled equirectangular [32, 0, 31, 0]", 360: "equirectangular", None: ""}[degrees]
+    assert stereo(movie) == {"side-by-side": "side by side", "top-bottom": "top and bottom"}[layout]
+    assert warnings == []
 
 
 def test_each_eye_in_a_movie_of_its_own(scene, tmp_path):
@@ -273,3 +382,40 @@ def test_a_folder_that_is_in_the_way_is_said(tmp_path):
 )
 def test_a_name_that_tells_players_something_else_or_too_little_is_warned_of(name, layout, warning):
     assert movie_warnings(Path(name), layout) == ([warning] if warning else [])
+
+
+@pytest.mark.parametrize(
+    ("name", "layout", "panorama", "warning"),
+    [
+        ("film_180_LR.mp4", "side-by-side", FRONT, None),
+        ("film.mp4", "side-by-side", FRONT, None),
+        ("film_180_LR.mp4", None, FRONT, None),
+        (
+            "film_360_LR.mp4",
+            "side-by-side",
+            FRONT,
+            "players take 360 in film_360_LR.mp4 for another projection than a panorama of 180°",
+        ),
+        (
+            "film_180.mp4",
+            "side-by-side",
+            None,
+            "players take 180 in film_180.mp4 for another projection than a planar one",
+        ),
+        (
+            "film_LR.avi",
+            "side-by-side",
+            WHOLE,
+            "players know a panorama of 360° by its name alone: film_LR_360.avi tells it",
+        ),
+        ("film.avi", "top-bottom", FRONT, "players know top-bottom by its name alone: film_180_TB.avi tells it"),
+        ("film_360_TB.avi", "top-bottom", WHOLE, None),
+        ("film_HSBS.mp4", "side-by-side-half", FRONT, None),
+    ],
+)
+def test_a_name_that_tells_another_projection_is_warned_of(name, layout, panorama, warning):
+    assert movie_warnings(Path(name), layout, panorama) == ([warning] if warning else [])
+
+
+def test_a_name_may_tell_two_wrong_things():
+    assert len(movie_warnings(Path("film_360_TB.mp4"), "side-by-side", FRONT)) == 2

@@ -1,0 +1,43 @@
+"""The part of the sphere that a scene's movie shows, by its cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import bpy
+
+from ...delivery.projection import MoviePanorama, panorama_of
+from ...errors import BadInputError
+from ...views.panorama import PanoramicCamera
+from ...views.projections import Equirectangular
+from ..scene.rendered import camera_at
+from ..scene.rig import stereo_cameras
+
+
+def movie_panorama(scene: bpy.types.Scene, frames: Iterable[int]) -> MoviePanorama | None:
+    """Return the part of the sphere that a movie of these frames shows, by the cameras as they are now; None for other
+    cameras than equirectangular ones, and where not all frames show the same part.
+    """
+    cameras = {camera.name_full: camera for camera in (camera_at(scene, frame) for frame in frames) if camera}
+    shown = {_panorama(camera, scene.render) for camera in cameras.values()}
+    return shown.pop() if len(shown) == 1 else None
+
+
+def _panorama(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> MoviePanorama | None:
+    """Return the part of the sphere that a camera shows, after shift and render border; None for other cameras than
+    equirectangular ones.
+    """
+    data = camera.data
+    if camera.type != "CAMERA" or data.type != "PANO" or data.panorama_type != "EQUIRECTANGULAR":
+        return None
+    try:
+        eye = stereo_cameras(camera, render)["left"]
+    except BadInputError:
+        # Whoever renders with it says why that cannot be.
+        return None
+    if not isinstance(eye, PanoramicCamera) or not isinstance(eye.projection, Equirectangular):
+        return None
+    (west, east), (south, north), window = eye.projection.longitudes, eye.projection.latitudes, eye.window
+    longitudes = west + window.left * (east - west), west + window.right * (east - west)
+    latitudes = south + window.bottom * (north - south), south + window.top * (north - south)
+    return panorama_of(longitudes, latitudes)
