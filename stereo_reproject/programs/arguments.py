@@ -18,20 +18,26 @@ from ..settings.frame import (
     FILL_METHODS,
     INTERPOLATIONS,
     PACKED_CAMERAS,
+    PANORAMAS,
     SOURCE_ENGINES,
     WARPS,
     SceneOverrides,
     StereoSettings,
 )
 from ..tradeoff.cases import tradeoff_cases
-from .converters import number, read_by, size, value_of, whole_number
+from .converters import number, panorama_size, read_by, size, value_of, whole_number
 
 
 def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
-    """Return the scene values that the parsed command-line options replace; an option that was not given is None."""
+    """Return the scene values that the parsed command-line options replace; an option that was not given is None.
+    Raises BadInputError where two of them give a size."""
+    panorama = next((name for name in PANORAMAS if getattr(arguments, name) is not None), None)
+    own_size = getattr(arguments, panorama) or None if panorama else None
+    if own_size and arguments.size:
+        raise BadInputError(f"--size and --{panorama} each say how large an eye is: leave one of the sizes out")
     return SceneOverrides(
         frame=arguments.frame,
-        size=arguments.size,
+        size=own_size or arguments.size,
         samples=arguments.samples,
         seed=arguments.seed,
         interocular_distance=arguments.interocular,
@@ -39,6 +45,7 @@ def overrides_of(arguments: argparse.Namespace) -> SceneOverrides:
         convergence_mode=arguments.mode,
         source_engine=arguments.source_engine,
         denoise=arguments.denoise,
+        panorama=panorama,
     )
 
 
@@ -219,12 +226,30 @@ def _add_scene(parser: argparse.ArgumentParser, *, frame: str = "frame to render
     parser.add_argument(
         "--source", choices=EYES, default=StereoSettings.source, help="eye that is rendered whole (%(default)s)"
     )
+    _add_panorama(parser)
     _add_denoise(parser)
     parser.add_argument(
         "--source-engine",
         choices=SOURCE_ENGINES,
         help="what renders it, in place of the scene's engine; Cycles traces the holes of either",
     )
+
+
+def _add_panorama(parser: argparse.ArgumentParser) -> None:
+    """Add the two options that render a scene for headsets to a parser. Without a size the parsed value is empty, and
+    without the option None."""
+    either = parser.add_mutually_exclusive_group()
+    for name, what, short in (("vr180", "VR180", "N for N x N"), ("vr360", "360°", "N for N x N/2")):
+        width, height = PANORAMAS[name]
+        either.add_argument(
+            f"--{name}",
+            metavar="SIZE",
+            nargs="?",
+            const=(),
+            type=value_of(SceneOverrides, "size", panorama_size(name)),
+            help=f"{what} for headsets, from the camera's place and with its heading: it stands upright, so pitch and "
+            f"roll are left out, and depth of field is off; SIZE is one eye's, WxH or {short} ({width}x{height})",
+        )
 
 
 def _add_denoise(parser: argparse.ArgumentParser) -> None:

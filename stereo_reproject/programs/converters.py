@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from ..errors import BadInputError
+from ..settings.frame import PANORAMAS
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -45,6 +46,23 @@ def size(text: str) -> tuple[int, int]:
         raise ValueError("of the form WIDTHxHEIGHT, such as 1920x1080")
     width, height = re.split("[xX]", text)
     return int(width), int(height)
+
+
+def panorama_size(name: str) -> Callable[[str], tuple[int, int]]:
+    """Return a reader of the size of one eye of a panorama of this name, such as 4096x4096, or of its width alone."""
+    width, height = PANORAMAS[name]
+    parts = width // height
+
+    def read(text: str) -> tuple[int, int]:
+        if re.fullmatch(r"[0-9]{1,18}", text):
+            if int(text) % parts == 0:
+                return int(text), int(text) // parts
+        elif re.fullmatch(r"[0-9]+[xX][0-9]+", text):
+            return size(text)
+        number = "a number" if parts == 1 else "an even number"
+        raise ValueError(f"{number} or WIDTHxHEIGHT, such as {width} or {width}x{height} (the scene comes before it)")
+
+    return read
 
 
 def read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .as_json import ABSENT, Absent
+
 REPORT_SCHEMA = 1
 
 
@@ -24,7 +26,7 @@ class ReportHeader:
     """The part of a report that is known before rendering: the scene, the picture and the settings.
 
     scene is the .blend, scene_datablock the scene's name in it. size is (width, height) in pixels. accuracy is the name
-    of a setting.
+    of a setting. panorama, "vr180" or "vr360", is absent unless the camera was set up as one.
     """
 
     schema: int = REPORT_SCHEMA
@@ -38,3 +40,4 @@ class ReportHeader:
     blender: str
     accuracy: str
     stereo: StereoReport
+    panorama: str | Absent = ABSENT

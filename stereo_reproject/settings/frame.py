@@ -15,6 +15,8 @@ FILL_METHODS = ("auto", "packed", "card", "full")
 PACKED_CAMERAS = ("auto", "osl", "portal")
 EYES = ("left", "right")
 SOURCE_ENGINES = ("cycles", "eevee")
+PANORAMAS = {"vr180": (4096, 4096), "vr360": (8192, 4096)}
+"""Panoramas for headsets, each with its size per eye in pixels, (width, height), where no other is asked for."""
 CONVERGENCE_MODES = ("off-axis", "parallel", "toe-in")
 INTERPOLATIONS = ("auto", "linear", "cubic")
 WARPS = ("auto", "numpy", "gpu")
@@ -75,7 +77,8 @@ class SceneOverrides:
 
     size is (width, height) in pixels and replaces the scene's resolution and its percentage. interocular_distance and
     convergence_distance are in scene units. source_engine renders the source in place of the scene's engine. denoise
-    turns denoising of Cycles' pictures on or off in every view layer.
+    turns denoising of Cycles' pictures on or off in every view layer. panorama, "vr180" or "vr360", renders the scene
+    for headsets from the place of its camera; size is then that of `PANORAMAS` unless another is given.
     """
 
     frame: int | None = None
@@ -87,8 +90,13 @@ class SceneOverrides:
     convergence_mode: str | None = None
     source_engine: str | None = None
     denoise: bool | None = None
+    panorama: str | None = None
 
     def __post_init__(self) -> None:
+        if self.panorama is not None:
+            _check_choice("the panorama", self.panorama, tuple(PANORAMAS))
+            if self.size is None:
+                object.__setattr__(self, "size", PANORAMAS[self.panorama])
         _check_int("frame", self.frame, -MAX_FRAME, MAX_FRAME)
         if self.size is not None:
             if not isinstance(self.size, tuple) or len(self.size) != 2:

@@ -222,6 +222,26 @@ def test_denoising_is_the_scene_s_own_unless_told(place, options, asked):
     assert json.loads((notes(place) / "job").read_text())["settings"]["scene"]["denoise"] is asked
 
 
+@pytest.mark.parametrize(
+    ("options", "panorama", "size"),
+    [
+        ("--vr180", "vr180", [4096, 4096]),
+        ("--vr180 512", "vr180", [512, 512]),
+        ("--vr180 512x256", "vr180", [512, 256]),
+        ("--vr180 --size 64x64", "vr180", [64, 64]),
+        ("--vr360", "vr360", [8192, 4096]),
+        ("--vr360=512", "vr360", [512, 256]),
+        ("--size 64x64", None, [64, 64]),
+    ],
+)
+@pytest.mark.parametrize("verb", ["render", "animate"])
+def test_panoramas_and_their_sizes(place, verb, options, panorama, size):
+    argv = [verb, str(place / "room.blend"), "--output", str(place / "out"), *options.split()]
+    assert cli.main(argv, host=cli.Host(worker_command=stub(place, "error 2"))) == 2
+    scene = json.loads((notes(place) / "job").read_text())["settings"]["scene"]
+    assert (scene["panorama"], scene["size"]) == (panorama, size)
+
+
 def test_a_difference_does_not_outlive_the_pair_that_it_is_of(place):
     argv = ["render", str(place / "room.blend"), "--output", str(place / "out")]
     assert cli.main([*argv, "--compare"], host=cli.Host(worker_command=stub(place, "success"))) == 0
@@ -477,6 +497,14 @@ BAD_OPTIONS = [
     ("--accuracy perfect", "balanced"),
     ("--fill half", "packed"),
     ("--interpolation nearest", "cubic"),
+    ("--vr180 --vr360", "--vr360: not allowed with argument --vr180"),
+    ("--vr360=64 --vr180=64", "--vr180: not allowed with argument --vr360"),
+    ("--vr180 3", "--vr180: the width must be from 4 to 65536, not 3"),
+    ("--vr360 6", "--vr360: the height must be from 4 to 65536, not 3"),
+    ("--vr180 64x2", "--vr180: the height must be from 4"),
+    ("--vr360 65", "--vr360: must be an even number or WIDTHxHEIGHT, such as 8192 or 8192x4096"),
+    ("--vr180 half.blend", "(the scene comes before it), not 'half.blend'"),
+    ("--vr180 64 --size 64x64", "--size and --vr180 each say how large an eye is: leave one of the sizes out"),
     ("--denoise --no-denoise", "--no-denoise: not allowed with argument --denoise"),
     ("--no-denoise --denoise", "--denoise: not allowed with argument --no-denoise"),
     ("--grid-threshold nan", "--grid-threshold"),

@@ -72,7 +72,7 @@ def made_up(*, whole: bool) -> FrameReport:
     pair = stereo_pair(whole=whole)
     facts = [
         LayerFacts(
-            header=HEADER,
+            header=replace(HEADER, panorama="vr180") if whole else HEADER,
             packed_by="portal",
             plan=PLAN if whole else EffectsPlan((), {}),
             parallax=PARALLAX if whole else None,
@@ -96,7 +96,7 @@ def test_what_is_absent_has_no_key_and_what_is_none_is_null():
     limited = replace(made_up(whole=False), time_limit=2.5, samples_rendered=None)
     told = as_json(limited)
     assert (told["time_limit"], told["samples_rendered"]) == (2.5, None)
-    assert not {"layers", "compare"} & told.keys()
+    assert not {"layers", "compare", "panorama"} & told.keys()
     assert "no_noise" not in as_json(replace(COMPARE, no_noise=ABSENT))
 
 

@@ -23,6 +23,7 @@ BAD_OVERRIDES = [
     *[("size", value) for value in [(1 << 20, 540), (960, 1 << 20), (True, 540), (3, 3)]],
     *[("source_engine", value) for value in ["", "CYCLES", "workbench", 1]],
     *[("convergence_mode", value) for value in ["", "OFFAXIS", "toe_in", 1, "left\nright"]],
+    *[("panorama", value) for value in ["", "VR180", "360", 180, True]],
 ]
 
 BAD_SETTINGS = [
@@ -71,12 +72,18 @@ def test_a_bad_setting_is_bad_input_in_one_line(name, value):
         {"frame": 1048574, "samples": 1 << 24, "seed": (1 << 31) - 1, "size": (65536, 65536)},
         *({"source_engine": engine} for engine in ("cycles", "eevee")),
         *({"convergence_mode": mode} for mode in ("off-axis", "parallel", "toe-in")),
+        {"panorama": "vr180", "size": (64, 64)},
     ],
 )
 def test_good_overrides_are_taken_as_they_are(overrides):
     taken = SceneOverrides(**overrides)
     for name, value in overrides.items():
         assert getattr(taken, name) == value
+
+
+@pytest.mark.parametrize(("panorama", "size"), [("vr180", (4096, 4096)), ("vr360", (8192, 4096)), (None, None)])
+def test_a_panorama_has_a_size_of_its_own(panorama, size):
+    assert SceneOverrides(panorama=panorama).size == size
 
 
 def test_good_settings_are_taken_as_they_are():

@@ -202,6 +202,7 @@ def report_header(scene: bpy.types.Scene, working: bpy.types.Scene, settings: St
             convergence_mode=stereo.convergence_mode,
             pivot=stereo.pivot,
         ),
+        panorama=settings.scene.panorama or ABSENT,
     )
 
 

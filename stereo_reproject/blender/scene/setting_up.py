@@ -7,6 +7,7 @@ import bpy
 from ...settings.frame import SceneOverrides
 from .rendered import CYCLES
 from .rig import MODES
+from .vr_cameras import set_up_panorama
 
 DRIVEN_SEED = "stereo_reproject_seed"
 """A working scene's property that has the driver of its seed."""
@@ -49,6 +50,8 @@ def apply_overrides(scene: bpy.types.Scene, camera: bpy.types.Camera, overrides:
             scene.eevee.taa_render_samples = overrides.samples
     if scene.render.engine == CYCLES:
         _apply_to_cycles(scene, overrides)
+    if overrides.panorama is not None:
+        set_up_panorama(scene.render, camera, overrides.panorama)
     stereo = camera.stereo
     if overrides.interocular_distance is not None:
         stereo.interocular_distance = overrides.interocular_distance

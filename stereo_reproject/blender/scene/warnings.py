@@ -14,8 +14,9 @@ from .denoiser import has_denoiser
 from .engine_support import engine_warnings
 from .instancing import brought_along
 from .missing import missing_files, missing_libraries
-from .rendered import CYCLES, EEVEE, check_layers, layers_to_render
+from .rendered import CYCLES, EEVEE, camera_at, check_layers, layers_to_render
 from .rig import frame_region
+from .vr_cameras import vr_warnings
 from .working import changed, working_scene
 
 PLAIN = SceneOverrides()
@@ -65,7 +66,8 @@ def scene_warnings(scene: bpy.types.Scene, overrides: SceneOverrides = PLAIN) ->
         warnings.append("Freestyle lines are not drawn")
     if _renders_strips(scene):
         warnings.append("the Video Sequencer's strips are left out: the pair is of the scene itself")
-    return warnings + _cropped(scene, overrides)
+    frame = scene.frame_current if overrides.frame is None else overrides.frame
+    return warnings + vr_warnings(camera_at(scene, frame), overrides) + _cropped(scene, overrides)
 
 
 def _renders_strips(scene: bpy.types.Scene) -> bool:

@@ -17,6 +17,7 @@ from ...words import Words
 from .rendered import camera_at, check_layers, engine_of
 from .rig import check_camera, check_engine_shows, frame_region
 from .setting_up import DRIVEN_SEED, apply_overrides, set_up
+from .vr_cameras import check_vr, copy_of_camera
 
 Block = TypeVar("Block", bound=bpy.types.ID)
 
@@ -75,10 +76,10 @@ def working_scene(
     frame, subframe = _standing(scene) if overrides.frame is None else (overrides.frame, 0.0)
     camera = check_camera(camera_at(scene, frame))
     check_engine_shows(camera, engine)
+    check_vr(camera, scene.render, engine, overrides)
     rendered = check_layers(scene)[0] if layer is None else layer
     copy = scene.copy()
-    eye = camera.copy()
-    eye.data = camera.data.copy()
+    eye = copy_of_camera(camera, overrides)
     names = (copy.name, eye.name, eye.data.name)
     try:
         _take_place(copy, eye)
