@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from ..estimate.target import Provenance, Target
 from ..estimate.tracing import Refinement
 from ..images.denoising import Denoising, denoise_target
+from ..images.depth_pass import with_depth_pass
 from ..images.effects import Effect
 from ..images.effects_pass import UNKNOWN_EFFECTS, effects_of
-from ..images.passes import DEPTH_PASS, Passes, without_internal_passes
+from ..images.passes import Passes, without_internal_passes
 from ..images.reasons import Reason
 from ..images.seen_light import scaled_light
 from ..trace.fill import FillChoice
-from ..views.camera import Camera, is_planar
 from ..warp.composite import count_pixels, not_numbers, replace_non_finite, spoilt
 from .effect_costs import EffectCost, effect_costs
 from .next_accuracy import FinishedTarget, NextAccuracy, cost_of
@@ -112,16 +112,7 @@ def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -
 def _as_blender_has_them(task: FrameTask, source: Source, finished: FinishedPasses) -> tuple[Passes, Passes]:
     """Return the passes of source and target for users, with depth as Blender's Depth pass has it."""
     target = without_internal_passes(finished.passes)
-    return _with_depth_pass(source.rendered, task.source.camera), _with_depth_pass(target, task.target.camera)
-
-
-def _with_depth_pass(passes: Passes, camera: Camera) -> Passes:
-    """Return passes (H, W, C) whose depth is that of Blender's Depth pass, from the camera's own."""
-    if DEPTH_PASS not in passes or is_planar(camera):
-        return passes
-    y, x = np.indices(passes[DEPTH_PASS].shape[:2]) + 0.5
-    depth = camera.pass_from_depth(x, y, passes[DEPTH_PASS][..., 0])
-    return {**passes, DEPTH_PASS: depth[..., None].astype(np.float32)}
+    return with_depth_pass(source.rendered, task.source.camera), with_depth_pass(target, task.target.camera)
 
 
 @dataclass(frozen=True)

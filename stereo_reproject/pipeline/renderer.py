@@ -49,8 +49,8 @@ class Renderer(Protocol):
 
     @property
     def packed_by(self) -> str:
-        """Name of the packed camera that traces the scene, by the depth that `fill_blockers` was told last; each has
-        costs of its own."""
+        """Name by which the costs of the packed camera are known that traces the scene, by the depth that
+        `fill_blockers` was told last."""
         ...
 
     def first_look(self, view: str, *, probed: bool) -> tuple[NDArray[np.float32], SourceCost] | None:

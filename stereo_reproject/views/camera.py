@@ -20,6 +20,9 @@ from .tuning import TUNING
 Array = NDArray[np.floating]
 Vector = tuple[Array, Array, Array]
 
+PANORAMA_LATTICE = 5
+"""Places across and down by which the parallax of a panorama is judged: the middle and some on all sides of it."""
+
 
 @dataclass(frozen=True)
 class ViewPlane:
@@ -287,20 +290,35 @@ def target_px_from_source_px(
 
 def eye_distance(source: Camera, target: Camera) -> float:
     """Return the distance, in scene units, between the places from which two cameras see: those of the cameras, or
-    where their rays begin on the circle of spherical stereo."""
+    where their rays begin on the circle of spherical stereo, the largest one over a lattice of the picture."""
     if is_planar(source) and is_planar(target):
         return float(np.linalg.norm(target_from_source(source, target)[:3, 3]))
     places = []
     for camera in (source, target):
-        origin, _ = camera.ray_from_px(np.array(0.5 * camera.width), np.array(0.5 * camera.height))
-        places.append(camera.world_from_camera[:3, :3] @ [float(part) for part in origin])
+        x, y = _judged_places(camera)
+        origin, _ = camera.ray_from_px(x, y)
+        places.append(camera.world_from_camera[:3, :3] @ np.stack(np.broadcast_arrays(*origin, x)[:3]))
     own = source.world_from_camera[:3, 3] - target.world_from_camera[:3, 3]
-    return float(np.linalg.norm(own + places[0] - places[1]))
+    return _largest_finite(np.linalg.norm(own[:, None] + places[0] - places[1], axis=0))
+
+
+def _judged_places(camera: Camera) -> tuple[Array, Array]:
+    """Return the pixel positions x and y (N,) by which the parallax of a whole picture is judged: its middle, or a
+    lattice in a panorama, which may have no parallax in some directions."""
+    count = 1 if is_planar(camera) else PANORAMA_LATTICE
+    share = (np.arange(count) + 0.5) / count
+    x, y = np.meshgrid(share * camera.width, share * camera.height)
+    return x.ravel(), y.ravel()
+
+
+def _largest_finite(values: Array) -> float:
+    """Return the largest finite one of values, 0 or more; 0 where there is none."""
+    return float(np.max(values, initial=0.0, where=np.isfinite(values)))
 
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
-    source nearness.
+    source nearness. In a panorama it is the largest such number over a lattice of the picture.
 
     It is used to judge how large a step in depth is. It is exact for rigs whose image planes coincide; for toe-in it is
     a first-order estimate, which is good enough for that.
@@ -309,14 +327,19 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     baseline = eye_distance(source, target)
     if isinstance(source, OrthographicCamera) and isinstance(target, OrthographicCamera):
         return float(np.linalg.norm(transform[:2, 2] * _px_per_unit(target)))
-    x, y = np.array(source.width / 2), np.array(source.height / 2)
+    x, y = _judged_places(source)
     # Some tens of baselines away, where the finite difference loses no digits.
     scale = 50.0 * baseline if baseline > 0 else 1.0
     depth = np.array([scale, 2.0 * scale])
-    target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth)
-    moved = float(np.hypot(target_x[0] - target_x[1], target_y[0] - target_y[1]))
+    target_x, target_y, _ = target_px_from_source_px(source, target, x, y, depth[:, None])
+    across, down = target_x[0] - target_x[1], target_y[0] - target_y[1]
+    if np.isfinite(target.period_px):
+        across = across - target.period_px * np.round(across / target.period_px)
     nearness = source.nearness_from_depth(depth)
-    estimate = moved / float(abs(nearness[0] - nearness[1]))
+    estimates = np.hypot(across, down) / abs(nearness[0] - nearness[1])
+    if not is_planar(source):
+        return _largest_finite(estimates)
+    estimate = float(estimates[0])
     if not isinstance(source, PerspectiveCamera) or not isinstance(target, PerspectiveCamera):
         return estimate
     # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.

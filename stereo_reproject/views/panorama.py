@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .camera import Array, Camera, Vector, ViewPlane
 from .projections import Projection
@@ -43,11 +44,16 @@ class PanoramicCamera:
         """Pixels to the right after which the same direction is shown again; +inf where that is never so."""
         return self.projection.period * self.width / abs(self.window.right - self.window.left)
 
+    @property
+    def has_lens_edge(self) -> bool:
+        """True where there is an edge of the lens, as `Projection.has_edge` says."""
+        return self.projection.has_edge
+
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Return origin and unit direction of rays, as `Camera.ray_from_px` says; NaN where the picture shows
         nothing."""
         looking = self._looking(x, y)
-        if self.ends_at_lens:
+        if self.ends_at_lens and self.has_lens_edge:
             looking = _scaled(looking, np.where(self.within_lens(x, y) >= 0.0, 1.0, np.nan))
         camera_from_panorama = PANORAMA_FROM_CAMERA.T
         if self.stereo is None:
@@ -74,6 +80,9 @@ class PanoramicCamera:
         u, v = self.projection.uv_from_direction(looking)
         window = self.window
         x = (u - window.left) * (self.width / (window.right - window.left))
+        if np.isfinite(self.period_px):
+            # A window that is shifted or cropped has another middle than the projection.
+            x = x - self.period_px * np.round((x - 0.5 * self.width) / self.period_px)
         y = (window.top - v) * (self.height / (window.top - window.bottom))
         return x, y, distance
 
@@ -90,17 +99,26 @@ class PanoramicCamera:
     def depth_from_pass(self, x: Array, y: Array, value: Array) -> Array:
         """Return the distance along the rays, as `Camera.depth_from_pass` says: Blender's pass has the distance from
         the camera's own place, or along its axis for a perspective camera."""
+        if self.stereo is None and not self.around_world:
+            return np.where(self.within_lens(x, y) >= 0.0, value, np.nan) if self.has_lens_edge else value
         if not self.around_world:
             return self.depth_from_distance(x, y, value)
         origin, direction = self.ray_from_px(x, y)
         return (-value - origin[2]) / direction[2]
 
     def pass_from_depth(self, x: Array, y: Array, depth: Array) -> Array:
-        """Return the value of Blender's Depth pass, as `Camera.pass_from_depth` says."""
-        origin, direction = self.ray_from_px(x, y)
+        """Return the value of Blender's Depth pass, as `Camera.pass_from_depth` says; beyond the edge
+        of a lens that is the sky's, +inf."""
         if self.around_world:
+            origin, direction = self.ray_from_px(x, y)
             return -(origin[2] + depth * direction[2])
-        ahead, beside = _past_origin(origin, direction)
+        value = depth if self.stereo is None else self.distance_from_depth(x, y, depth)
+        return np.where(self.within_lens(x, y) >= 0.0, value, np.inf) if self.has_lens_edge else value
+
+    def distance_from_depth(self, x: Array, y: Array, depth: Array) -> Array:
+        """Return the distance from the camera's own place of the points at pixel positions (x, y) and this depth: the
+        inverse of `depth_from_distance`."""
+        ahead, beside = _past_origin(*self.ray_from_px(x, y))
         return np.sqrt(np.square(depth + ahead) + beside)
 
     def depth_from_distance(self, x: Array, y: Array, distance: Array) -> Array:
@@ -137,6 +155,17 @@ class PanoramicCamera:
         if not self.around_world:
             return np.eye(3)
         return self.world_from_camera[:3, :3] @ PANORAMA_FROM_CAMERA.T
+
+
+def has_lens_edge(camera: Camera) -> bool:
+    """Return whether a camera has an edge of its lens, beyond which its picture may show nothing."""
+    return isinstance(camera, PanoramicCamera) and camera.has_lens_edge
+
+
+def is_beyond_lens(camera: Camera, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Return whether pixel positions (x, y) of a camera with an edge of its lens lie beyond it."""
+    assert isinstance(camera, PanoramicCamera)
+    return camera.within_lens(x, y) < 0.0
 
 
 def share_between_eyes(camera: Camera, distance: Array) -> float:

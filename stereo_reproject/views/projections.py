@@ -35,6 +35,11 @@ class Projection(Protocol):
         """Distance in u after which the same direction is shown again; +inf where that is never so."""
         ...
 
+    @property
+    def has_edge(self) -> bool:
+        """True if there is an edge of the lens beyond which nothing is shown; otherwise `within_lens` is 1."""
+        ...
+
     def direction_from_uv(self, u: Array, v: Array) -> Vector:
         """Return the directions that are shown at places u, v. Beyond the edge of a lens it goes on as the formula
         does, as far as that has any direction; NaN further out."""
@@ -62,6 +67,8 @@ def _azimuth_near(middle: float, direction: Vector) -> Array:
 
 class _WholePicture:
     """Common part of the projections that fill the whole picture."""
+
+    has_edge = False
 
     def within_lens(self, u: Array, v: Array) -> Array:
         """Return 1: there is no edge."""
@@ -137,6 +144,7 @@ class _Fisheye:
 
     is_unit = True
     period = np.inf
+    has_edge = True
 
     @property
     def _size(self) -> tuple[float, float]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..images.lookup import touches
 from ..images.reasons import Reason
-from ..views.camera import Camera, is_planar, target_px_from_source_px
+from ..views.camera import Camera, target_px_from_source_px
+from ..views.panorama import has_lens_edge, is_beyond_lens
 from .forward import Warp
 from .tuning import TUNING
 
@@ -49,7 +50,7 @@ class _LensEdges:
 
 def _lens_edges(source: Camera, target: Camera) -> _LensEdges | None:
     """Return the pixels at the edge of the cameras' lenses; None where nothing of them is seen."""
-    if is_planar(source) or is_planar(target):
+    if not has_lens_edge(source) and not has_lens_edge(target):
         return None
     edges = _LensEdges(*(_at_lens_edge(camera) for camera in (source, target)))
     return edges if edges.source.any() or edges.target.any() else None
@@ -57,14 +58,15 @@ def _lens_edges(source: Camera, target: Camera) -> _LensEdges | None:
 
 def _at_lens_edge(camera: Camera) -> NDArray[np.bool_]:
     """Return (H, W) the pixels of a camera whose filter reaches beyond the edge of the lens on one side alone."""
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    reach = TUNING.lens_edge_pixels
-    shown = [
-        np.isfinite(camera.ray_from_px(x + right, y + down)[1][0])
-        for right in (-reach, reach)
-        for down in (-reach, reach)
-    ]
-    return np.any(shown, axis=0) & ~np.all(shown, axis=0)
+    edge = np.zeros((camera.height, camera.width), bool)
+    if not has_lens_edge(camera):
+        return edge
+    x, reach = np.arange(camera.width) + 0.5, TUNING.lens_edge_pixels
+    for rows in bands(edge.shape):
+        y = np.arange(rows.start, rows.stop)[:, None] + 0.5
+        beyond = [is_beyond_lens(camera, x + right, y + down) for right in (-reach, reach) for down in (-reach, reach)]
+        edge[rows] = np.any(beyond, axis=0) & ~np.all(beyond, axis=0)
+    return edge
 
 
 def _is_within(source: Camera, target: Camera, rows: NDArray, columns: NDArray, nearness: NDArray) -> NDArray[np.bool_]:

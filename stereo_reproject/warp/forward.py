@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.bands import bands
-from ..views.camera import Camera, is_planar
+from ..views.camera import Camera
+from ..views.panorama import has_lens_edge, is_beyond_lens
 from .grid import Grid
 from .quads import draw_quads
 from .scanline import RowDisparity, row_disparity_of, warp_rows
@@ -68,18 +69,20 @@ def forward_warp(
     if disparity is not None:
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
-    return drawn if is_planar(target) else _with_nothing(drawn, source, target)
+    return _with_nothing(drawn, source, target) if has_lens_edge(source) and has_lens_edge(target) else drawn
 
 
 def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
     """Return a map in which the pixels of the target that show nothing, beyond the edge of a lens, have the same place
     of the source where that shows nothing either, and no nearness."""
-    y, x = (np.indices(drawn.nearness.shape) + 0.5).astype(np.float32)
-    nothing = ~(np.isfinite(target.ray_from_px(x, y)[1][0]) | np.isfinite(source.ray_from_px(x, y)[1][0]))
-    if not nothing.any():
-        return drawn
-    nearness = np.where(nothing, np.float32(0.0), drawn.nearness)
-    return Warp(np.where(nothing, x, drawn.x), np.where(nothing, y, drawn.y), nearness)
+    x = np.arange(drawn.x.shape[1], dtype=np.float32) + np.float32(0.5)
+    for rows in bands(drawn.x.shape):
+        y = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None] + np.float32(0.5)
+        nothing = is_beyond_lens(source, x, y) & is_beyond_lens(target, x, y)
+        np.copyto(drawn.x[rows], x, where=nothing)
+        np.copyto(drawn.y[rows], y, where=nothing)
+        np.copyto(drawn.nearness[rows], 0.0, where=nothing)
+    return drawn
 
 
 def _along_rows(

@@ -81,10 +81,13 @@ def _four(corners: NDArray) -> NDArray:
 
 def _beside_first(quads: _Quads, period: float) -> _Quads:
     """Return quads with all corners of a cell moved by whole periods, in pixels, to within half of one from its first
-    corner."""
+    corner that is seen."""
     if not np.isfinite(period):
         return quads
-    return replace(quads, x=quads.x - period * np.round((quads.x - quads.x[:, :1, :1]) / period))
+    corners = quads.x.reshape(len(quads.x), -1)
+    seen = np.isfinite(corners).argmax(axis=1)
+    first = np.take_along_axis(corners, seen[:, None], axis=1)[..., None]
+    return replace(quads, x=quads.x - period * np.round((quads.x - first) / period))
 
 
 def _one_by_one(quads: _Quads, chosen: NDArray[np.int64]) -> _Quads:

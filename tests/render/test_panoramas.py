@@ -6,17 +6,23 @@ import math
 import numpy as np
 import pytest
 
-from stereo_reproject.blender.engines.renderer import BlenderRenderer
+from stereo_reproject.blender.engines import hole_camera, ray_camera
+from stereo_reproject.blender.engines.hole_camera import compiled_shader
+from stereo_reproject.blender.engines.mask_card import card_blocker
+from stereo_reproject.blender.engines.packed_trace import CAMERAS
+from stereo_reproject.blender.engines.renderer import BlenderRenderer, _warnings_between_eyes
 from stereo_reproject.blender.scene.working import working_scene
-from stereo_reproject.errors import BadInputError
-from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
+from stereo_reproject.errors import BadInputError, StereoReprojectError
+from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, SKY_DEPTH_IN_FILES
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.scene.test_panoramas import DEGREE, LENSES, set_up
 from tests.blender.toolbox import (
     FINEST_FILTER,
+    Material,
     add_camera,
     add_cube,
+    add_plane,
     add_sphere,
     colour,
     emission,
@@ -118,6 +124,7 @@ def test_a_pair(scene, tmp_path, lens, stereo):
     first, second = (render_plain(scene, tmp_path, seed=seed)["right"] for seed in (101, 102))
     report, eyes = render_pair(scene, tmp_path, fill="packed")
     assert report["fractions"]["rerendered"] < MOST_TRACED
+    assert report["fill"]["camera"] == "osl"
     ours = rgb(eyes["right"])
     noise = rms(colour(second) - colour(first))
     assert rms(ours - colour(first)) < SOFTENED * noise
@@ -127,6 +134,10 @@ def test_a_pair(scene, tmp_path, lens, stereo):
     nothing = colour(first).max(axis=-1) + colour(second).max(axis=-1) == 0.0
     # Beside the lens a pixel may show a little of what it has within.
     assert np.mean(ours[nothing] > 0.0) < 0.02 if nothing.any() else True
+    for view in ("left", "right"):
+        assert not np.isnan(eyes[view]["Depth.Z"]).any()
+    assert np.all(np.isposinf(expected[nothing]))
+    assert np.all(depth[nothing] == SKY_DEPTH_IN_FILES)
 
 
 def test_things_between_the_eyes_are_warned_of(scene, tmp_path):
@@ -142,6 +153,96 @@ def test_without_such_things_nothing_is_warned_of(scene, tmp_path):
     scene.cycles.samples = 1
     report, _ = render_pair(scene, tmp_path, fill="packed")
     assert not any("interocular" in line for line in report["warnings"])
+
+
+def test_of_perspective_cameras_the_distance_counts_not_the_depth(scene, tmp_path):
+    """A wall in the corner of a wide picture is nearer than the eyes are apart by its depth alone."""
+    scene = empty_scene(*SIZE, samples=1)
+    add_plane(scene, emission(), size=(40.0, 40.0), location=(0.0, 0.0, -0.9))
+    add_camera(scene, interocular=1.0, convergence=2.5)
+    scene.camera.data.lens = 4.0
+    scene.camera.data.stereo.use_spherical_stereo = True
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, tmp_path)
+        passes, _ = renderer.render_source("left")
+        shown = renderer.cameras["left"]
+        y, x = np.indices((SIZE[1], SIZE[0])) + 0.5
+        near = shown.distance_from_depth(x, y, passes[DEPTH_PASS][..., 0]) < 1.0
+        assert 0.0 < near.mean() < 0.2
+        (told,) = renderer.warnings
+        assert told.startswith(f"{near.mean():.1%} of the picture")
+
+
+def test_a_few_pixels_between_the_eyes_are_not_warned_of():
+    assert _warnings_between_eyes(0.0004) == []
+    (told,) = _warnings_between_eyes(0.0005)
+    assert not told.startswith("0.0%")
+
+
+@pytest.mark.parametrize("space", [("CAMERA", "WORLD"), ("OBJECT", "CAMERA"), None], ids=str)
+def test_shaders_that_read_the_camera_are_not_traced_packed(scene, tmp_path, space):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    assert blockers(scene, tmp_path)["packed"] is None
+    nodes = scene.camera.users_scene[0].objects[0].active_material.node_tree.nodes
+    if space is None:
+        nodes.new("ShaderNodeScript")
+    else:
+        node = nodes.new("ShaderNodeVectorTransform")
+        node.convert_from, node.convert_to = space
+    assert blockers(scene, tmp_path)["packed"] == "a shader reads camera coordinates"
+
+
+@pytest.mark.parametrize(("size", "blocked"), [(0.13, True), (0.01, False), (2.0, False)])
+def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, blocked):
+    """A small cube of fog some centimetres beside the camera, where the eyes come by; farther away; or around it."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.camera.data.stereo.interocular_distance = 0.2
+    fog = Material("fog")
+    fog.link(fog.node("VolumeScatter").outputs[0], fog.output.inputs["Volume"])
+    beside = 0.0 if size > 1.0 else 0.16
+    x, y, z = scene.camera.location
+    add_cube(scene, fog, size=size, location=(x + beside, y, z))
+    expected = "an eye may begin in a volume" if blocked else None
+    assert blockers(scene, tmp_path)["packed"] == expected
+
+
+def test_a_portal_is_none_for_panoramas(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    found = blockers(scene, tmp_path, packed_by="portal")
+    assert found["packed"] == "a portal cannot shoot the rays of a panorama"
+    assert found["card"] == "a card cannot stand before each ray of a panorama"
+
+
+def test_costs_of_the_packed_camera_are_its_own(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, tmp_path)
+        assert renderer.packed.name == "osl"
+        assert renderer.packed_by not in CAMERAS
+
+
+def test_spherical_stereo_that_an_orthographic_camera_keeps_blocks_no_card(scene):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    assert card_blocker(scene) == "a card cannot stand before each ray of a panorama"
+    scene.camera.data.type = "PERSP"
+    assert card_blocker(scene) == "a card cannot stand before each ray of a panorama"
+    scene.camera.data.type = "ORTHO"
+    assert card_blocker(scene) is None
+
+
+def test_a_compiler_that_fails_is_told_of_with_a_way_out(monkeypatch):
+    import _cycles
+
+    monkeypatch.setattr(_cycles, "osl_compile", lambda *_: False)
+    compiled_shader.cache_clear()
+    for shader, fill in ((hole_camera.SHADER, "card"), (ray_camera.SHADER, "full")):
+        with pytest.raises(StereoReprojectError, match=f"{shader.name}: use --fill {fill}"):
+            compiled_shader(shader, "BOX", 1.0)
+
+
+def blockers(scene, folder, **options):
+    with working_scene(scene, SceneOverrides()) as working:
+        return BlenderRenderer(working, folder, **options).fill_blockers(8.0)
 
 
 def test_pole_limits_that_cross_are_refused(scene, tmp_path):

@@ -1,11 +1,19 @@
 """Panoramic cameras: their two maps undo each other, and spherical stereo is what its definition says."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from stereo_reproject.views.camera import ViewPlane, planar, see_the_same, target_px_from_source_px
+from stereo_reproject.views.camera import (
+    ViewPlane,
+    disparity_per_nearness,
+    eye_distance,
+    planar,
+    see_the_same,
+    target_px_from_source_px,
+)
 from stereo_reproject.views.panorama import PanoramicCamera
 from stereo_reproject.views.projections import (
     CentralCylindrical,
@@ -175,3 +183,43 @@ def test_cameras_see_the_same_if_lens_and_place_are_the_same():
 def test_a_panorama_has_no_view_plane():
     with pytest.raises(TypeError, match="PanoramicCamera has no view plane"):
         planar(camera(PROJECTIONS["360"]))
+
+
+@pytest.mark.parametrize("shift", [-0.4, 0.3, 0.8])
+def test_a_shifted_panorama_shows_all_within_its_own_window(shift):
+    eye = replace(camera(PROJECTIONS["360"]), window=ViewPlane(shift, 1.0 + shift, 0.0, 1.0))
+    x, y = pixel_centres(eye)
+    _, direction = eye.ray_from_px(x, y)
+    np.testing.assert_allclose(eye.px_from_point(direction, np.ones_like(x))[0], x, rtol=0.0, atol=PX_TOLERANCE)
+
+
+def test_parallax_of_a_panorama_whose_middle_has_none():
+    """Above all but its lowest part the eyes are in one place."""
+    upwards, merge = Equirectangular(HALF, (0.8, np.pi / 2)), PoleMerge(0.8, 0.95)
+    left, right = (camera(upwards, SphericalStereo(side * 0.05, np.inf, merge)) for side in (-1.0, 1.0))
+    assert eye_distance(left, right) > 0.03
+    # At some 0.88 radians upwards, and of the nearness along the ray.
+    moved = 0.1 * merge.share(np.array(0.877)) / np.cos(0.877) * SIZE[0] / np.pi
+    assert disparity_per_nearness(left, right) == pytest.approx(moved, rel=0.05)
+
+
+@pytest.mark.parametrize("edge", [0.3 - 0.004, 0.3 + 0.004])
+def test_parallax_of_a_panorama_around_its_edge(edge):
+    """A far point and a farther one on either side of the edge are not a whole picture apart."""
+    left, right = (camera(PROJECTIONS["360"], SphericalStereo(side * 0.05, np.inf)) for side in (-1.0, 1.0))
+    right = replace(right, window=ViewPlane(edge, 1.0 + edge, 0.0, 1.0))
+    widest = 0.1 / np.cos(0.4 * np.pi) * SIZE[0] / (2.0 * np.pi)
+    assert disparity_per_nearness(left, right) == pytest.approx(widest, rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["equidistant", "360"])
+@pytest.mark.parametrize("stereo", [None, SphericalStereo(0.05, 0.7)], ids=["plain", "spherical"])
+def test_the_depth_pass_is_the_skys_beyond_a_lens(name, stereo):
+    eye = camera(PROJECTIONS[name], stereo)
+    x, y = pixel_centres(eye)
+    shown = eye.within_lens(x, y) >= 0.0
+    assert shown.all() == (name == "360")
+    value = np.full_like(x, 2.0)
+    depth = eye.depth_from_pass(x, y, value)
+    assert np.array_equal(np.isfinite(depth), shown)
+    np.testing.assert_allclose(eye.pass_from_depth(x, y, depth), np.where(shown, 2.0, np.inf), rtol=1e-12)

@@ -17,6 +17,7 @@ from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
 from stereo_reproject.warp.empty import empty_reasons
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
+from stereo_reproject.warp.quads import _beside_first, _Quads
 from stereo_reproject.warp.tuning import TUNING
 
 PX = 0.02
@@ -69,3 +70,15 @@ def test_a_room_arrives_whole(name, merge):
     off = np.hypot(off_x, warp.y - there[1])
     inner = answered & shown & (y > 3.0) & (y < target.height - 3.0)
     assert np.percentile(off[inner], 99) < PX
+
+
+@pytest.mark.parametrize("unseen", [0, 4])
+def test_a_corner_that_is_not_seen_loses_its_own_quads_alone(unseen):
+    """Of a cell of two by two quads across the edge of a picture 100 pixels wide."""
+    x = np.array([[[98.0, 99.0, 1.0], [98.0, 99.0, 1.0], [98.0, 99.0, 1.0]]])
+    x.ravel()[unseen] = np.nan
+    one = np.ones((1, 2, 2), bool)
+    placed = _beside_first(_Quads(x, x, x, one, one, one, one, one, one), 100.0).x
+    expected = np.array([[[98.0, 99.0, 101.0]] * 3])
+    expected.ravel()[unseen] = np.nan
+    np.testing.assert_array_equal(placed, expected)

@@ -170,7 +170,7 @@ def _render_layer(
             plan=renderer.plan,
             parallax=parallax_report(renderer, frame.eyes[settings.source], frame_region(working.render).full_width),
             warnings=tuple(renderer.warnings),
-            packed_by=renderer.packed_by,
+            packed_by=renderer.packed.name,
             time_limit=renderer.scene.cycles.time_limit if limited else ABSENT,
             samples_rendered=renderer.samples_rendered if limited else ABSENT,
         )

@@ -16,7 +16,7 @@ from ..scene.user_folder import user_folder
 
 def known_costs(scene: bpy.types.Scene, packed_by: str) -> TraceCosts:
     """Return the costs of tracing that this user has measured on the scene's device with this Blender and this packed
-    camera, "osl" or "portal"; those that are assumed where nothing was measured yet.
+    camera, by `BlenderRenderer.packed_by`; those that are assumed where nothing was measured yet.
     """
     file = _file()
     return TraceCosts() if file is None else file.read(_key(scene, packed_by))
@@ -25,7 +25,7 @@ def known_costs(scene: bpy.types.Scene, packed_by: str) -> TraceCosts:
 def learn_costs(scene: bpy.types.Scene, packed_by: str, source: SourceCost, renders: Iterable[TraceRender]) -> None:
     """Renew this user's costs of tracing by what one frame of the scene has measured.
 
-    packed_by is the name of the packed camera; source is the cost of its source, whose scene Cycles synced anew;
+    packed_by is as for `known_costs`; source is the cost of its source, whose scene Cycles synced anew;
     renders are those that traced pixels. Costs that cannot be kept are left as they were.
     """
     file = _file()

@@ -193,9 +193,9 @@ def compiled_shader(path: Path, pixel_filter: str, width: float, others: tuple[f
         shader, compiled = Path(folder) / SHADER.name, Path(folder) / "hole_camera.oso"
         shader.write_text(source, encoding="utf-8")
         if not _cycles.osl_compile(str(shader), str(compiled)):
-            raise StereoReprojectError(
-                Words("Blender's OSL compiler does not take {shader}: use --fill card", shader=path.name)
-            )
+            message = "Blender's OSL compiler does not take {shader}: use --fill {fill}"
+            fill = "card" if path == SHADER else "full"
+            raise StereoReprojectError(Words(message, shader=path.name, fill=fill))
         return compiled.read_text()
 
 

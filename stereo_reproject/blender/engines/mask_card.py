@@ -32,7 +32,8 @@ CARD_NAME = "Stereo Reproject mask"
 
 def card_blocker(scene: bpy.types.Scene) -> str | None:
     """Return why pixels cannot be traced behind a card in this scene, in words; None if they can."""
-    if scene.camera.data.type not in ("PERSP", "ORTHO") or scene.camera.data.stereo.use_spherical_stereo:
+    lens = scene.camera.data
+    if lens.type == "PANO" or (lens.type == "PERSP" and lens.stereo.use_spherical_stereo):
         return "a card cannot stand before each ray of a panorama"
     if any(layer.material_override is not None for layer in scene.view_layers if layer.use):
         return "a material override would replace the card's material"

@@ -69,7 +69,8 @@ class PackedTask:
 class PackedCamera:
     """A way to have Cycles shoot the rays of a packed picture.
 
-    name is its name in settings, reports and files, and label the one in messages.
+    name is its name in settings, reports and files, and label the one in messages. costs_key is that of its
+    costs, where they are not known by its name.
     blocker(scene, eyes, deepest) returns why it cannot do so in a working scene, in words, or None; its arguments are
     as for `packed_blocker`, and deepest counts only where it clips_by_distance. settings are the paths, from the scene,
     of what it sets, as drivers name them. in_place(scene, task, folder) is a context in which the scene renders the
@@ -84,6 +85,7 @@ class PackedCamera:
     settings: frozenset[str]
     in_place: Callable[[bpy.types.Scene, PackedTask, Path], AbstractContextManager[None]]
     as_plain: Callable[[Passes, PackedTask, int], Passes]
+    costs_key: str = ""
 
 
 def compute_device(scene: bpy.types.Scene) -> str:

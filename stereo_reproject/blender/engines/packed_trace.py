@@ -74,8 +74,12 @@ class PackedCameras:
     def __init__(self, asked: str, eyes: Iterable[Camera]) -> None:
         self._eyes = tuple(eyes)
         self._candidates = tuple(CAMERAS.values()) if asked == "auto" else (CAMERAS[asked],)
+        self._refusal: str | None = None
+        """Reason why no packed camera can trace the views, whatever the scene is."""
         if not all(map(is_planar, self._eyes)):
             self._candidates = (RAY_CAMERA,)
+            if asked == PORTAL_CAMERA.name:
+                self._refusal = "a portal cannot shoot the rays of a panorama"
         self._found: dict[tuple[str, float], str | None] = {}
 
     def chosen(self, scene: bpy.types.Scene, deepest: float) -> PackedCamera:
@@ -101,6 +105,8 @@ class PackedCameras:
 
     def _reason(self, camera: PackedCamera, scene: bpy.types.Scene, deepest: float) -> str | None:
         """Return what `packed_blocker` returns for one camera."""
+        if self._refusal is not None:
+            return self._refusal
         key = camera.name, deepest if camera.clips_by_distance else 0.0
         if key not in self._found:
             self._found[key] = packed_blocker(scene, self._eyes, deepest, camera)

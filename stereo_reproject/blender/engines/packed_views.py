@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
 from ...views.camera import Camera, pixel_size, planar, target_from_source
+from ...views.panorama import PanoramicCamera
 from ..scene.visible import aperture_radius
 from ..scene.working import evaluated, rendered_layer
 from .denoise import NORMAL
@@ -107,15 +108,30 @@ def seen_from_view(flat: Passes, rendered: Camera, pixels: PackedPixels) -> Pass
 
 def may_begin_in(scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], views: Iterable[Camera]) -> bool:
     """Return whether rays of any of the views may begin in one of the boxes (8, 3) of a working scene. An infinite box
-    may be anywhere. Boxes count as large as those around them along the world's axes.
+    may be anywhere. Boxes count as large as those around them along the world's axes. Rays of spherical stereo begin on
+    a circle around the camera.
     """
     camera = evaluated(scene.camera, scene).data
     reach = camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
-    places = [view.world_from_camera[:3, 3] for view in views]
+    places = [(view.world_from_camera[:3, 3], reach + _circle_of(view)) for view in views]
     return any(
         not np.isfinite(box).all()
         or any(
-            bool(np.all((box.min(axis=0) - reach <= place) & (place <= box.max(axis=0) + reach))) for place in places
+            bool(np.all((box.min(axis=0) - around <= place) & (place <= box.max(axis=0) + around)))
+            for place, around in places
         )
         for box in boxes
     )
+
+
+def _circle_of(view: Camera) -> float:
+    """Return the distance from the camera at which the rays of a view begin."""
+    stereo = view.stereo if isinstance(view, PanoramicCamera) else None
+    return 0.0 if stereo is None else abs(stereo.offset)
+
+
+def surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
+    """Return whether the camera is certainly in one of these boxes (8, 3); an infinite box tells nothing."""
+    place = camera.world_from_camera[:3, 3]
+    finite = (box for box in boxes if np.isfinite(box).all())
+    return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)

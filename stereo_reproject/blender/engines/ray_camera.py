@@ -7,7 +7,7 @@ It takes any camera model, since within a pixel a ray is its centre's and a chan
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,14 +20,14 @@ from ...images.exr import write_table
 from ...images.passes import DEPTH_PASS, Passes
 from ...views.camera import Array, Camera, Vector
 from ...views.panorama import PANORAMA_FROM_CAMERA, PanoramicCamera
-from ..scene.effects import uses_output
+from ..scene.effects import may_read_camera, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for
-from ..scene.visible import aperture_radius
+from ..scene.visible import aperture_radius, volume_boxes
 from ..scene.working import changed, evaluated
 from .denoise import NORMAL
 from .hole_camera import SETTINGS, TEXTURES_UPWARDS_FROM_VERSION, compiled_shader, missing_osl_cameras
 from .packed_camera import PackedCamera, PackedTask, lens_to_set, packed_resolution, without_shifts
-from .packed_views import FORWARD, POSITION, PackedPixels
+from .packed_views import FORWARD, POSITION, PackedPixels, may_begin_in, surely_inside
 
 SHADER = Path(__file__).with_name("ray_camera.osl")
 
@@ -48,16 +48,27 @@ CAMERA_COORDINATES = (
 """Nodes that tell a shader of camera space, by which outputs: a panorama's has other axes than a custom camera's."""
 
 
-def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:  # noqa: ARG001 - clips by no depth
+def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
     """Return why a table cannot hold the rays of these views, as `PackedCamera.blocker` says."""
-    camera = evaluated(scene.camera, scene).data
+    camera, eyes = evaluated(scene.camera, scene).data, list(eyes)
     checks = {
         "the lens of a panorama has an aperture": aperture_radius(camera) > 0.0,
         "the Vector pass of a panorama is that of Cycles' own camera": vector_pass_asked_for(scene),
-        "a shader reads camera coordinates": any(uses_output(*output) for output in CAMERA_COORDINATES),
+        "a shader reads camera coordinates": any(uses_output(*output) for output in CAMERA_COORDINATES)
+        or any(map(may_read_camera, shader_nodes())),
         "surfaces reach the camera's clip end": camera.type == "PERSP" and deepest > camera.clip_end,
+        # Cycles asks whether its own camera is in a volume, and knows nothing of the circle on which the rays begin.
+        "an eye may begin in a volume": _may_leave_volumes(scene, eyes),
     }
     return missing_osl_cameras(scene) or next((reason for reason, blocks in checks.items() if blocks), None)
+
+
+def _may_leave_volumes(scene: bpy.types.Scene, eyes: Sequence[Camera]) -> bool:
+    """Return whether rays of spherical stereo may begin in a volume in which the camera itself is not."""
+    if not any(_panoramic(eye).stereo for eye in eyes):
+        return False
+    boxes = volume_boxes(scene)
+    return may_begin_in(scene, boxes, eyes) and not all(surely_inside(eye, boxes) for eye in eyes)
 
 
 def _rays(pixels: PackedPixels, pose: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
@@ -208,5 +219,6 @@ RAY_CAMERA = PackedCamera(
     settings=SETTINGS | {"camera.data.stereo.interocular_distance"},
     in_place=_in_place,
     as_plain=_as_plain,
+    costs_key="osl-rays",
 )
 """The packed camera of panoramas, in OSL."""

@@ -14,6 +14,7 @@ from ...errors import BadInputError
 from ...estimate.tracing import ProbedTracing, TargetTracing, WarpedTarget
 from ...holes.classifier import Optics, ray_lengths_tell
 from ...images.denoising import Denoise
+from ...images.depth_pass import distances, with_depth, with_depth_at
 from ...images.effects import Effect
 from ...images.effects_pass import MATERIAL_CRYPTOMATTE
 from ...images.passes import COLOUR_PASS, DEPTH_PASS, Passes, cryptomatte_of
@@ -24,9 +25,9 @@ from ...trace.fill import SourceCost
 from ...trace.measuring import TraceRender, learned_costs, open_share
 from ...trace.planner import FillPlanner
 from ...trace.requests import TraceRequest
-from ...views.camera import Camera, PerspectiveCamera, is_planar
+from ...views.camera import Camera, PerspectiveCamera
 from ...views.frustum import covered_by
-from ...views.panorama import share_between_eyes
+from ...views.panorama import PanoramicCamera, share_between_eyes
 from ...warp.tuning import TUNING as WARP_TUNING
 from ...words import Words
 from ..gpu.warp import gpu_warper
@@ -58,6 +59,9 @@ from .time_limit import (
 
 TRACE_SEED_STEP = 1_000_003
 """Added to the scene's seed for traced pixels: noise that the source already shows must not come twice."""
+
+LEAST_SHARE_BETWEEN_EYES = 0.0005
+"""Share of the picture from which things between the eyes are warned of: less is a pixel here and there."""
 
 
 class BlenderRenderer:
@@ -158,8 +162,8 @@ class BlenderRenderer:
             self.samples_rendered = samples_rendered(self.scene, rendered, view)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(without_sheet(rendered.attributes))
-        self._between_eyes = share_between_eyes(self.cameras[view], rendered.views[view][DEPTH_PASS][..., 0])
-        found = _with_depth(rendered.views[view], self.cameras[view])
+        self._between_eyes = _share_between_eyes(self.cameras[view], rendered.views[view])
+        found = with_depth(rendered.views[view], self.cameras[view])
         passes = without_counts(self.scene, self._guided(found)) | self._rays.of(found)
         own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
@@ -176,8 +180,8 @@ class BlenderRenderer:
 
     @property
     def packed_by(self) -> str:
-        """Name of that camera, by which its costs are known."""
-        return self.packed.name
+        """Name by which the costs of that camera are known."""
+        return self.packed.costs_key or self.packed.name
 
     def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
         """Return for each fill method but "full" why the scene cannot be traced by it, in words, or None if it can.
@@ -240,7 +244,7 @@ class BlenderRenderer:
         for mask in request.masks:
             rendered, passes = WHOLE_TRACES[method](self.scene, request.view, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
-            apart.append(_with_depth(passes, self.cameras[request.view], np.argwhere(mask)))
+            apart.append(with_depth_at(passes, self.cameras[request.view], np.argwhere(mask)))
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}
 
     def _note(self, method: str, rendered: Rendered, share: float) -> None:
@@ -276,24 +280,21 @@ def _as_asked_for(scene: bpy.types.Scene, passes: Passes) -> Passes:
     return {name: image for name, image in passes.items() if cryptomatte_of(name) != MATERIAL_CRYPTOMATTE}
 
 
+def _share_between_eyes(camera: Camera, passes: Passes) -> float:
+    """Return what `share_between_eyes` does of a view's passes (H, W, C), as Blender has them."""
+    if not isinstance(camera, PanoramicCamera):
+        return 0.0
+    return share_between_eyes(camera, distances(camera, passes[DEPTH_PASS][..., 0]))
+
+
 def _warnings_between_eyes(share: float) -> list[str]:
     """Return a warning of things that are nearer than the eyes are to each other, in this share of the picture; none
-    where it is 0."""
+    where that is next to nothing."""
     message = (
         "{share} of the picture show what is nearer to the camera than its interocular distance: the eyes do not see "
         "that alike, and the pair may be wrong there; move the camera, or lower the distance"
     )
-    return [Words(message, share=f"{share:.1%}")] if share else []
-
-
-def _with_depth(passes: Passes, camera: Camera, places: NDArray[np.intp] | None = None) -> Passes:
-    """Return a view's passes with depth as its camera has it, not as Blender's Depth pass has: (H, W, C), or (N, C) of
-    the pixels at places (N, 2), their rows and columns."""
-    if DEPTH_PASS not in passes or is_planar(camera):
-        return passes
-    y, x = np.indices(passes[DEPTH_PASS].shape[:2]) if places is None else places.T
-    depth = camera.depth_from_pass(x + 0.5, y + 0.5, passes[DEPTH_PASS][..., 0])
-    return {**passes, DEPTH_PASS: depth[..., None].astype(np.float32)}
+    return [Words(message, share=f"{share:.1%}")] if share >= LEAST_SHARE_BETWEEN_EYES else []
 
 
 def cost_of(rendered: Rendered) -> SourceCost:

@@ -15,12 +15,12 @@ from ...settings.frame import EYES
 from ...trace.requests import TraceRequest
 from ...views.camera import Camera
 from ...words import Words
-from ..scene.effects import is_animated, shader_nodes, uses_output
+from ..scene.effects import is_animated, may_read_camera, shader_nodes, uses_output
 from ..scene.motion import vector_pass_asked_for, while_open
 from ..scene.working import evaluated, rendered_layer
 from .packed_camera import PackedCamera
 from .packed_trace import trace_packed
-from .packed_views import PackedPixels, may_begin_in
+from .packed_views import PackedPixels, may_begin_in, surely_inside
 from .render import Rendered
 
 CAMERA_OUTPUTS = (
@@ -109,25 +109,11 @@ def why_apart(
         # Else that pass is of the rays' lengths.
         "the Denoising Depth pass is that of Cycles' own camera": layer.denoising_store_passes and not follows,
         "a shader reads where the camera is": any(uses_output(*output) for output in CAMERA_OUTPUTS)
-        or any(map(_may_read_camera, shader_nodes())),
+        or any(map(may_read_camera, shader_nodes())),
         # Of its own camera alone Cycles asks whether its rays begin in a volume.
-        "a view may begin in a volume": not _surely_inside(rendered, volumes) and may_begin_in(scene, volumes, views),
+        "a view may begin in a volume": not surely_inside(rendered, volumes) and may_begin_in(scene, volumes, views),
     }
     return next((reason for reason, holds in checks.items() if holds), None)
-
-
-def _may_read_camera(node: bpy.types.Node) -> bool:
-    """Return whether a shader node may tell where Cycles' camera is, whichever of its outputs is used."""
-    if node.bl_idname == "ShaderNodeVectorTransform":
-        return "CAMERA" in (node.convert_from, node.convert_to)  # pyright: ignore[reportAttributeAccessIssue]
-    return node.bl_idname == "ShaderNodeScript"
-
-
-def _surely_inside(camera: Camera, boxes: Sequence[NDArray[np.float64]]) -> bool:
-    """Return whether the camera is certainly in one of these boxes (8, 3); an infinite box tells nothing."""
-    place = camera.world_from_camera[:3, 3]
-    finite = (box for box in boxes if np.isfinite(box).all())
-    return any(bool(np.all((box.min(axis=0) < place) & (place < box.max(axis=0)))) for box in finite)
 
 
 def turns_in_shutter(scene: bpy.types.Scene) -> bool:

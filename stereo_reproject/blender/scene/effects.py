@@ -253,3 +253,10 @@ def shader_nodes() -> Iterator[bpy.types.Node]:
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None] + list(bpy.data.node_groups)
     for tree in trees:
         yield from tree.nodes
+
+
+def may_read_camera(node: bpy.types.Node) -> bool:
+    """Return whether a shader node may tell where Cycles' camera is, whichever of its outputs is used."""
+    if node.bl_idname == "ShaderNodeVectorTransform":
+        return "CAMERA" in (node.convert_from, node.convert_to)  # pyright: ignore[reportAttributeAccessIssue]
+    return node.bl_idname == "ShaderNodeScript"
