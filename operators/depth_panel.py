@@ -88,14 +88,11 @@ def bar_pieces(near: float, far: float, limits: Limits, low: float, high: float)
 
 
 def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw what is uncomfortable in the scene's depth, the buttons that place it, and that depth on the screen."""
+    """Draw the buttons that place the scene's depth, what is uncomfortable in it, and that depth on the screen."""
     layout.use_property_split = False
     scene = context.scene
     known, found = result_of(scene).depth, parallax_now(scene)
     limits = comfort_limits(viewing_conditions(scene))
-    if known is not None and found:
-        for warning in warnings_on(scene, known, found, limits):
-            paragraph(layout, context, warning, icon="ERROR")
     # Beside its icon, the text needs no margins of its own.
     fit_in_row = fits(context, "Set Screen Here", 1.0 - FIT_SHARE, ICON_PX)
     row = layout.split(factor=FIT_SHARE, align=True) if fit_in_row else layout.column(align=True)
@@ -105,6 +102,9 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if known is None or not found:
         layout.operator(STEREO_REPROJECT_OT_measure_depth.bl_idname, icon="FILE_REFRESH")
         return
+    # Below the buttons, which so stay where they are.
+    for warning in warnings_on(scene, known, found, limits):
+        paragraph(layout, context, warning, icon="ERROR")
     column = layout.column(align=True)
     when, measure = _when(known, scene), STEREO_REPROJECT_OT_measure_depth.bl_idname
     if fits(context, when, 1.0, ICON_PX + TEXT_MARGINS_PX):

@@ -114,8 +114,8 @@ def fit_result() -> None:
 
 
 def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle; while a job runs, do
-    as `zoom_to_fit`.
+    """Zoom an Image Editor so that the whole picture fits into it, and put that into its middle, or, as far as the
+    picture's size is known, into what the sidebar leaves free; while a job runs, do as `zoom_to_fit`.
     """
     if job_has_thread():
         zoom_to_fit(area)
@@ -123,6 +123,25 @@ def fit_editor(window: bpy.types.Window, area: bpy.types.Area) -> None:
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):  # pyright: ignore[reportGeneralTypeIssues] - not in the stubs
         bpy.ops.image.view_all(fit_view=True)
+        _clear_of_sidebar(area, region)
+
+
+def _clear_of_sidebar(area: bpy.types.Area, region: bpy.types.Region) -> None:
+    """Make a picture that is in the middle of an Image Editor's region smaller, and move it to the left, until the
+    sidebar covers nothing of it. The editor must be that of the context.
+    """
+    space = area.spaces.active
+    sidebar = next((other for other in area.regions if other.type == "UI" and other.width > 1), None)
+    width = space.image.size[0]
+    if sidebar is None or not width:
+        return
+    covered = region.x + region.width - sidebar.x
+    free = region.width - covered
+    if not 0 < covered < free or width * space.zoom[0] <= free - covered:
+        return
+    zoom = min(space.zoom[0], free / width)
+    bpy.ops.image.view_zoom_ratio(ratio=zoom)
+    bpy.ops.image.view_pan(offset=(0.5 * covered / zoom, 0.0))
 
 
 def zoom_to_fit(area: bpy.types.Area) -> None:

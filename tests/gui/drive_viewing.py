@@ -210,7 +210,9 @@ def render_again_side_by_side():
     yield from redrawn()
     facts["after_preview"] = [*shown(), space().image.size[0], results().report["size"][0]]
     region = region_of("IMAGE_EDITOR", "WINDOW")
-    facts["fitted"] = space().zoom[0] * space().image.size[0] / region.width
+    sidebar = region_of("IMAGE_EDITOR", "UI")
+    free = min(sidebar.x, region.x + region.width) - region.x if sidebar.width > 1 else region.width
+    facts["fitted"] = space().zoom[0] * space().image.size[0] / (free if 2 * free > region.width else region.width)
     shoot("renewed")
 
 

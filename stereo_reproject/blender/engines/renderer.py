@@ -291,7 +291,7 @@ def _warnings_between_eyes(share: float) -> list[str]:
     """Return a warning of things that are nearer than the eyes are to each other, in this share of the picture; none
     where that is next to nothing."""
     message = (
-        "{share} of the picture show what is nearer to the camera than its interocular distance: the eyes do not see "
+        "{share} of the picture shows what is nearer to the camera than its interocular distance: the eyes do not see "
         "that alike, and the pair may be wrong there; move the camera, or lower the distance"
     )
     return [Words(message, share=f"{share:.1%}")] if share >= LEAST_SHARE_BETWEEN_EYES else []
