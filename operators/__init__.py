@@ -88,11 +88,12 @@ def _end() -> None:
     """End the running job and remove all temporary files. It is called when the extension is switched off, and when
     Blender exits.
     """
-    from . import jobs, results
+    from . import jobs, results, second_blender
 
     try:
         jobs.stop_running()
     finally:
+        second_blender.end_waiting()
         results.forget_all()
 
 

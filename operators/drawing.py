@@ -17,6 +17,7 @@ from ..stereo_reproject.report.verdict import (
     time_words,
 )
 from ..stereo_reproject.words import Words
+from . import second_blender
 from .fitting import TEXT_MARGINS_PX, fits, room_for_text, text_width
 from .jobs import STEREO_REPROJECT_OT_cancel, running
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
@@ -84,6 +85,7 @@ def draw_buttons(layout: bpy.types.UILayout) -> None:
         column.progress(factor=fraction, text=shown(words))
         column.operator(STEREO_REPROJECT_OT_cancel.bl_idname, icon="X")
         return
+    second_blender.keep_ready()
     image = RENDER_OT_stereo_reproject_image.bl_idname
     beside = fits(bpy.context, "Preview", 0.5, ICON_PX + TEXT_MARGINS_PX)
     row = column.row(align=True) if beside else column

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import tempfile
 import threading
 import time
 import traceback
@@ -16,7 +15,7 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.blender.commands.processes import UNSAVED, module_in_blender, save_copy
+from ..stereo_reproject.blender.commands.processes import UNSAVED, save_copy
 from ..stereo_reproject.blender.scene.devices import devices_in_use
 from ..stereo_reproject.blender.scene.rendered import layers_to_render
 from ..stereo_reproject.blender.scene.working import scene_key
@@ -30,7 +29,8 @@ from ..stereo_reproject.sequence.supervisor import run_animation
 from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import StereoSettings
 from ..stereo_reproject.words import Words
-from .preferences import preferred
+from . import second_blender
+from .preferences import temporary_folder
 
 POLL_SECONDS = 0.1
 
@@ -104,8 +104,10 @@ class BackgroundJob:
         # Made like the folders of all runs: what a Blender that was killed left behind, the next one removes.
         self.temporary = temporary_folder()
         """Folder of temporary files when the run started."""
-        self._place = work_folder(self.temporary, ())
-        self._files = self._place.__enter__()
+        second = second_blender.take()
+        self._worker = None if second is None else second.worker
+        self._place = work_folder(self.temporary, ()) if second is None else second.place
+        self._files = self._place.__enter__() if second is None else second.folder
         self.animation = animation
         self._frames: Event | None = None
         self.frames_finished = 0
@@ -120,10 +122,13 @@ class BackgroundJob:
         try:
             self._blend, self.warnings = _saved_copy(self._files)
             job = self._job(scene, command, files, pictures)
-            worker = module_in_blender("programs.worker")
-            self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=(job, worker), daemon=True)
+            command_of_worker = second_blender.worker_command()
+            self._thread = threading.Thread(
+                target=self._work, name=THREAD_NAME, args=(job, command_of_worker), daemon=True
+            )
             self._thread.start()
         except BaseException:
+            self._end_worker()
             self._place.__exit__(None, None, None)
             raise
 
@@ -199,7 +204,7 @@ class BackgroundJob:
         """Run the job's process to its end, and set `report` or `error`. This is all that the job's thread does."""
         try:
             run = run_worker if job.animation is None else run_animation
-            self.report = run(job, self._on_event, interrupts=self._cancel, command=command)
+            self.report = run(job, self._on_event, interrupts=self._cancel, command=command, waiting=self._worker)
         except StereoReprojectError as error:
             self.error = error
         except Exception as error:  # noqa: BLE001 - nobody else hears of what goes wrong in a thread
@@ -208,7 +213,13 @@ class BackgroundJob:
                 Words("a defect of stereo_reproject: {kind}: {reason}", kind=type(error).__name__, reason=str(error))
             )
         finally:
+            self._end_worker()
             self._blend.unlink(missing_ok=True)
+
+    def _end_worker(self) -> None:
+        """End the worker that waited for this job, if one did, whether it was used or not."""
+        if self._worker is not None:
+            self._worker.kill()
 
     def _on_event(self, event: Event) -> None:
         """Take in what the job's process tells under way: a warning, a picture, a stage, or an animation's progress."""
@@ -271,15 +282,6 @@ def _saved_copy(folder: Path) -> tuple[Path, list[str]]:
             warnings.append(Words(message, folder=caches))
     save_copy(folder)
     return blend, warnings
-
-
-def temporary_folder() -> Path:
-    """Return the folder for temporary files that is set in the extension's preferences, or else in Blender's; the
-    system's if there is none of either.
-    """
-    set_folders = preferred("temporary_folder"), bpy.context.preferences.filepaths.temporary_directory
-    folders = [Path(bpy.path.abspath(folder)) for folder in set_folders if folder]
-    return next((folder for folder in folders if folder.is_dir()), Path(tempfile.gettempdir()))
 
 
 def link_folder(folder: Path, link: Path) -> bool:

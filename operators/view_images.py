@@ -25,7 +25,7 @@ from .pictures import (
     render_result,
     show_pair,
 )
-from .run import temporary_folder
+from .preferences import temporary_folder
 
 ARRANGEMENTS: Mapping[str, tuple[str, ...]] = {
     "LEFT": VIEWS[:1],

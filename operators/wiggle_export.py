@@ -19,8 +19,8 @@ from ..stereo_reproject.jobs.wiggle_movie import make_wiggle_movie
 from ..stereo_reproject.jobs.work_folder import is_full_disk_error, work_folder
 from ..stereo_reproject.jobs.worker_process import module_command
 from ..stereo_reproject.words import Words
+from .preferences import temporary_folder
 from .results import result_of
-from .run import temporary_folder
 from .slots import content_now
 from .text import reported, sentence, shown
 from .view_modes import NO_PAIR, pair_in

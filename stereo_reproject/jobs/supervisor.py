@@ -119,18 +119,20 @@ def run_worker(
     on_tick: Callable[[], None] = lambda: None,
     interrupts: Interrupts | None = None,
     command: Sequence[str] | None = None,
+    waiting: Worker | None = None,
 ) -> dict[str, Any]:
     """Have `job` done by a worker process, move its files into the output folder, and return its report.
 
     on_event gets each event that the worker sends but the last (all above but "done" and "error"); on_tick is called
     several times a second. interrupts holds back signals meanwhile; by default none are. `command` starts another
-    program as the worker; by default it is our own. Raises BadInputError, RunInterruptedError or StereoReprojectError;
-    then nothing that the run has made is left, but for the finished frames of an animation.
+    program as the worker; by default it is our own. `waiting` is a worker that was started before and has no job yet:
+    it is taken in place of a new one. Raises BadInputError, RunInterruptedError or StereoReprojectError; then nothing
+    that the run has made is left, but for the finished frames of an animation.
     """
     interrupts = interrupts or Interrupts()
     with _work_folder(job) as work, plain_blend(job.blend) as blend, interrupts.until_cleaning():
         interrupts.check()
-        with start_worker(command, work) as worker, _told_when_gone(job, worker):
+        with waiting or start_worker(command, work) as worker, _told_when_gone(job, worker):
             worker.send(_message(job, work, blend))
             done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
         report = done.get("report")

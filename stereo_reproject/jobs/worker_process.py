@@ -69,15 +69,17 @@ class Worker:
     """The worker process, and all processes that it starts. At the end of a `with` block they are killed.
 
     `log` is the file that gets what Blender prints, and `oom_kills_before` the count of `memory.oom_kills` when the
-    worker started.
+    worker got its job.
     """
 
     def __init__(self, command: Sequence[str] | None, work: Path) -> None:
-        own_python = command is None
+        self._own_python = command is None
         command = own_worker() if command is None else command
         self.log = work / "blender.log"
         self._work = work
         self.oom_kills_before = oom_kills()
+        self._environment = private_environment(work, own_python=self._own_python)
+        self._killed = False
         self._stage_begins = 0
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         with self.log.open("ab") as log:
@@ -87,7 +89,7 @@ class Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                env=private_environment(work, own_python=own_python),
+                env=self._environment,
                 start_new_session=os.name == "posix",
                 creationflags=_CREATION_FLAGS,
             )
@@ -99,9 +101,15 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         self.kill()
 
+    def is_as_started_now(self) -> bool:
+        """Return whether the worker lives and has the environment variables that one started now would have."""
+        environment = private_environment(self._work, own_python=self._own_python)
+        return self.process.poll() is None and self._environment == environment
+
     def send(self, line: bytes) -> None:
-        """Write a line to the worker's standard input. Does nothing if the worker is dead: whoever reads its output
-        notices that."""
+        """Write a line to the worker's standard input, and count processes that the kernel ends from now on. Does
+        nothing if the worker is dead: whoever reads its output notices that."""
+        self.oom_kills_before = oom_kills()
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):
             self.process.stdin.write(line)
@@ -136,7 +144,10 @@ class Worker:
 
     def kill(self) -> None:
         """Kill the worker and all processes that it started, and wait until the worker is gone, for EXIT_SECONDS at
-        most."""
+        most. A second call does nothing."""
+        if self._killed:
+            return
+        self._killed = True
         _kill_group(self.process)
         self.wait(EXIT_SECONDS)
         assert self.process.stdin is not None

@@ -32,12 +32,16 @@ Emit = Callable[..., None]
 def main() -> None:
     """Read a job from standard input, do it, and end the process. Errors are reported as an event of one line."""
     emit = _open_events()
-    # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
-    job = json.loads(sys.stdin.buffer.readline())
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     status = 0
     try:
-        run_job(job, emit)
+        _import_most()
+        # As bytes: PYTHONIOENCODING may name an encoding in which a line does not even end.
+        line = sys.stdin.buffer.readline()
+        if not line:
+            # The parent process has ended, or needs no worker any more.
+            os._exit(0)
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+        run_job(json.loads(line), emit)
     except Exception as error:  # noqa: BLE001 - whatever goes wrong is reported in one line
         failure = in_one_line(error)
         status = failure.exit_status
@@ -58,6 +62,11 @@ def _open_events() -> Emit:
         stream.flush()
 
     return emit
+
+
+def _import_most() -> None:
+    """Import what nearly all jobs need: a worker that waits for its job has then done it."""
+    from ..blender.commands import frame  # noqa: F401 - for later imports
 
 
 def _end_with_parent() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import FRAME, HANDED_OVER, Event, Job, WorkerCrashedError, run_worker
 from ..jobs.warn_once import WarnOnce
+from ..jobs.worker_process import Worker
 from ..words import Words
 from .frames import MAX_FAILURES_IN_A_ROW
 from .journal_folder import journal_path
@@ -23,6 +24,7 @@ def run_animation(
     on_tick: Callable[[], None] = lambda: None,
     interrupts: Interrupts | None = None,
     command: Sequence[str] | None = None,
+    waiting: Worker | None = None,
 ) -> dict[str, Any]:
     """Have an animation rendered by a worker process, as `run_worker` does, and start another worker for the remaining
     frames when Blender crashes on one of them. Return the report.
@@ -36,6 +38,7 @@ def run_animation(
     starts = _Starts(on_event)
     while True:
         starts.stage = {}
+        first, waiting = waiting, None
         try:
             return run_worker(
                 replace(job, animation=animation),
@@ -43,6 +46,7 @@ def run_animation(
                 on_tick=on_tick,
                 interrupts=interrupts,
                 command=command,
+                waiting=first,
             )
         except RunInterruptedError as error:
             raise RunInterruptedError(error.signum, KEPT) from None

@@ -92,9 +92,17 @@ def open_an_image_editor():
     shoot("before")
 
 
+def waiting():
+    """The second Blender that waits for a job, or None."""
+    return next(iter(importlib.import_module(f"{MODULE}.operators.second_blender")._waiting), None)
+
+
 def watch_a_preview():
+    yield from until(waiting, "no second Blender was started")
+    second = waiting()
     start(preview=True)
     run = jobs().running()
+    facts["taken"] = run._worker is second.worker
     facts["words"] = [words().progress_of(run)[1]]
     facts["shown"], taken = [], {}
     while jobs().running() is not None:
@@ -112,6 +120,7 @@ def watch_a_preview():
     facts["drawn under way"] = taken.get("source")
     facts["after"] = [shown(), left()]
     shoot("after")
+    yield from until(waiting, "no second Blender was started again")
 
 
 def save_and_undo_under_way():

@@ -38,6 +38,10 @@ def test_the_editor_shows_the_source_then_the_target_then_the_result(facts):
     assert facts["after"] == [RESULT, []]
 
 
+def test_a_second_blender_waits_and_is_taken_by_the_preview(facts):
+    assert facts["taken"]
+
+
 def test_what_is_drawn_changes_before_the_run_ends(facts):
     assert facts["drawn under way"]
     before, source = (drawn(facts, name) for name in ("before", "source"))

@@ -74,7 +74,7 @@ def test_a_render_is_made_by_the_preferred_accuracy_and_smallest_preview(prefere
 
 
 def test_temporary_files_go_where_the_preferences_say(preferences, tmp_path):
-    from stereo_reproject_extension.operators.run import temporary_folder
+    from stereo_reproject_extension.operators.preferences import temporary_folder
 
     blender_s = temporary_folder()
     preferences.temporary_folder = str(tmp_path)
