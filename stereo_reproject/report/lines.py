@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+
+BETWEEN_WORDS = re.compile(r"\s+(?!(?<=\d\s)(?:%|(?:s|min|h|px|m|cm|mm)\b))")
+"""What stands between two words; the space between a number and its unit does not."""
 
 
 def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:
     """Return a text in lines that are no wider than `width`, by `measure`, which returns the width of a text in the
-    same unit. Lines end between words; within a word only where it is wider than a whole line, as paths may be. A line
-    has one letter at least.
+    same unit. Lines end between words, but not between a number and its unit; within a word only where it is wider than
+    a whole line, as paths may be. A line has one letter at least.
     """
     lines: list[str] = []
     line = ""
-    for word in text.split():
+    for word in filter(None, BETWEEN_WORDS.split(text)):
         longer = f"{line} {word}" if line else word
         if measure(longer) <= width:
             line = longer

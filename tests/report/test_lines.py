@@ -47,3 +47,9 @@ def test_without_room_a_line_has_one_letter(width):
 
 def test_nothing_is_no_line():
     assert wrapped("  ", 100.0, measure) == []
+
+
+def test_a_number_stays_with_its_unit():
+    width = measure("about 44 %")
+    lines = wrapped("in all about 44 % less, and 10 s in vain", width, measure)
+    assert lines == ["in all", "about 44 %", "less, and", "10 s in", "vain"]
