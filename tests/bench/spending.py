@@ -172,7 +172,9 @@ class Scene:
         if tracing.wants_pilot:
             tracing.send_pilot()
         tracing.fill()
-        return tracing.target, tracing.refine().estimate
+        # Refining gives the tracing another target.
+        refinement = tracing.refine()
+        return tracing.target, refinement.estimate
 
     def shifted(self, seed: int) -> list[NDArray]:
         """The renders of the target, those to trace from first and then those to judge by."""

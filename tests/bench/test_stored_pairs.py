@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.estimate.tracing import ProbedTracing
 from stereo_reproject.images.metrics import honest_ratio
 from stereo_reproject.settings.accuracy import SETTINGS
 from tests.bench.stored_pairs import COLUMNS, Pair, Row, honest_error, line, pair_of, parse, swing
@@ -51,6 +52,21 @@ def test_a_completed_target_is_judged_by_renders_that_it_is_not_made_of():
     assert found.cost >= found.traced
     # Its colours are noise of the same kind, and so as good as another render's.
     assert found.honest == pytest.approx(1.0, abs=5.0 * found.honest_error)
+
+
+def test_pixels_that_were_refined_count_as_traced(monkeypatch):
+    refine = ProbedTracing.refine
+    refined = []
+    monkeypatch.setattr(
+        ProbedTracing,
+        "_tiles_to_trace",
+        lambda _, evidence: (~evidence.refined, np.zeros(evidence.refined.shape, bool)),
+    )
+    monkeypatch.setattr(ProbedTracing, "refine", lambda self: refined.append(refine(self)) or refined[-1])
+    found, target = pair_of(room_of_noise(), SETTINGS["balanced"], 1)
+    assert refined[0].pixels.any()
+    assert target.traced[refined[0].pixels].all()
+    assert found.traced == 1.0
 
 
 def test_a_row_has_a_cell_for_each_column_and_leaves_out_frames_without_an_estimate():
