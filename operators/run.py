@@ -122,10 +122,8 @@ class BackgroundJob:
         try:
             self._blend, self.warnings = _saved_copy(self._files)
             job = self._job(scene, command, files, pictures)
-            command_of_worker = second_blender.worker_command()
-            self._thread = threading.Thread(
-                target=self._work, name=THREAD_NAME, args=(job, command_of_worker), daemon=True
-            )
+            work = job, second_blender.worker_command()
+            self._thread = threading.Thread(target=self._work, name=THREAD_NAME, args=work, daemon=True)
             self._thread.start()
         except BaseException:
             self._end_worker()

@@ -251,7 +251,7 @@ class RefinedTiles:
 
     tiles (N,) are set for them; P pixels were traced, those of `pixels` (H, W); warped and traced (P, >= 3) are their
     scene-linear colours before and after, row by row. variance_share, (H, W) or one for all, is the share of a pixel's
-    variance that the lookup had kept. outliers (N,) are those of the tiles that were chosen by their own probe alone;
+    variance that the lookup had kept. outliers (N,) are those of the tiles for which their own probe was a reason;
     None without any.
     """
 
@@ -267,8 +267,8 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     """Return the evidence after some tiles were traced: their excess is then known from all their pixels, and is gone
     from `remaining`.
 
-    noise (N,) is the variance of one pixel of a plain render. For a tile that was chosen by its own probe alone, only
-    as much is gone as all its pixels show. Such a probe stood out, so it may have told too much, as the probes of the
+    noise (N,) is the variance of one pixel of a plain render. For a tile that its own probe helped to choose, only as
+    much is gone as all its pixels show. Such a probe stood out, so it may have told too much, as the probes of the
     tiles that stay have then told too little.
 
     The difference of a warped and a traced pixel has the mean square bias^2 + (1 + c) var, with c the variance_share of

@@ -66,10 +66,10 @@ class Probes:
         grid[self.tiles] = values
         return grid
 
-    def neighbour_sum(self, values: NDArray, reach: int = 2) -> NDArray[np.float64]:
+    def neighbour_sum(self, values: NDArray, reach: int = 2, *, elsewhere: float = 0.0) -> NDArray[np.float64]:
         """Return for each probe the sum (N,) of values (N,) over the probes within `reach` tiles each way, without its
-        own."""
-        grid = self.on_grid(values, 0.0)
+        own; a tile of the picture without a probe counts as `elsewhere`."""
+        grid = self.on_grid(values, elsewhere)
         return box_sum(grid, (reach, reach))[self.tiles] - values
 
     def neighbourhood_mean(self, values: NDArray) -> NDArray[np.float64]:

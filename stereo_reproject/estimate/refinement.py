@@ -69,6 +69,20 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
     return ~evidence.refined & (evidence.excess > np.maximum(limit, doubt))
 
 
+def enclosed_tiles(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the tiles (N,) that would stay warped among traced ones, where an error is seen as a square: those of
+    whose 8 neighbours at least `enclosing_tiles` are traced.
+
+    Traced are those `chosen` (N,), those that were, and tiles without a warped pixel. There are none where nothing is
+    chosen.
+    """
+    if not chosen.any():
+        return np.zeros_like(chosen)
+    traced = chosen | evidence.refined
+    around = evidence.probes.neighbour_sum(traced.astype(np.float64), 1, elsewhere=1.0)
+    return ~traced & (around >= TUNING.enclosing_tiles)
+
+
 def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray[np.bool_]:
     """Return the tiles (N,) that are expected to have an honest ratio above `worst`, as `metrics.worst_tiles` measures
     it.

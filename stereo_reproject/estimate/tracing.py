@@ -25,7 +25,7 @@ from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, w
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
 from .probes import Probes, place_random_probes
-from .refinement import choose_tiles, outlier_tiles
+from .refinement import choose_tiles, enclosed_tiles, outlier_tiles
 from .target import Provenance, Target
 from .tuning import TUNING
 
@@ -232,10 +232,12 @@ class ProbedTracing:
         )
 
     def _tiles_to_trace(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the tiles (N,) to be traced, and those of them (N,) that were chosen by their own probe alone."""
+        """Return the tiles (N,) to be traced, and those of them (N,) that were chosen by what their own probe told."""
         worst, unseen = self._accuracy.tile_limit, self._accuracy.unseen
         chosen = choose_tiles(evidence, self._promise, worst=worst, unseen=unseen)
         outliers = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
+        # That those around it are chosen is partly its own probe's doing.
+        outliers |= enclosed_tiles(evidence, chosen | outliers)
         return chosen | outliers, outliers
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:

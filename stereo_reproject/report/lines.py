@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 BETWEEN_WORDS = re.compile(r"\s+(?!(?<=\d\s)(?:%|(?:s|min|h|px|m|cm|mm)\b))")
-"""What stands between two words; the space between a number and its unit does not."""
+"""Space between two words, but not between a number and its unit."""
 
 
 def wrapped(text: str, width: float, measure: Callable[[str], float]) -> list[str]:

@@ -9,7 +9,7 @@ from stereo_reproject.estimate.evidence import ProbeTraces, RefinedTiles, measur
 from stereo_reproject.estimate.expected_excess import local_noise, neighbours_excess
 from stereo_reproject.estimate.noise_ratio import as_rendered, estimate, tile_estimates, worst_tiles
 from stereo_reproject.estimate.probes import place_random_probes
-from stereo_reproject.estimate.refinement import choose_tiles, outlier_tiles
+from stereo_reproject.estimate.refinement import choose_tiles, enclosed_tiles, outlier_tiles
 from stereo_reproject.estimate.tracing import Refinement
 from stereo_reproject.images.contrast import Contrast, box_sum, contrast_of
 from stereo_reproject.images.metrics import noise_ratio, squared_error, tone
@@ -305,6 +305,40 @@ def test_a_lone_tile_that_is_wrong_beyond_doubt_is_found_by_its_own_probe():
     found = outlier_tiles(measured, 2.0)
     assert found[wrong].mean() > 0.9
     assert found[~wrong].mean() < 0.005
+
+
+@pytest.mark.parametrize(("missing", "enclosed"), [(0, True), (3, True), (4, False)])
+def test_a_tile_among_traced_ones_is_traced_too(missing, enclosed):
+    measured = Frame(0.0).measured()
+    rows, columns = measured.probes.tiles
+    ring = [(row, column) for row in (9, 10, 11) for column in (19, 20, 21) if (row, column) != (10, 20)]
+    chosen = np.zeros(rows.size, bool)
+    for row, column in ring[missing:]:
+        chosen[(rows == row) & (columns == column)] = True
+    found = enclosed_tiles(measured, chosen)
+    assert found[(rows == 10) & (columns == 20)] == enclosed
+    assert found.sum() == enclosed
+
+
+def test_holes_count_as_traced_and_what_is_beyond_the_frame_does_not():
+    frame = Frame(0.0)
+    frame.holes[:48] = True
+    measured = frame.measured()
+    rows, columns = measured.probes.tiles
+    chosen = (rows == 6) & ((columns == 9) | (columns == 11))
+    # At the frame's edge, three neighbours above are holes, and one beside is chosen: four of five.
+    chosen |= (rows == 6) & (columns == 1)
+    found = enclosed_tiles(measured, chosen)
+    # Farther to the right, the frame's own holes enclose two more.
+    found &= columns < 30
+    assert list(zip(rows[found], columns[found], strict=True)) == [(6, 10)]
+
+
+def test_where_nothing_is_chosen_nothing_is_enclosed():
+    frame = Frame(0.0)
+    frame.holes[:], frame.holes[80:88, 80:88] = True, False
+    measured = frame.measured()
+    assert not enclosed_tiles(measured, np.zeros(measured.pixels.size, bool)).any()
 
 
 def test_what_was_chosen_by_its_own_probe_does_not_flatter_what_is_told():
