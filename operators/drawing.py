@@ -104,6 +104,8 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         return
     _draw_kept(layout, context)
     result = result_of(context.scene)
+    if result.ended:
+        paragraph(layout, context, Words("{sentence}.", sentence=result.ended.removesuffix(".")), icon="INFO")
     if result.delivery is None:
         return
     delivery = result.delivery

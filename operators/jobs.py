@@ -14,7 +14,7 @@ from ..stereo_reproject.errors import StereoReprojectError
 from ..stereo_reproject.words import Words
 from . import slots, under_way
 from .kept import STEREO_REPROJECT_OT_open_kept, keep_files
-from .results import has_preview
+from .results import has_preview, result_of
 from .run import BackgroundJob
 from .run_words import cancelled_words, progress_of, stage_of
 from .text import reported, sentence, shown
@@ -178,9 +178,18 @@ class JobOperator:
             _running.append(self.start(scene))
         except (StereoReprojectError, OSError) as error:
             under_way.give_back()
-            self.report({"ERROR"}, sentence(reported(error)))
+            self._end_without_result({"ERROR"}, sentence(reported(error)), scene)
             return False
+        result_of(scene).ended = ""
         return True
+
+    def _end_without_result(self, kind: set[str], words: str, scene: bpy.types.Scene | None) -> None:
+        """Report, as this kind, why a job has no result, and keep it for the scene's panels: the report may be lost
+        with the window that was opened for the job.
+        """
+        self.report(kind, words)
+        if scene is not None:
+            result_of(scene).ended = words
 
     def _finish(self) -> set[str]:
         """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.
@@ -195,15 +204,16 @@ class JobOperator:
             taken = True
         except StereoReprojectError as error:
             if run.cancelled:
-                self.report({"INFO"}, reported(cancelled_words(run)))
+                self._end_without_result({"INFO"}, reported(cancelled_words(run)), _scene_of(run))
             else:
-                self.report({"ERROR"}, sentence(reported(error)) + reported(_words_of_kept(run)))
+                words = sentence(reported(error)) + reported(_words_of_kept(run))
+                self._end_without_result({"ERROR"}, words, _scene_of(run))
             return {"CANCELLED"}
         except Exception as error:  # noqa: BLE001 - the user is to hear of it in a line, and the console in full
             traceback.print_exc()
             reason = sentence(str(error))
             what = Words("A defect of Stereo Reproject: {kind}: {reason}", kind=type(error).__name__, reason=reason)
-            self.report({"ERROR"}, reported(what) + reported(_words_of_kept(run)))
+            self._end_without_result({"ERROR"}, reported(what) + reported(_words_of_kept(run)), _scene_of(run))
             return {"CANCELLED"}
         finally:
             under_way.give_back()

@@ -48,7 +48,7 @@ EYE_DISTANCE: dict[str, Any] = {
 VIEWING_DISTANCE: dict[str, Any] = {
     "name": "Viewing Distance (Widths)",
     "description": (
-        "Distance of the viewer from the screen, in widths of the screen: 1 to 1.5 for a monitor, 1.5 to 2"
+        "Distance of the viewer from the screen, in widths of the screen: 1 to 2 for a monitor, 1.5 to 2"
         " in the middle of a cinema, 2 to 3 for a television"
     ),
     "min": 0.1,

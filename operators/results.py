@@ -100,6 +100,8 @@ class Result:
     """Depths that a measurement, a pair or a check saw last."""
     run: BackgroundJob | None = None
     """Job that still holds the pictures."""
+    ended: str = ""
+    """Reason in a line for which the last job ended without a result; "" where it has one, or none has ended."""
 
     def picture(self, which: str) -> Path | None:
         """Return the path of one of the last pair's pictures, by its key in `PICTURES`; None if there is none."""

@@ -21,6 +21,7 @@ from ..stereo_reproject.blender.scene.rendered import layers_to_render
 from ..stereo_reproject.blender.scene.working import scene_key
 from ..stereo_reproject.errors import BadInputError, StereoReprojectError
 from ..stereo_reproject.images.exr import VIEWS
+from ..stereo_reproject.jobs.frames_progress import FramesProgress
 from ..stereo_reproject.jobs.progress import Progress
 from ..stereo_reproject.jobs.supervisor import Event, Interrupts, Job, RunInterruptedError, Session, run_worker
 from ..stereo_reproject.jobs.work_folder import remove_abandoned, work_folder
@@ -83,7 +84,7 @@ class BackgroundJob:
         settings: StereoSettings,
         command: str,
         files: Sequence[str],
-        progress: Progress,
+        progress: Progress | FramesProgress,
         *,
         animation: Animation | None = None,
         pictures: Pictures = Pictures.NONE,
@@ -109,7 +110,6 @@ class BackgroundJob:
         self._place = work_folder(self.temporary, ()) if second is None else second.place
         self._files = self._place.__enter__() if second is None else second.folder
         self.animation = animation
-        self._frames: Event | None = None
         self.frames_finished = 0
         """Number of frames that this job has finished so far."""
         self.picture: Event | None = None
@@ -173,8 +173,6 @@ class BackgroundJob:
         """Return how much of the job is done, from 0 to 1, and the seconds that remain (None if unknown)."""
         now = time.monotonic()
         with self._lock:
-            if self._frames is not None:
-                return self._frames["done"] / self._frames["total"], self._frames["remaining"]
             return self.progress.fraction(now), self.progress.remaining(now)
 
     def cancel(self) -> None:
@@ -229,7 +227,8 @@ class BackgroundJob:
             return
         if event["event"] == "frame":
             with self._lock:
-                self._frames = event
+                if isinstance(self.progress, FramesProgress):
+                    self.progress.finish(event)
                 self.frames_finished += 1
                 if event.get("saved") is not None:
                     self.saved = (self.saved or 0.0) + event["saved"]
@@ -239,7 +238,7 @@ class BackgroundJob:
         now = time.monotonic()
         with self._lock:
             self.stage, self.detail = str(event.get("stage")), str(event.get("detail") or "")
-            self.progress.begin(self.stage, now)
+            self.progress.begin(self.stage, now, self.detail)
             self.progress.advance(event.get("fraction"), now)
 
 

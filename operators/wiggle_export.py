@@ -74,7 +74,10 @@ class STEREO_REPROJECT_OT_export_wiggle(bpy.types.Operator, ExportHelper):
             row.alignment = "RIGHT"
             row.label(text=shown(Words("{width} x {height} pixels", width=width, height=height)))
         column.prop(self, "seconds")
-        for line in ("The name's ending says which:", ".gif plays anywhere,", ".mp4 has all colours"):
+        for line in (
+            "A name that ends in .mp4 is a movie, with all colours;",
+            "any other is a GIF, which plays anywhere",
+        ):
             self.layout.label(text=line)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

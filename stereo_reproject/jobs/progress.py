@@ -67,7 +67,7 @@ class Progress:
         self._shown = 0.0
         self._frame = 0
 
-    def begin(self, stage: str, now: float) -> None:
+    def begin(self, stage: str, now: float, _detail: str = "") -> None:
         """Report that a stage has begun. A stage that is earlier in the order than the current one begins the next
         frame."""
         if stage == self._stage:

@@ -70,15 +70,16 @@ def test_cancelled(extension, scene, place, monkeypatch, stage):
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_failed(extension, scene, place, monkeypatch, stage):
-    from stereo_reproject_extension.operators import jobs, run
+    from stereo_reproject_extension.operators import jobs, results, second_blender
 
     before = everything()
     command = [sys.executable, "-c", FAILING_WORKER, stage]
-    monkeypatch.setattr(run, "module_in_blender", lambda _: command)
+    monkeypatch.setattr(second_blender, "worker_command", lambda: command)
     with pytest.raises(RuntimeError, match=f"forced in {stage}"):
         bpy.ops.render.stereo_reproject_image()
     assert everything() == before
     assert (jobs.running(), list(place.iterdir())) == (None, [])
+    assert f"forced in {stage}" in results.result_of(scene).ended
     monkeypatch.undo()
     monkeypatch.setattr(tempfile, "tempdir", str(place))
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}

@@ -1,0 +1,62 @@
+"""Progress of an animation, and the time that remains: from the frames that are finished, and within the one that is
+rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from .progress import Progress
+from .supervisor import FRAME
+
+
+class FramesProgress:
+    """An estimate of how much of an animation of `total` frames is done and how long it still takes; used as `Progress`
+    is, with each finished frame reported to `finish` besides.
+
+    of_frame returns the progress of a frame that begins at the time that it is given, in seconds.
+    """
+
+    def __init__(self, now: float, total: int, of_frame: Callable[[float], Progress]) -> None:
+        self._total, self._of_frame = max(total, 1), of_frame
+        self._frame, self._started, self._detail = of_frame(now), now, ""
+        self._begun = self._finished = self._existing = 0
+        self._each: float | None = None
+        self._shown = 0.0
+
+    def begin(self, stage: str, now: float, detail: str = "") -> None:
+        """Report that a stage has begun; a `detail` that names another frame than before begins that."""
+        if detail.startswith(FRAME) and detail != self._detail:
+            self._frame, self._started, self._detail = self._of_frame(now), now, detail
+            self._begun += 1
+        self._frame.begin(stage, now)
+
+    def advance(self, fraction: float | None, now: float) -> None:
+        """Report how much of the current stage is done, from 0 to 1; None where that is not known."""
+        self._frame.advance(fraction, now)
+
+    def finish(self, event: Mapping[str, Any]) -> None:
+        """Report a finished frame by its "frame" event, see `jobs/supervisor`. It may be later than the start of the
+        next frame, which is rendered while the one before is written.
+        """
+        self._finished += 1
+        self._existing, self._total = max(event["done"] - self._finished, 0), max(event["total"], 1)
+        self._each = event["each"] or None
+
+    @property
+    def _before(self) -> int:
+        """Number of frames that are rendered, before the one that is under way."""
+        return self._existing + max(self._begun - 1, 0)
+
+    def fraction(self, now: float) -> float:
+        """Return the fraction of all frames that is done, from 0 to 1, and never less than before."""
+        self._shown = max(self._shown, min((self._before + self._frame.fraction(now)) / self._total, 1.0))
+        return self._shown
+
+    def remaining(self, now: float) -> float | None:
+        """Return the seconds that the animation still takes by estimate; None as long as they cannot be estimated."""
+        taken, left = now - self._started, self._frame.remaining(now)
+        later = max(self._total - self._before - 1, 0)
+        if self._each is None:
+            return None if left is None else left + later * (taken + left)
+        return max(self._each - taken if left is None else left, 0.0) + later * self._each
