@@ -88,15 +88,15 @@ class TileEvidence:
     """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
     excess: squared bias, summed over the tile's warped pixels, each by its weight; from its probe, or, for a tile that
-    was traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on average.
-    smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed. noise:
-    variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
-    pixels: number of the tile's warped pixels, which tracing it costs. area: their summed weight; at most their number,
-    and less where pixels are smaller than elsewhere. contrast: their contrast, summed by weight, above 0, to which an
-    unknown excess is taken to be proportional. frame_area: summed weight of the whole picture. materials: those that the tiles show, None if
-    unknown. remaining_noise: variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
-    told_noise: variance of what each trace of a denoised picture's probe tells, averaged over the probes around it;
-    None where nothing is denoised.
+    was traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on
+    average. smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed.
+    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise
+    shows. pixels: number of the tile's warped pixels, which tracing it costs. area: their summed weight; at most their
+    number, and less where pixels are smaller than elsewhere. contrast: their contrast, summed by weight, above 0, to
+    which an unknown excess is taken to be proportional. frame_area: summed weight of the whole picture. materials:
+    those that the tiles show, None if unknown. remaining_noise: variance of a denoised pixel over that of a traced one,
+    1 where nothing is denoised. told_noise: variance of what each trace of a denoised picture's probe tells, averaged
+    over the probes around it; None where nothing is denoised.
     """
 
     probes: Probes
@@ -143,8 +143,8 @@ class TileEvidence:
 
     @property
     def frame_noise(self) -> float:
-        """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain renders of
-        it."""
+        """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain
+        renders of it."""
         return 2.0 * self.mean_noise * self.frame_area
 
 

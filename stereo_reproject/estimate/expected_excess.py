@@ -1,9 +1,9 @@
 """Expected excess: how wrong each tile is likely to be, by all evidence but its own probe.
 
 An excess is counted by the pixels' weight: where a picture is oversampled, as beside a pole, a pixel has less of it for
-the same error, and is traced later. A tile is judged by the probes around it, and by those of its materials wherever they are, but not by its own. So the
-probes of the tiles that stay warped are as good as drawn after the choice was made: nothing was picked because it
-looked good.
+the same error, and is traced later. A tile is judged by the probes around it, and by those of its materials wherever
+they are, but not by its own. So the probes of the tiles that stay warped are as good as drawn after the choice was
+made: nothing was picked because it looked good.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:
 
 def weighted_mean(values: NDArray, weight: PixelWeight | NDArray) -> float:
     """Return the mean of values (...), each by its weight (...), one for all or one for each."""
-    if isinstance(weight, float):
+    if not isinstance(weight, np.ndarray):
         return float(np.mean(values))
     return float(np.sum(values * weight, dtype=np.float64) / np.sum(weight, dtype=np.float64))
 
@@ -136,7 +136,7 @@ def tile_rmse(a: NDArray, b: NDArray, weight: PixelWeight = 1.0) -> NDArray[np.f
     Tiles at the right and bottom may be smaller.
     """
     error = squared_error(a, b)
-    if isinstance(weight, float):
+    if not isinstance(weight, np.ndarray):
         return np.sqrt(tile_means(error))
     return np.sqrt(tile_means(error * weight) / tile_means(weight))
 

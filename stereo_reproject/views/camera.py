@@ -325,8 +325,8 @@ def _largest_finite(values: Array) -> float:
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
-    source nearness. In a panorama it is the largest such number over a lattice of the picture, in pixels as wide and
-    as high as the largest ones: beside a pole, where pixels are narrow, a point moves over more of them by the same angle.
+    source nearness. In a panorama it is the largest such number over a lattice of the picture, in pixels as wide and as
+    high as the largest ones: beside a pole, where pixels are narrow, a point moves over more of them by the same angle.
 
     It is used to judge how large a step in depth is. It is exact for rigs whose image planes coincide; for toe-in it is
     a first-order estimate, which is good enough for that.
@@ -366,9 +366,7 @@ def _relative_sizes(camera: Camera, x: Array, y: Array) -> tuple[Array, Array]:
         return np.stack(np.broadcast_arrays(*camera.ray_from_px(x + right, y + below)[1]))
 
     halves = ((0.5, 0.0), (0.0, 0.5))
-    sizes = [
-        np.linalg.norm(directions(right, below) - directions(-right, -below), axis=0) for right, below in halves
-    ]
+    sizes = [np.linalg.norm(directions(right, below) - directions(-right, -below), axis=0) for right, below in halves]
     across, down = (size / max(_largest_finite(size), np.finfo(np.float64).tiny) for size in sizes)
     return across, down
 

@@ -88,7 +88,8 @@ def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
 def _along_rows(
     depth: NDArray, source: Camera, target: Camera, disparity: RowLaw, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
-    """Return the map of a pair whose rows match, drawn row by row; torn (H + 1, W + 1) are the quads that are not drawn."""
+    """Return the map of a pair whose rows match, drawn row by row; torn (H + 1, W + 1) are the quads that are not
+    drawn."""
     x, nearness = warp_rows(depth, source, target.width, disparity, grid, torn)
     y = np.empty_like(x)
     for rows in bands(x.shape):

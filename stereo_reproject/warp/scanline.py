@@ -1,11 +1,11 @@
 """The forward warp of a pair whose rows match: the grid is then row segments, between the corners in a row.
 
 Both eyes look the same way and stand side by side, as all but those that are toed in; or they are the eyes of spherical
-stereo in an equirectangular picture. How far a point moves in its row is the pair's own law (`RowLaw`). A row of target pixel centres is
-a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner columns, one
-column long where a cell is subdivided, as long as the cell where it is not. With c the column of an interval's first
-corner and d how far that moves, in pixels, it covers the centres from c - 1 + ceil(d) up to the same of its last
-corner, which is left out: each by exactly one interval of a surface that does not fold.
+stereo in an equirectangular picture. How far a point moves in its row is the pair's own law (`RowLaw`). A row of target
+pixel centres is a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner
+columns, one column long where a cell is subdivided, as long as the cell where it is not. With c the column of an
+interval's first corner and d how far that moves, in pixels, it covers the centres from c - 1 + ceil(d) up to the same
+of its last corner, which is left out: each by exactly one interval of a surface that does not fold.
 
 No depth test is needed. Of two intervals that cover a centre, the one that comes later in the direction in which what
 is near moves less is the nearer one (McMillan's occlusion-compatible order, 1995): with x + c n the same for two
@@ -214,9 +214,7 @@ class _RowSegments:
     a segment, K of them in each row. ahead: columns of the source that stand before the target's first one.
     """
 
-    def __init__(
-        self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowLaw, ahead: int = 0
-    ) -> None:
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowLaw, ahead: int = 0) -> None:
         self._width, self._disparity = width, disparity
         lattice = np.arange(columns + 2, dtype=np.int32)
         in_coarse = coarse.repeat(CELL_QUADS)[: columns + 1]
@@ -239,8 +237,9 @@ class _RowSegments:
     ) -> tuple[NDArray, NDArray]:
         """Return the source x, in pixels, and the nearness, each (h, width), that h rows of target pixels show.
 
-        near (h, K + 1): nearness of the corners; rows (h,): their numbers. torn (h, W + 1): those of the intervals between vertices that are not
-        drawn in subdivided cells; None where all are drawn. Pixels without any have NaN and -inf.
+        near (h, K + 1): nearness of the corners; rows (h,): their numbers. torn (h, W + 1): those of the intervals
+        between vertices that are not drawn in subdivided cells; None where all are drawn. Pixels without any have NaN
+        and -inf.
         """
         moved = self._moved(near, rows)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])

@@ -76,7 +76,7 @@ def spherical_rows_of(source: Camera, target: Camera) -> SphericalRowDisparity |
     per_radian = source.width / ((window.right - window.left) * (east - west))
     altitude = _altitudes(source, projection)
     share = np.ones_like(altitude) if one.poles is None else one.poles.share(np.abs(altitude))
-    offset, cosine = one.offset * share, np.cos(altitude)
+    offset, cosine = (one.offset * share).astype(np.float64), np.cos(altitude)
     if np.any(cosine <= 0.0):
         return None
     if np.isinf(one.convergence):

@@ -141,7 +141,9 @@ def test_a_whole_turn_has_no_edge():
     assert np.mean(covered != turned.covered) < 1e-3
     off = around(np.roll(plain.x, turn, axis=1) + turn - turned.x, source)[covered & turned.covered]
     assert np.mean(np.abs(off) < PX) > 0.999
-    assert turned.x[turned.covered].min() >= 0.0 and turned.x[turned.covered].max() <= SIZE[0]
+    places = turned.x[turned.covered]
+    assert places.min() >= 0.0
+    assert places.max() <= SIZE[0]
 
 
 def test_what_is_near_hides_what_is_far_across_the_edge_of_a_turn():

@@ -64,7 +64,8 @@ class MultiviewReference:
     @property
     def noise_rmse(self) -> float:
         """Root mean square difference between the target eye's two renders, which differ by noise alone."""
-        return rmse(*self._seen(self.again, self.reference), self.pixel_weight)
+        again, reference = self._seen(self.again, self.reference)
+        return rmse(again, reference, self.pixel_weight)
 
     def judge(self, ours: NDArray[np.float32], variance_share: NDArray[np.float32]) -> dict[str, float]:
         """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
@@ -190,8 +191,8 @@ def flips(
     folder: Path,
 ) -> tuple[float | None, float | None]:
     """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference and
-    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them, over a
-    middle grey where the film is transparent.
+    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as the scene's view
+    transform shows them, over a middle grey where the film is transparent.
     """
     try:
         import flip_evaluator
@@ -208,9 +209,11 @@ def flips(
 
     reference, repeated = seen(multiview.reference, multiview.again)
     _, test = seen(multiview.reference, ours)
+
     def mean_error(picture: NDArray[np.float32]) -> float:
         errors, mean, _ = flip_evaluator.evaluate(reference, picture, "LDR", applyMagma=False)
         weight = multiview.pixel_weight
-        return float(mean) if isinstance(weight, float) else weighted_mean(np.reshape(errors, weight.shape), weight)
+        of_each = isinstance(weight, np.ndarray)
+        return weighted_mean(np.reshape(errors, weight.shape), weight) if of_each else float(mean)
 
     return mean_error(test), mean_error(repeated)
