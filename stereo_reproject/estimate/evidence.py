@@ -87,15 +87,16 @@ class ProbeTraces:
 class TileEvidence:
     """Evidence of the probes, for each of the N tiles that has one. Squares and variances are of tone-mapped colour.
 
-    excess: squared bias, summed over the tile's warped pixels; from its probe, or, for a tile that was traced since
-    (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on average.
-    smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed. noise:
-    variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise shows.
-    pixels: number of the tile's warped pixels. contrast: their summed contrast, above 0, to which an unknown excess is
-    taken to be proportional. frame_pixels: pixels of the whole picture. materials: those that the tiles show, None if
-    unknown. remaining_noise: variance of a denoised pixel over that of a traced one, 1 where nothing is denoised.
-    told_noise: variance of what each trace of a denoised picture's probe tells, averaged over the probes around it;
-    None where nothing is denoised.
+    excess: squared bias, summed over the tile's warped pixels, each by its weight; from its probe, or, for a tile that
+    was traced since (`refined`), from all its pixels. remaining: the excess that the frame still has in this tile, on
+    average. smoothed_noise: variance that the lookup has taken from the tile's pixels that are still warped, summed.
+    noise: variance of one pixel of the delivered picture. seen_noise: variance that the warped picture's own noise
+    shows. pixels: number of the tile's warped pixels, which tracing it costs. area: their summed weight; at most their
+    number, and less where pixels are smaller than elsewhere. contrast: their contrast, summed by weight, above 0, to
+    which an unknown excess is taken to be proportional. frame_area: summed weight of the whole picture. materials:
+    those that the tiles show, None if unknown. remaining_noise: variance of a denoised pixel over that of a traced one,
+    1 where nothing is denoised. told_noise: variance of what each trace of a denoised picture's probe tells, averaged
+    over the probes around it; None where nothing is denoised.
     """
 
     probes: Probes
@@ -105,9 +106,10 @@ class TileEvidence:
     noise: NDArray[np.float64]
     seen_noise: NDArray[np.float64]
     pixels: NDArray[np.float64]
+    area: NDArray[np.float64]
     contrast: NDArray[np.float64]
     refined: NDArray[np.bool_]
-    frame_pixels: int
+    frame_area: float
     materials: ShownMaterials | None = None
     remaining_noise: float = 1.0
     told_noise: NDArray[np.float64] | None = None
@@ -141,9 +143,9 @@ class TileEvidence:
 
     @property
     def frame_noise(self) -> float:
-        """Sum, over all pixels of the frame, of the squared difference to be expected between two plain renders of
-        it."""
-        return 2.0 * self.mean_noise * self.frame_pixels
+        """Sum by weight, over all pixels of the frame, of the squared difference to be expected between two plain
+        renders of it."""
+        return 2.0 * self.mean_noise * self.frame_area
 
 
 def measure_tiles(
@@ -166,6 +168,7 @@ def measure_tiles(
     noise = told if delivered is None else delivered.variance
     share = _heard_share(probes, told)
     expected = np.where(warped, contrast.signal + TUNING.noise_weight * contrast.noise + MIN_CONTRAST, 0.0)
+    expected *= probes.of_pixels
     kept = traces.variance_share
     excess = probes.weight * share * (channel_mean((w - a) * (w - b)) - kept * told)
     smoothed = 1.0 - kept if delivered is None else 0.0
@@ -177,9 +180,10 @@ def measure_tiles(
         noise=_heard_share(probes, noise) * noise,
         seen_noise=probes.tile_mean(contrast.noise, warped) if delivered is None else delivered.seen,
         pixels=probes.tile_sum(warped),
+        area=probes.weighted_sum(warped),
         contrast=probes.tile_sum(expected),
         refined=np.zeros(w.shape[0], bool),
-        frame_pixels=warped.size,
+        frame_area=probes.frame_weight,
         materials=None if materials is None else _materials_in(probes, materials, expected, excess),
         remaining_noise=1.0 if delivered is None else delivered.share,
         told_noise=None if delivered is None else probes.neighbourhood_mean(told),
@@ -280,9 +284,9 @@ def with_refined(evidence: TileEvidence, done: RefinedTiles, noise: NDArray[np.f
     known[done.pixels] = finite
     error = np.zeros(known.shape)
     error[known] = squared_error(done.warped[finite], done.traced[finite])
-    counted = evidence.probes.tile_sum(known * (done.variance_share + evidence.traced_noise))
-    excess = evidence.probes.tile_sum(error) - noise * counted
-    found = evidence.probes.tile_sum(error) - evidence.neighbourhood_noise * counted
+    counted = evidence.probes.weighted_sum(known * (done.variance_share + evidence.traced_noise))
+    off = evidence.probes.weighted_sum(error)
+    excess, found = off - noise * counted, off - evidence.neighbourhood_noise * counted
     taken = evidence.remaining if done.outliers is None else np.where(done.outliers, found, evidence.remaining)
     return replace(
         evidence,

@@ -1,8 +1,9 @@
 """Expected excess: how wrong each tile is likely to be, by all evidence but its own probe.
 
-A tile is judged by the probes around it, and by those of its materials wherever they are, but not by its own. So the
-probes of the tiles that stay warped are as good as drawn after the choice was made: nothing was picked because it
-looked good.
+An excess is counted by the pixels' weight: where a picture is oversampled, as beside a pole, a pixel has less of it for
+the same error, and is traced later. A tile is judged by the probes around it, and by those of its materials wherever
+they are, but not by its own. So the probes of the tiles that stay warped are as good as drawn after the choice was
+made: nothing was picked because it looked good.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncerta
     noise, weight = evidence.frame_noise, evidence.probes.weight
     gone = np.concatenate([[0.0], np.cumsum(evidence.remaining[order])])
     excess = (evidence.remaining.sum() - gone) / noise
-    share = 2.0 * evidence.frame_pixels * weight * (evidence.noise - evidence.mean_noise) / weight.sum() / noise
+    share = 2.0 * evidence.frame_area * weight * (evidence.noise - evidence.mean_noise) / weight.sum() / noise
     own = evidence.remaining / noise
     # sum over all of (own - excess share)^2, without `own` for the tiles that are traced
     taken = own[order]

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas
+from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas, tile_means, weighted_mean, weighted_percentile
 from ..settings.accuracy import DISPLAY_STEP
 from .evidence import TileEvidence
 from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
@@ -86,10 +86,11 @@ def as_rendered(evidence: TileEvidence | None) -> Estimate:
 def _own_noise(evidence: TileEvidence, traced: NDArray[np.bool_]) -> float:
     """Return the variance that the noise of the traced pixels adds to the frame's excess.
 
-    Traced are the tiles set in `traced` (N,), and all pixels of the frame that are in no tile's warped part.
+    Traced are the tiles set in `traced` (N,), and all pixels of the frame that are in no tile's warped part. Where
+    pixels have unequal weights it is a little too large, as the sum of their squares is smaller than theirs.
     """
-    pixels = evidence.frame_pixels - evidence.pixels[~traced].sum()
-    return float(pixels * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
+    area = evidence.frame_area - evidence.area[~traced].sum()
+    return float(area * np.average(evidence.noise**2, weights=evidence.probes.weight) / evidence.frame_noise**2)
 
 
 def _interval(excess: float, variance: float) -> tuple[float, ...]:
@@ -110,7 +111,7 @@ def worst_tiles(evidence: TileEvidence) -> float:
         return 1.0
     # Tiles without a probe are traced throughout: nothing is off there.
     ratio = _block_means(evidence, np.maximum(_excess_over_noise(evidence)[0], 0.0), 0.0)
-    return float(np.percentile(np.sqrt(1.0 + ratio), 99.0))
+    return weighted_percentile(np.sqrt(1.0 + ratio), 99.0, _block_weights(evidence))
 
 
 def wrong_tiles(evidence: TileEvidence) -> float:
@@ -122,11 +123,25 @@ def wrong_tiles(evidence: TileEvidence) -> float:
     """
     if not evidence.frame_noise:
         return 0.0
-    expected = np.where(evidence.refined, 0.0, expected_excess(evidence, TUNING.tile_reach_tiles)[0])
+    expected = np.where(evidence.refined, 0.0, _expected(evidence)[0])
     excess = _block_means(evidence, np.maximum(expected, 0.0), 0.0)
     render = 2.0 * _block_means(evidence, local_noise(evidence), evidence.mean_noise)
     wrong = (excess + render > WRONG_TILE_RATIO**2 * render) & (excess + render > DISPLAY_STEP**2)
-    return float(np.mean(wrong))
+    return weighted_mean(wrong, _block_weights(evidence))
+
+
+def _expected(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
+    """Return the expected excess (N,) of a pixel of each tile, and its standard error (N,), whatever its weight is."""
+    expected, error = expected_excess(evidence, TUNING.tile_reach_tiles)
+    of_one = evidence.pixels / evidence.area
+    return of_one * expected, of_one * error
+
+
+def _block_weights(evidence: TileEvidence) -> NDArray[np.float64]:
+    """Return the mean weight (R, C) of the pixels of the blocks of `_block_means`."""
+    probes = evidence.probes
+    block = max(1, TILE_PX // probes.spacing) * probes.spacing
+    return tile_means(np.broadcast_to(probes.of_pixels, probes.shape), block)
 
 
 def _block_means(evidence: TileEvidence, values: NDArray[np.float64], elsewhere: float) -> NDArray[np.float64]:
@@ -166,5 +181,5 @@ def _excess_over_noise(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
         floor = float(np.median(noise[noise > 0.0])) if noise.any() else evidence.mean_noise
     floor = max(floor, TUNING.min_noise_share * evidence.mean_noise)
     per_noise = np.where(evidence.refined, 0.0, 0.5 / np.maximum(noise, floor))
-    expected, error = expected_excess(evidence, TUNING.tile_reach_tiles)
+    expected, error = _expected(evidence)
     return per_noise * expected, per_noise * error

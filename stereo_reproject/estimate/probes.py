@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..images.contrast import Contrast, box_sum
+from ..views.solid_angle import PixelWeight
 from .tuning import TUNING
 
 
@@ -19,8 +20,9 @@ from .tuning import TUNING
 class Probes:
     """Places of the probes, one in each tile of `spacing` x `spacing` pixels that has a warped pixel.
 
-    rows, columns (N,) are their pixels, row by row. weight (N,) is the number of warped pixels in each probe's tile,
-    for all of which it stands. shape is that of the picture, (H, W).
+    rows, columns (N,) are their pixels, row by row. weight (N,) is the summed weight of the warped pixels in each
+    probe's tile, for all of which it stands: their number, where all pixels count alike. shape is that of the picture,
+    (H, W). of_pixels is the weight of its pixels (`views.solid_angle`).
     """
 
     rows: NDArray[np.intp]
@@ -28,6 +30,12 @@ class Probes:
     weight: NDArray[np.float64]
     spacing: int
     shape: tuple[int, int]
+    of_pixels: PixelWeight = 1.0
+
+    @property
+    def frame_weight(self) -> float:
+        """Summed weight of all pixels of the picture."""
+        return float(np.sum(np.broadcast_to(self.of_pixels, self.shape), dtype=np.float64))
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -50,6 +58,10 @@ class Probes:
     def tile_sum(self, image: NDArray) -> NDArray[np.float64]:
         """Return the sum (N,) of an image (H, W) over each probe's tile."""
         return _tile_sums(image, self.spacing)[self.tiles]
+
+    def weighted_sum(self, image: NDArray) -> NDArray[np.float64]:
+        """Return the sum (N,) of an image (H, W) over each probe's tile, with each pixel's weight."""
+        return _tile_sums(image, self.spacing, self.of_pixels)[self.tiles]
 
     def tile_mean(self, image: NDArray, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the mean (N,) of an image (H, W) over those pixels of each probe's tile that are set in `pixels` (H,
@@ -91,16 +103,23 @@ class Probes:
 
 
 def place_random_probes(
-    warped: NDArray[np.bool_], *, spacing: int, seed: int, contrast: Contrast | None = None
+    warped: NDArray[np.bool_],
+    *,
+    spacing: int,
+    seed: int,
+    contrast: Contrast | None = None,
+    weight: PixelWeight = 1.0,
 ) -> Probes:
     """Return one probe for each tile of `spacing` pixels, at a random pixel of `warped` (H, W) in it; none for a tile
-    without any. The seed is that of the places.
+    without any. The seed is that of the places, weight that of the picture's pixels.
 
     With contrast, a share of the chance (even_probe_chance) is spread evenly over the tile, the rest in proportion to
-    the contrast's signal, where an error would show; without, all pixels have the same chance.
+    the contrast's signal and the pixels' weight, where an error would show; without, all pixels have the same chance.
     """
     even = 1.0 / np.maximum(_tile_sums(warped, spacing), 1.0)
     signal = None if contrast is None else np.where(warped, contrast.signal, np.float32(0.0))
+    if signal is not None:
+        signal *= weight
     total = None if signal is None else _tile_sums(signal, spacing)
     random = np.random.default_rng(seed)
 
@@ -120,21 +139,22 @@ def place_random_probes(
         result[known] = np.log(chance(here + rows.start, columns)) + random.gumbel(size=here.size)
         return result
 
-    return _first_of_tiles(warped, rank, spacing, chance)
+    rows, columns = _first_of_tiles(warped, rank, spacing)
+    # A probe stands for one over the chance with which its pixel was drawn.
+    stands_for = np.broadcast_to(weight, warped.shape)[rows, columns] / chance(rows, columns)
+    return Probes(rows, columns, stands_for, spacing, (warped.shape[0], warped.shape[1]), weight)
 
 
 def _first_of_tiles(
     warped: NDArray[np.bool_],
     rank: Callable[[slice], NDArray[np.float64]],
     spacing: int,
-    chance: Callable[[NDArray[np.intp], NDArray[np.intp]], NDArray[np.float64]],
-) -> Probes:
-    """Return one probe for each tile of `spacing` pixels: that of its pixels which has the highest rank, of several the
-    first row by row.
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns (N,) of one probe for each tile of `spacing` pixels: that of its pixels which has the
+    highest rank, of several the first row by row.
 
     rank gives the ranks (h, W) of a slice of rows, and is asked for each row of tiles once, from top to bottom. Pixels
-    not set in `warped` (H, W) have -inf. A probe stands for one over the chance, by rows and columns (N,), with which
-    its pixel was drawn.
+    not set in `warped` (H, W) have -inf.
     """
     height, width = warped.shape
     across = -(-width // spacing)
@@ -150,8 +170,7 @@ def _first_of_tiles(
         places.append((top + down, tiles * spacing + right))
     rows, columns = (np.concatenate(parts) for parts in zip(*places, strict=True))
     in_order = np.lexsort((columns, rows))
-    rows, columns = rows[in_order], columns[in_order]
-    return Probes(rows, columns, 1.0 / chance(rows, columns), spacing, (height, width))
+    return rows[in_order], columns[in_order]
 
 
 def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArray:
@@ -161,9 +180,10 @@ def _over_tiles(values: NDArray, spacing: int, shape: tuple[int, int]) -> NDArra
     return np.repeat(np.repeat(values, spacing, axis=0), spacing, axis=1)[:height, :width]
 
 
-def _tile_sums(image: NDArray, spacing: int) -> NDArray[np.float64]:
-    """Return the sum of an image (H, W) over each tile of `spacing` pixels, by rows and columns of tiles, (R, C)."""
-    edges = [np.arange(0, size, spacing) for size in image.shape]
-    rows_of_tiles = (image[top : top + spacing].astype(np.float64) for top in edges[0])
+def _tile_sums(image: NDArray, spacing: int, weight: PixelWeight = 1.0) -> NDArray[np.float64]:
+    """Return the sum of an image (H, W), each pixel times its weight, over each tile of `spacing` pixels, by rows and
+    columns of tiles, (R, C)."""
+    edges, factor = [np.arange(0, size, spacing) for size in image.shape], np.broadcast_to(weight, image.shape)
+    rows_of_tiles = (image[top : top + spacing] * factor[top : top + spacing].astype(np.float64) for top in edges[0])
     down = np.concatenate([np.add.reduceat(rows, [0], axis=0) for rows in rows_of_tiles])
     return np.add.reduceat(down, edges[1], axis=1)

@@ -20,6 +20,7 @@ from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
 from ..trace.requests import Tracer, TraceRequest
+from ..views.solid_angle import PixelWeight
 from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
 from .expected_excess import local_noise
@@ -58,7 +59,7 @@ class WarpedTarget:
     methods. accuracy is that of the frame; denoising is None where the picture stays noisy. needs_probes: whether
     something may look different from each view, so that a promise must be measured. seed is that of the scene.
     light_scale is the number by which the light of the reprojection was multiplied, and by which traced light is to be:
-    see `images/seen_light`.
+    see `images/seen_light`. pixel_weight is that of the target's pixels (`views.solid_angle`).
     """
 
     view: str
@@ -69,6 +70,7 @@ class WarpedTarget:
     needs_probes: bool
     seed: int
     light_scale: float = 1.0
+    pixel_weight: PixelWeight = 1.0
 
     @property
     def variance_share(self) -> NDArray[np.float32]:
@@ -263,7 +265,13 @@ class ProbedTracing:
         """
         estimator = self._estimator
         assert estimator is not None
-        probes = place_random_probes(self.target.warped, spacing=spacing, seed=seed, contrast=estimator.contrast)
+        probes = place_random_probes(
+            self.target.warped,
+            spacing=spacing,
+            seed=seed,
+            contrast=estimator.contrast,
+            weight=self._warped.pixel_weight,
+        )
         pixels = holes | probes.mask
         traced = self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))
         count = int(pixels.sum())

@@ -1,4 +1,7 @@
-"""Differences between two pictures, and between a picture and a plain render of the same view."""
+"""Differences between two pictures, and between a picture and a plain render of the same view.
+
+`weight` is that of each pixel (`views.solid_angle`): in a panorama a pixel counts by the solid angle that it shows.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..settings.accuracy import DISPLAY_STEP
+from ..views.solid_angle import PixelWeight
 
 COLOUR_CHANNELS = 3
 """Channels of light in a colour, which come first; the next one, if there is one, is alpha."""
@@ -99,21 +103,55 @@ def squared_error(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     return channel_mean((judged(a[..., :channels]).astype(np.float64) - judged(b[..., :channels])) ** 2)
 
 
-def rmse(a: NDArray, b: NDArray) -> float:
+def weighted_mean(values: NDArray, weight: PixelWeight | NDArray) -> float:
+    """Return the mean of values (...), each by its weight (...), one for all or one for each."""
+    if not isinstance(weight, np.ndarray):
+        return float(np.mean(values))
+    return float(np.sum(values * weight, dtype=np.float64) / np.sum(weight, dtype=np.float64))
+
+
+def weighted_percentile(values: NDArray, percent: float, weight: NDArray) -> float:
+    """Return the value of values (...) below which `percent` of their weight (...) lies, interpolated between two of
+    them: that of `numpy.percentile` where all weigh the same. Infinite ones are not interpolated."""
+    method = "linear" if np.isfinite(values).all() else "higher"
+    if np.all(weight == weight.flat[0]):
+        return float(np.percentile(values, percent, method=method))
+    order = np.argsort(values, axis=None)
+    values, weight = values.ravel()[order], weight.ravel()[order].astype(np.float64)
+    place = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
+    wanted = 0.01 * percent * place[-1]
+    if method == "higher":
+        return float(values[np.searchsorted(place, wanted)])
+    return float(np.interp(wanted, place, values))
+
+
+def rmse(a: NDArray, b: NDArray, weight: PixelWeight = 1.0) -> float:
     """Return the root mean square of the difference of two scene-linear pictures (H, W, >= 3) after `tone`."""
-    return float(np.sqrt(squared_error(a, b).mean()))
+    return float(np.sqrt(weighted_mean(squared_error(a, b), weight)))
 
 
-def tile_rmse(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+def tile_rmse(a: NDArray, b: NDArray, weight: PixelWeight = 1.0) -> NDArray[np.float64]:
     """Return `rmse` of each tile of `TILE_PX` x `TILE_PX` pixels, (R, C) by rows and columns of tiles.
 
     Tiles at the right and bottom may be smaller.
     """
     error = squared_error(a, b)
-    rows, columns = np.arange(0, error.shape[0], TILE_PX), np.arange(0, error.shape[1], TILE_PX)
-    total = np.add.reduceat(np.add.reduceat(error, rows, axis=0), columns, axis=1)
-    count = np.diff([*rows, error.shape[0]])[:, None] * np.diff([*columns, error.shape[1]])[None, :]
-    return np.sqrt(total / count)
+    if not isinstance(weight, np.ndarray):
+        return np.sqrt(tile_means(error))
+    return np.sqrt(tile_means(error * weight) / tile_means(weight))
+
+
+def tile_means(image: NDArray, side: int = TILE_PX) -> NDArray[np.float64]:
+    """Return the mean of an image (H, W) over each tile of side x side pixels, (R, C) by rows and columns of tiles."""
+    rows, columns = np.arange(0, image.shape[0], side), np.arange(0, image.shape[1], side)
+    total = np.add.reduceat(np.add.reduceat(image, rows, axis=0, dtype=np.float64), columns, axis=1)
+    count = np.diff([*rows, image.shape[0]])[:, None] * np.diff([*columns, image.shape[1]])[None, :]
+    return total / count
+
+
+def tile_weights(weight: PixelWeight, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return the mean weight (R, C) of the pixels of each tile of a picture of this shape (H, W, ...)."""
+    return tile_means(np.broadcast_to(weight, shape[:2]))
 
 
 def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
@@ -129,35 +167,35 @@ def border_step(picture: NDArray, holes: NDArray[np.bool_]) -> float:
     return float(found.mean()) if found.size else 0.0
 
 
-def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray) -> float:
+def noise_ratio(ours: NDArray, reference: NDArray, again: NDArray, weight: PixelWeight = 1.0) -> float:
     """Return the noise ratio of a picture: rmse(ours, reference) / rmse(again, reference). 1 is as good as a render.
 
     All are scene-linear, (H, W, >= 3). reference and again are two plain renders that differ only in their seed.
     Infinite where they are equal and ours differs from them.
     """
-    ours_rmse, noise = rmse(ours, reference), rmse(again, reference)
+    ours_rmse, noise = rmse(ours, reference, weight), rmse(again, reference, weight)
     if noise == 0.0:
         return 1.0 if ours_rmse == 0.0 else float("inf")
     return ours_rmse / noise
 
 
-def worst_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
+def worst_tiles(ours: NDArray, reference: NDArray, again: NDArray, weight: PixelWeight = 1.0) -> float:
     """Return the noise ratio of the worst tiles of a picture: 1 is as good as a render.
 
     It is the 99th percentile, over tiles, of tile_rmse(ours, reference) / noise; noise is tile_rmse(again, reference),
     but at least its median over all tiles. reference and again are two plain renders that differ only in their seed.
     """
-    noise = tile_rmse(again, reference)
+    noise = tile_rmse(again, reference, weight)
     floor = np.maximum(noise, np.median(noise))
-    error = tile_rmse(ours, reference)
+    error = tile_rmse(ours, reference, weight)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(floor > 0.0, error / floor, np.where(error > 0.0, np.inf, 1.0))
-    if not np.isfinite(ratio).all():
-        return float(np.percentile(ratio, 99.0, method="higher"))
-    return float(np.percentile(ratio, 99.0))
+    return weighted_percentile(ratio, 99.0, tile_weights(weight, ours.shape))
 
 
-def honest_ratio(ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray) -> float:
+def honest_ratio(
+    ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray, weight: PixelWeight = 1.0
+) -> float:
     """Return the honest ratio of a picture: sqrt(1 + bias^2 / 2), bias in standard deviations of one plain render's
     noise.
 
@@ -167,7 +205,7 @@ def honest_ratio(ours: NDArray, reference: NDArray, again: NDArray, variance_sha
     renders that differ only in their seed. The result is below 1 by chance, and infinite where the two are equal and
     ours differs from them.
     """
-    return float(np.sqrt(max(1.0 + 0.5 * _squared_bias(ours, reference, again, variance_share), 0.0)))
+    return float(np.sqrt(max(1.0 + 0.5 * _squared_bias(ours, reference, again, variance_share, weight), 0.0)))
 
 
 def bias_sigmas(honest: float) -> float:
@@ -179,7 +217,9 @@ def bias_sigmas(honest: float) -> float:
     return float(np.sqrt(max(2.0 * (honest**2 - 1.0), 0.0)))
 
 
-def _squared_bias(ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray) -> float:
+def _squared_bias(
+    ours: NDArray, reference: NDArray, again: NDArray, variance_share: NDArray, weight: PixelWeight
+) -> float:
     """Return the mean squared bias of a picture over the variance of one plain render's noise; parameters are as for
     `honest_ratio`.
 
@@ -188,17 +228,18 @@ def _squared_bias(ours: NDArray, reference: NDArray, again: NDArray, variance_sh
     """
     w, a, b = (judged(colour).astype(np.float64) for colour in (ours, reference, again))
     noise = channel_mean((a - b) ** 2) / 2.0
-    squared = float(np.mean(channel_mean((w - a) * (w - b)) - variance_share * noise))
+    squared = weighted_mean(channel_mean((w - a) * (w - b)) - variance_share * noise, weight)
     if not noise.any():
         return 0.0 if squared == 0.0 else float("inf")
-    return squared / float(noise.mean())
+    return squared / weighted_mean(noise, weight)
 
 
-def wrong_tiles(ours: NDArray, reference: NDArray, again: NDArray) -> float:
-    """Return the share, 0 to 1, of a picture's tiles that are wrong so that it can be seen.
+def wrong_tiles(ours: NDArray, reference: NDArray, again: NDArray, weight: PixelWeight = 1.0) -> float:
+    """Return the share, 0 to 1, of a picture's tiles, each by its weight, that are wrong so that it can be seen.
 
     A tile is if tile_rmse(ours, reference) is above `WRONG_TILE_RATIO` times tile_rmse(again, reference), and above one
     step of an 8-bit picture. reference and again are two plain renders that differ only in their seed.
     """
-    error, noise = tile_rmse(ours, reference), tile_rmse(again, reference)
-    return float(np.mean((error > WRONG_TILE_RATIO * noise) & (error > DISPLAY_STEP)))
+    error, noise = tile_rmse(ours, reference, weight), tile_rmse(again, reference, weight)
+    wrong = (error > WRONG_TILE_RATIO * noise) & (error > DISPLAY_STEP)
+    return weighted_mean(wrong, tile_weights(weight, ours.shape))

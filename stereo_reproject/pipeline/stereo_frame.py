@@ -14,6 +14,7 @@ from ..images.reasons import Reason
 from ..matching.matching import Correction
 from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice, SourceCost
+from ..views.solid_angle import PixelWeight
 from ..warp.grid import Grid
 from .effect_costs import EffectCost
 from .next_accuracy import NextAccuracy
@@ -34,6 +35,7 @@ class StereoFrame:
     far traced pixels were moved to match a source of another engine, None where it is the same. warped_by is 'numpy' or
     'gpu'; gpu is its name, None for NumPy.
     light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
+    pixel_weight is that of the target's pixels (`views/solid_angle`).
     """
 
     eyes: dict[str, Passes]
@@ -55,6 +57,7 @@ class StereoFrame:
     warped_by: str = "numpy"
     gpu: str | None = None
     light_scale: float = 1.0
+    pixel_weight: PixelWeight = 1.0
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:

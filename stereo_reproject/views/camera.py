@@ -60,6 +60,12 @@ class Camera(Protocol):
         ...
 
     @property
+    def is_flat(self) -> bool:
+        """True where people look at the picture on a flat screen, each pixel as large as any other; False where they
+        see each pixel under the angle that the camera has for it."""
+        ...
+
+    @property
     def lens(self) -> object:
         """All that decides, besides size and pose, what the picture shows: cameras in one place with equal ones see the
         same."""
@@ -114,6 +120,7 @@ class _PlanarCamera:
     plane: ViewPlane
 
     period_px = np.inf
+    is_flat = True
 
     @property
     def lens(self) -> ViewPlane:
@@ -318,7 +325,8 @@ def _largest_finite(values: Array) -> float:
 
 def disparity_per_nearness(source: Camera, target: Camera) -> float:
     """Return the pixels, 0 or more, that a point in the middle of the picture moves in the target for one unit of
-    source nearness. In a panorama it is the largest such number over a lattice of the picture.
+    source nearness. In a panorama it is the largest such number over a lattice of the picture, in pixels as wide and as
+    high as the largest ones: beside a pole, where pixels are narrow, a point moves over more of them by the same angle.
 
     It is used to judge how large a step in depth is. It is exact for rigs whose image planes coincide; for toe-in it is
     a first-order estimate, which is good enough for that.
@@ -336,6 +344,9 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     if np.isfinite(target.period_px):
         across = across - target.period_px * np.round(across / target.period_px)
     nearness = source.nearness_from_depth(depth)
+    if not target.is_flat:
+        wide, high = _relative_sizes(target, target_x[1], target_y[1])
+        across, down = across * wide, down * high
     estimates = np.hypot(across, down) / abs(nearness[0] - nearness[1])
     if not is_planar(source):
         return _largest_finite(estimates)
@@ -345,6 +356,19 @@ def disparity_per_nearness(source: Camera, target: Camera) -> float:
     # Where the middle of one eye's picture is far to the side of the other's, or behind it, that tells nothing.
     limit = TUNING.max_toe_in_factor * float(_px_per_unit(target).max()) * baseline
     return min(estimate, limit) if np.isfinite(estimate) else limit
+
+
+def _relative_sizes(camera: Camera, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return the widths and the heights (N,), as angles, of a panorama's pixels around pixel positions x, y (N,), each
+    as a share of the largest one of them."""
+
+    def directions(right: float, below: float) -> Array:
+        return np.stack(np.broadcast_arrays(*camera.ray_from_px(x + right, y + below)[1]))
+
+    halves = ((0.5, 0.0), (0.0, 0.5))
+    sizes = [np.linalg.norm(directions(right, below) - directions(-right, -below), axis=0) for right, below in halves]
+    across, down = (size / max(_largest_finite(size), np.finfo(np.float64).tiny) for size in sizes)
+    return across, down
 
 
 def _px_per_unit(camera: Camera) -> Array:

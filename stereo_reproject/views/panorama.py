@@ -45,6 +45,11 @@ class PanoramicCamera:
         return self.projection.period * self.width / abs(self.window.right - self.window.left)
 
     @property
+    def is_flat(self) -> bool:
+        """True for a perspective camera with spherical stereo, as `Camera.is_flat` says."""
+        return self.around_world
+
+    @property
     def has_lens_edge(self) -> bool:
         """True where there is an edge of the lens, as `Projection.has_edge` says."""
         return self.projection.has_edge
@@ -52,7 +57,7 @@ class PanoramicCamera:
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Return origin and unit direction of rays, as `Camera.ray_from_px` says; NaN where the picture shows
         nothing."""
-        looking = self._looking(x, y)
+        looking = self.looking_from_px(x, y)
         if self.ends_at_lens and self.has_lens_edge:
             looking = _scaled(looking, np.where(self.within_lens(x, y) >= 0.0, 1.0, np.nan))
         camera_from_panorama = PANORAMA_FROM_CAMERA.T
@@ -133,7 +138,12 @@ class PanoramicCamera:
         them: 1 in a panorama, and at the plane of the near clip in a perspective camera."""
         if not self.around_world:
             return np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)))
-        return 1.0 / self._looking(x, y)[0]
+        return 1.0 / self.looking_from_px(x, y)[0]
+
+    def looking_from_px(self, x: Array, y: Array) -> Vector:
+        """Return the directions in which the camera alone would look at pixel positions (x, y), in the panorama's
+        frame, as the projection has them."""
+        return self.projection.direction_from_uv(*self._uv(x, y))
 
     def within_lens(self, x: Array, y: Array) -> Array:
         """Return how far within the lens's edge pixel positions (x, y) lie, as `Projection.within_lens` says."""
@@ -144,11 +154,6 @@ class PanoramicCamera:
         window = self.window
         u = window.left + (window.right - window.left) / self.width * x
         return u, window.top - (window.top - window.bottom) / self.height * y
-
-    def _looking(self, x: Array, y: Array) -> Vector:
-        """Return the directions in which the camera alone would look at pixel positions (x, y), in the panorama's
-        frame, as the projection has them."""
-        return self.projection.direction_from_uv(*self._uv(x, y))
 
     def _upright_from_panorama(self) -> Array:
         """Return the turn (3, 3) from the panorama's frame to that in which spherical stereo has its z."""

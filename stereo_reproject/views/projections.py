@@ -36,6 +36,12 @@ class Projection(Protocol):
         ...
 
     @property
+    def columns_alike(self) -> bool:
+        """True if all columns of the picture show as much as each other, so that a pixel's size depends on its row
+        alone."""
+        ...
+
+    @property
     def has_edge(self) -> bool:
         """True if there is an edge of the lens beyond which nothing is shown; otherwise `within_lens` is 1."""
         ...
@@ -69,6 +75,7 @@ class _WholePicture:
     """Common part of the projections that fill the whole picture."""
 
     has_edge = False
+    columns_alike = False
 
     def within_lens(self, u: Array, v: Array) -> Array:
         """Return 1: there is no edge."""
@@ -83,6 +90,7 @@ class Equirectangular(_WholePicture):
     latitudes: tuple[float, float]
 
     is_unit = True
+    columns_alike = True
 
     @property
     def period(self) -> float:
@@ -115,6 +123,8 @@ class CentralCylindrical(_WholePicture):
     heights: tuple[float, float]
     is_unit: bool = False
 
+    columns_alike = True
+
     @property
     def period(self) -> float:
         """Distance in u of a whole turn."""
@@ -145,6 +155,7 @@ class _Fisheye:
     is_unit = True
     period = np.inf
     has_edge = True
+    columns_alike = False
 
     @property
     def _size(self) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from .forward import Warp
 from .motion import warp_motion
 from .options import WarpOptions
 from .rendered_view import RenderedView
-from .scanline import row_disparity_of
+from .scanline import row_law_of
 
 LookUp = Callable[[NDArray[np.float32], str], NDArray[np.float32]]
 """Function that returns a pass (H, W, C) of the source as the target sees it, (h, w, C), by the interpolation of this
@@ -145,7 +145,7 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
     seen = lookup(nearness, warp.x, warp.y)[..., 0]
     same_depth = np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
-    moves = not (same_depth and is_planar(source)) and row_disparity_of(source, target) is None
+    moves = not (same_depth and is_planar(source)) and row_law_of(source, target) is None
     for rows in bands(seen.shape):
         x, y, covered = warp.x[rows], warp.y[rows], warp.nearness[rows] > -np.inf
         away = source.depth_from_nearness(seen[rows])

@@ -16,7 +16,7 @@ from ..views.camera import Camera
 from ..views.panorama import has_lens_edge, is_beyond_lens
 from .grid import Grid
 from .quads import draw_quads
-from .scanline import RowDisparity, row_disparity_of, warp_rows
+from .scanline import RowLaw, row_law_of, warp_rows
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def forward_warp(
     uncovers stays a hole instead of being smeared over (paper, section 3.3).
     """
     torn = torn_quads(cut_right, cut_down, depth)
-    disparity = row_disparity_of(source, target)
+    disparity = row_law_of(source, target)
     if disparity is not None:
         return _along_rows(depth, source, target, disparity, grid, torn)
     drawn = Warp(*draw_quads(depth, source, target, grid, torn))
@@ -86,9 +86,10 @@ def _with_nothing(drawn: Warp, source: Camera, target: Camera) -> Warp:
 
 
 def _along_rows(
-    depth: NDArray, source: Camera, target: Camera, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, target: Camera, disparity: RowLaw, grid: Grid, torn: NDArray[np.bool_]
 ) -> Warp:
-    """Return the map of a rectified pair, drawn row by row; torn (H + 1, W + 1) are the quads that are not drawn."""
+    """Return the map of a pair whose rows match, drawn row by row; torn (H + 1, W + 1) are the quads that are not
+    drawn."""
     x, nearness = warp_rows(depth, source, target.width, disparity, grid, torn)
     y = np.empty_like(x)
     for rows in bands(x.shape):

@@ -1,10 +1,11 @@
-"""The forward warp of a rectified pair, whose rows match: the grid is then row segments, between the corners in a row.
+"""The forward warp of a pair whose rows match: the grid is then row segments, between the corners in a row.
 
-Both eyes look the same way and stand side by side, as all but those that are toed in. A row of target pixel centres is
-a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner columns, one
-column long where a cell is subdivided, as long as the cell where it is not. With c the column of an interval's first
-corner and d how far that moves, in pixels, it covers the centres from c - 1 + ceil(d) up to the same of its last
-corner, which is left out: each by exactly one interval of a surface that does not fold.
+Both eyes look the same way and stand side by side, as all but those that are toed in; or they are the eyes of spherical
+stereo in an equirectangular picture. How far a point moves in its row is the pair's own law (`RowLaw`). A row of target
+pixel centres is a row of the grid's corners, so nothing is left of its quads but their sides: intervals between corner
+columns, one column long where a cell is subdivided, as long as the cell where it is not. With c the column of an
+interval's first corner and d how far that moves, in pixels, it covers the centres from c - 1 + ceil(d) up to the same
+of its last corner, which is left out: each by exactly one interval of a surface that does not fold.
 
 No depth test is needed. Of two intervals that cover a centre, the one that comes later in the direction in which what
 is near moves less is the nearer one (McMillan's occlusion-compatible order, 1995): with x + c n the same for two
@@ -16,6 +17,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from numpy.typing import NDArray
 from ..images.bands import bands
 from ..views.camera import Camera, OrthographicCamera, is_planar, target_from_source
 from .grid import CELL_QUADS, Grid
+from .spherical_rows import spherical_rows_of
 from .tuning import TUNING
 
 FARTHEST_PIXELS = 1e6
@@ -42,6 +45,42 @@ class RowDisparity:
 
     offset: float
     per_nearness: float
+
+    wraps = False
+
+    @property
+    def grows(self) -> bool:
+        """True where what is nearer moves farther to the right."""
+        return self.per_nearness > 0.0
+
+    def moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:  # noqa: ARG002
+        """Return the disparity (h, K), in pixels, of points with this nearness (h, K), whatever their rows (h,) are."""
+        return near * np.float32(self.per_nearness) + np.float32(self.offset)
+
+
+class RowLaw(Protocol):
+    """The shift of a pair whose rows match: how far each point moves in its row. What is nearer moves farther, to one
+    side in all rows."""
+
+    @property
+    def wraps(self) -> bool:
+        """True where the picture's right side goes on at its left."""
+        ...
+
+    @property
+    def grows(self) -> bool:
+        """True where what is nearer moves farther to the right."""
+        ...
+
+    def moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Return the disparity (h, K), in pixels, of points with this nearness (h, K) in these rows (h,)."""
+        ...
+
+
+def row_law_of(source: Camera, target: Camera) -> RowLaw | None:
+    """Return the shift of points between two cameras whose pictures show each point in the same row and at the same
+    nearness; None for any other pair."""
+    return row_disparity_of(source, target) or spherical_rows_of(source, target)
 
 
 def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
@@ -73,9 +112,9 @@ def row_disparity_of(source: Camera, target: Camera) -> RowDisparity | None:
 
 
 def warp_rows(
-    depth: NDArray, source: Camera, width: int, disparity: RowDisparity, grid: Grid, torn: NDArray[np.bool_]
+    depth: NDArray, source: Camera, width: int, disparity: RowLaw, grid: Grid, torn: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the map of a rectified pair: source x (H, width) in pixels, and nearness (H, width) to the target's
+    """Return the map of a pair whose rows match: source x (H, width) in pixels, and nearness (H, width) to the target's
     camera.
 
     They are NaN and -inf where nothing lands. depth (H, W) is as for `forward.forward_warp`; width is the target's;
@@ -83,6 +122,11 @@ def warp_rows(
     """
     height = depth.shape[0]
     x, nearness = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
+    if disparity.wraps:
+        for rows in bands((height, 2 * width)):
+            undrawn = torn[rows] & torn[rows.start + 1 : rows.stop + 1]
+            x[rows], nearness[rows] = _warp_around(depth[rows], source, disparity, rows, undrawn)
+        return x, nearness
     for cells in _alike(~grid.subdivided):
         # Lattice row i is the picture's row i - 1.
         lattice = np.arange(max(cells.start * CELL_QUADS, 1), min(cells.stop * CELL_QUADS, height + 1))
@@ -91,7 +135,32 @@ def warp_rows(
         for part in bands((lattice.size, width)):
             rows = slice(lattice[part][0] - 1, lattice[part][-1])
             undrawn = None if coarse.all() else torn[rows] & torn[rows.start + 1 : rows.stop + 1]
-            x[rows], nearness[rows] = segments.warp(_corners(depth, source, segments, lattice[part]), undrawn)
+            near = _corners(depth, source, segments, lattice[part])
+            x[rows], nearness[rows] = segments.warp(near, lattice[part] - 1, undrawn)
+    return x, nearness
+
+
+def _warp_around(
+    depth: NDArray, source: Camera, disparity: RowLaw, rows: slice, torn: NDArray[np.bool_]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return what `warp_rows` does for these rows of pictures that go on at their left beyond their right side.
+
+    depth (h, W) and torn (h, W + 1) are those of the rows; all cells are subdivided. The picture is drawn with as much
+    of its other end on either side as may move into it.
+    """
+    width, numbers = depth.shape[1], np.arange(rows.start, rows.stop)
+    near = _near(source, depth)
+    moved = disparity.moved(near, numbers)
+    ahead = int(np.ceil(np.fmax.reduce(np.abs(moved), axis=None, initial=0.0))) + 1
+    with np.errstate(invalid="ignore"):
+        torn_seam = ~(np.abs(moved[:, 0] - moved[:, -1]) <= TUNING.tear_pixels)
+    torn = np.column_stack([torn[:, 0] | torn[:, -1] | torn_seam, torn[:, 1:-1]])
+    columns = np.arange(-ahead, width + ahead)
+    cells = -(-(columns.size + 1) // CELL_QUADS)
+    segments = _RowSegments(np.zeros(cells, bool), columns.size, width, disparity, ahead)
+    corners = np.arange(-ahead - 1, width + ahead + 1)
+    x, nearness = segments.warp(near.take(corners % width, axis=1), numbers, torn.take(corners[1:] % width, axis=1))
+    x -= np.float32(width) * np.floor(x * np.float32(1.0 / width))
     return x, nearness
 
 
@@ -115,25 +184,25 @@ def _corners(depth: NDArray, source: Camera, segments: _RowSegments, lattice: ND
     """
     height, width = depth.shape
     column = np.clip(segments.corner - 1, 0, width - 1)
-
-    def near(lines: NDArray) -> NDArray[np.float32]:
-        with np.errstate(over="ignore"):
-            return np.clip(
-                source.nearness_from_depth(lines.astype(np.float32, copy=False)), -LARGEST_NEARNESS, LARGEST_NEARNESS
-            )
-
     cell = lattice // CELL_QUADS
     edges = np.minimum(np.arange(cell[0], cell[-1] + 2) * CELL_QUADS, height + 1)
     above = cell - cell[0]
     down = ((lattice - edges[above]) / (edges[above + 1] - edges[above])).astype(np.float32)[:, None]
     flat = column[segments.flat]
-    line = near(depth[np.clip(edges - 1, 0, height - 1)[:, None], flat])
+    line = _near(source, depth[np.clip(edges - 1, 0, height - 1)[:, None], flat])
     between = line[above] * (1.0 - down) + line[above + 1] * down
     if flat.size == column.size:
         return between
-    result = near(depth[lattice[0] - 1 : lattice[-1]].take(column, axis=1))
+    result = _near(source, depth[lattice[0] - 1 : lattice[-1]].take(column, axis=1))
     result[:, segments.flat] = between
     return result
+
+
+def _near(source: Camera, depth: NDArray) -> NDArray[np.float32]:
+    """Return the nearness (...) to a camera of points at depth (...), held within LARGEST_NEARNESS."""
+    with np.errstate(over="ignore"):
+        nearness = source.nearness_from_depth(depth.astype(np.float32, copy=False))
+    return np.clip(nearness, -LARGEST_NEARNESS, LARGEST_NEARNESS)
 
 
 class _RowSegments:
@@ -142,10 +211,10 @@ class _RowSegments:
 
     coarse (C,): which of the cells are coarse. columns: the source's width. corner (K + 1,): columns of the grid's
     vertices at which a segment begins or ends. flat (K + 1,): corners at which no subdivided cell ends. An interval is
-    a segment, K of them in each row.
+    a segment, K of them in each row. ahead: columns of the source that stand before the target's first one.
     """
 
-    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowDisparity) -> None:
+    def __init__(self, coarse: NDArray[np.bool_], columns: int, width: int, disparity: RowLaw, ahead: int = 0) -> None:
         self._width, self._disparity = width, disparity
         lattice = np.arange(columns + 2, dtype=np.int32)
         in_coarse = coarse.repeat(CELL_QUADS)[: columns + 1]
@@ -159,17 +228,20 @@ class _RowSegments:
         self._length = np.diff(self.corner).astype(np.float32)
         self._longest = self._length.max()
         # Where intervals begin in the source, and target pixels' centres as if nothing moved.
-        self._begin = (self.corner[:-1] - 0.5).astype(np.float32)
-        self._before = (self.corner - 1.0).astype(np.float32)
+        self._begin = (self.corner[:-1] - 0.5 - ahead).astype(np.float32)
+        self._before = (self.corner - 1.0 - ahead).astype(np.float32)
         self._beyond = np.arange(width, dtype=np.float32) + np.float32(0.5)
 
-    def warp(self, near: NDArray[np.float32], torn: NDArray[np.bool_] | None) -> tuple[NDArray, NDArray]:
+    def warp(
+        self, near: NDArray[np.float32], rows: NDArray[np.intp], torn: NDArray[np.bool_] | None
+    ) -> tuple[NDArray, NDArray]:
         """Return the source x, in pixels, and the nearness, each (h, width), that h rows of target pixels show.
 
-        near (h, K + 1): nearness of the corners. torn (h, W + 1): those of the intervals between vertices that are not
-        drawn in subdivided cells; None where all are drawn. Pixels without any have NaN and -inf.
+        near (h, K + 1): nearness of the corners; rows (h,): their numbers. torn (h, W + 1): those of the intervals
+        between vertices that are not drawn in subdivided cells; None where all are drawn. Pixels without any have NaN
+        and -inf.
         """
-        moved = self._moved(near)
+        moved = self._moved(near, rows)
         stretched = self._length + (moved[:, 1:] - moved[:, :-1])
         undrawn = np.zeros(stretched.shape, bool)
         if torn is not None:
@@ -214,14 +286,14 @@ class _RowSegments:
             return self._longest
         return np.tile(self._length, height).take(nearest, mode="clip")
 
-    def _moved(self, near: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the disparity (h, K + 1), in pixels, of corners with this nearness (h, K + 1), held within
-        FARTHEST_PIXELS.
+    def _moved(self, near: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Return the disparity (h, K + 1), in pixels, of corners with this nearness (h, K + 1) in these rows (h,), held
+        within FARTHEST_PIXELS.
 
         An unknown one, NaN, becomes FARTHEST_PIXELS: its intervals are torn and not drawn.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = near * np.float32(self._disparity.per_nearness) + np.float32(self._disparity.offset)
+            moved = self._disparity.moved(near, rows)
         # Of a NaN, fmin and fmax have the other: what has no depth is torn.
         return np.fmax(np.fmin(moved, FARTHEST_PIXELS, out=moved), -FARTHEST_PIXELS, out=moved)
 
@@ -257,7 +329,7 @@ class _RowSegments:
         place = (low.ravel() - ahead).repeat(wide)
         place += np.arange(place.size)
         interval = interval.repeat(wide)
-        if self._disparity.per_nearness > 0.0:
+        if self._disparity.grows:
             place, interval = place[::-1].copy(), interval[::-1].copy()
         won = np.full(height * self._width, -1, np.int32)
         # Of several that are written to one place the last one stands.

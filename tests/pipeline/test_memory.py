@@ -11,6 +11,10 @@ from stereo_reproject.images.sharpness import sharpness_of
 from stereo_reproject.pipeline.frame import render_stereo_frame
 from stereo_reproject.pipeline.onlooker import Onlooker
 from stereo_reproject.pipeline.stopwatch import Stopwatch
+from stereo_reproject.views.camera import ViewPlane
+from stereo_reproject.views.panorama import PanoramicCamera
+from stereo_reproject.views.projections import EquiangularCubeFace, Equirectangular
+from stereo_reproject.views.spherical import SphericalStereo
 from tests.pipeline.test_pipeline import IPD, ROOM, Caster, settings
 from tests.warp.analytic import stereo_rig
 
@@ -60,8 +64,25 @@ class Meter:
         self.stage = stage
 
 
-def test_the_memory_of_a_frame_s_own_stages():
-    renderer = Caster(ROOM, stereo_rig(SIZE, ipd=IPD, convergence=4.0), noise=0.02, view_dependent=("mirrors",))
+def panoramic(projection):
+    """Both eyes of spherical stereo with this projection, as large as those of `stereo_rig`."""
+    window, offsets = ViewPlane(0.0, 1.0, 0.0, 1.0), {"left": -0.5 * IPD, "right": 0.5 * IPD}
+    return {
+        view: PanoramicCamera(*SIZE, np.eye(4), window, projection, SphericalStereo(offset, 4.0))
+        for view, offset in offsets.items()
+    }
+
+
+RIGS = {
+    "perspective": stereo_rig(SIZE, ipd=IPD, convergence=4.0),
+    "rows of a panorama": panoramic(Equirectangular((-1.5, 1.5), (-0.8, 0.8))),
+    "quads of a panorama": panoramic(EquiangularCubeFace()),
+}
+
+
+@pytest.mark.parametrize("rig", RIGS.values(), ids=RIGS.keys())
+def test_the_memory_of_a_frame_s_own_stages(rig):
+    renderer = Caster(ROOM, rig, noise=0.02, view_dependent=("mirrors",))
     meter = Meter()
     render_stereo_frame(renderer, settings(), watch=Stopwatch(Onlooker(meter.begin)))
     meter.begin("end")

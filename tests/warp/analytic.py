@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, ViewPlane
+from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, ViewPlane, is_planar
 
 FOCAL = 1.2
 """Focal length of the test cameras, in widths of the picture's view plane."""
@@ -66,6 +66,10 @@ def stereo_rig(size, *, mode="off-axis", ipd=0.1, convergence=4.0, orthographic=
 
 def world_rays(eye, x, y):
     """Origins and directions (N, 3) in the world of the rays through pixel positions; directions advance one depth."""
+    turn, place = eye.world_from_camera[:3, :3], eye.world_from_camera[:3, 3]
+    if not is_planar(eye):
+        origin, direction = (np.stack(np.broadcast_arrays(*part), axis=-1) for part in eye.ray_from_px(x, y))
+        return origin @ turn.T + place, direction @ turn.T
     plane = eye.plane
     across = plane.left + (plane.right - plane.left) * x / eye.width
     up = plane.top + (plane.bottom - plane.top) * y / eye.height
@@ -74,7 +78,6 @@ def world_rays(eye, x, y):
         origin, direction = np.stack([across, up, zero], -1), np.stack([zero, zero, zero - 1.0], -1)
     else:
         origin, direction = np.stack([zero, zero, zero], -1), np.stack([across, up, zero - 1.0], -1)
-    turn, place = eye.world_from_camera[:3, :3], eye.world_from_camera[:3, 3]
     return origin @ turn.T + place, direction @ turn.T
 
 

@@ -12,13 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.exr import VIEWS
-from ...images.metrics import bias_sigmas, honest_ratio, noise_ratio, rmse, worst_tiles, wrong_tiles
+from ...images.metrics import (
+    bias_sigmas,
+    honest_ratio,
+    noise_ratio,
+    rmse,
+    weighted_mean,
+    worst_tiles,
+    wrong_tiles,
+)
 from ...images.seen_light import MIDDLE_GREY, display_scale, scaled_colour
 from ...pipeline.stereo_frame import colour
 from ...pipeline.stereo_pair import StereoPair
 from ...report.as_json import ABSENT, Absent
 from ...report.frame_report import CompareReport
 from ...settings.frame import StereoSettings
+from ...views.solid_angle import PixelWeight, pixel_weights
 from ...warp.composite import replace_non_finite
 from ..engines.render import render_views
 from ..engines.renderer import shifted_seed
@@ -26,7 +35,8 @@ from ..output.delivery import deliver_side_by_side
 from ..output.delivery_engine import Eyes
 from ..output.pictures import read_png
 from ..scene.rendered import CYCLES
-from ..scene.working import rendered_layer, working_scene
+from ..scene.rig import stereo_cameras
+from ..scene.working import evaluated, rendered_layer, working_scene
 
 REFERENCE_SEED_OFFSET = 3_000_017
 """Added to the scene's seed for multiview: noise that ours has must not be measured as agreement."""
@@ -39,7 +49,8 @@ REPEATED_SEED_OFFSET = 2_000_003
 class MultiviewReference:
     """A render by Blender's multiview: the engine, the seconds for both eyes, the target eye (H, W, 4), and that eye
     once more with another seed. Pictures are scene-linear. light_scale is the number by which light is multiplied to be
-    judged as it is seen. eyes are both eyes by view and view layer, if they were asked for.
+    judged as it is seen. eyes are both eyes by view and view layer, if they were asked for. pixel_weight is that of the
+    target's pixels (`views/solid_angle`), by which each counts in all measures.
     """
 
     engine: str
@@ -48,11 +59,13 @@ class MultiviewReference:
     again: NDArray[np.float32]
     light_scale: float
     eyes: Eyes = field(default_factory=dict)
+    pixel_weight: PixelWeight = 1.0
 
     @property
     def noise_rmse(self) -> float:
         """Root mean square difference between the target eye's two renders, which differ by noise alone."""
-        return rmse(*self._seen(self.again, self.reference))
+        again, reference = self._seen(self.again, self.reference)
+        return rmse(again, reference, self.pixel_weight)
 
     def judge(self, ours: NDArray[np.float32], variance_share: NDArray[np.float32]) -> dict[str, float]:
         """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
@@ -60,14 +73,15 @@ class MultiviewReference:
         frame.
         """
         ours, reference, again = self._seen(ours, self.reference, self.again)
-        honest = honest_ratio(ours, reference, again, variance_share)
+        weight = self.pixel_weight
+        honest = honest_ratio(ours, reference, again, variance_share, weight)
         return {
-            "rmse": rmse(ours, reference),
-            "noise_ratio": noise_ratio(ours, reference, again),
+            "rmse": rmse(ours, reference, weight),
+            "noise_ratio": noise_ratio(ours, reference, again, weight),
             "bias": bias_sigmas(honest),
             "honest_ratio": honest,
-            "worst_tiles": worst_tiles(ours, reference, again),
-            "wrong_tiles": wrong_tiles(ours, reference, again),
+            "worst_tiles": worst_tiles(ours, reference, again, weight),
+            "wrong_tiles": wrong_tiles(ours, reference, again, weight),
         }
 
     def _seen(self, *pictures: NDArray[np.float32]) -> list[NDArray[np.float32]]:
@@ -98,6 +112,7 @@ def render_reference(
         _use_layers(copy, used)
         kept, other = (used if keeps_eyes else ()), shifted_seed(seed, REFERENCE_SEED_OFFSET)
         both = render_views(copy, VIEWS, folder, seed=other, layers=kept)
+        weight = pixel_weights(stereo_cameras(evaluated(copy.camera, copy), copy.render)[target])
         _use_layers(copy, [main])
         again = render_views(copy, (target,), folder, seed=shifted_seed(seed, REPEATED_SEED_OFFSET))
     reference, repeated = (colour(replace_non_finite(render.views[target])[0]) for render in (both, again))
@@ -105,7 +120,8 @@ def render_reference(
     eyes = {
         view: {name: replace_non_finite(passes)[0] for name, passes in of.items()} for view, of in both.layers.items()
     }
-    return MultiviewReference(engine, both.seconds, reference, repeated, scale, eyes if keeps_eyes else {})
+    kept_eyes = eyes if keeps_eyes else {}
+    return MultiviewReference(engine, both.seconds, reference, repeated, scale, kept_eyes, weight)
 
 
 def _use_layers(scene: bpy.types.Scene, names: Sequence[str]) -> None:
@@ -174,9 +190,9 @@ def flips(
     multiview: MultiviewReference,
     folder: Path,
 ) -> tuple[float | None, float | None]:
-    """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference;
-    (None, None) where FLIP is not installed. The pictures are compared as the scene's view transform shows them, over a
-    middle grey where the film is transparent.
+    """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference and
+    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as the scene's view
+    transform shows them, over a middle grey where the film is transparent.
     """
     try:
         import flip_evaluator
@@ -193,5 +209,11 @@ def flips(
 
     reference, repeated = seen(multiview.reference, multiview.again)
     _, test = seen(multiview.reference, ours)
-    flip, noise_flip = (float(flip_evaluator.evaluate(reference, picture, "LDR")[1]) for picture in (test, repeated))
-    return flip, noise_flip
+
+    def mean_error(picture: NDArray[np.float32]) -> float:
+        errors, mean, _ = flip_evaluator.evaluate(reference, picture, "LDR", applyMagma=False)
+        weight = multiview.pixel_weight
+        of_each = isinstance(weight, np.ndarray)
+        return weighted_mean(np.reshape(errors, weight.shape), weight) if of_each else float(mean)
+
+    return mean_error(test), mean_error(repeated)
