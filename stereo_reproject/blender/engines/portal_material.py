@@ -13,7 +13,7 @@ from pathlib import Path
 
 import bpy
 
-from ..scene.working import KEPT_OBJECT
+from .shader_graph import Graph, Socket, Value
 
 VIEW_ROWS = 5
 """Rows of the views' table, for several views. They hold, for each view, in the sheet's space: one of its pixels to the
@@ -22,10 +22,6 @@ many pixels are one unit to the right and upwards."""
 
 KIND = "stereo_reproject_kind"
 """Property of the sheet's material that tells for which kind of rays it was made."""
-
-Socket = bpy.types.NodeSocket
-Value = Socket | float | tuple[float, float, float]
-"""Something that a node's input can be given: another node's output, a number or a vector."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRa
     if not known:
         remove_nodes(material)
     material[KIND] = kind
-    graph = _Graph(material.node_tree, known=known)
+    graph = Graph(material.node_tree, known=known)
     raster, on_lens = _place_in_picture(graph, sheet)
     entry, place = _look_up(graph, sheet, raster, tables[0])
     number = graph.part(entry, 2)
@@ -97,7 +93,7 @@ def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRa
     graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
 
 
-def _place_in_picture(graph: _Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
+def _place_in_picture(graph: Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     """Return the place of a ray in the packed picture, in pixels from its lower left corner, and its place on the
     packed camera's aperture, in scene units.
 
@@ -117,7 +113,7 @@ def _place_in_picture(graph: _Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
 
-def _look_up(graph: _Graph, sheet: SheetRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
+def _look_up(graph: Graph, sheet: SheetRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
     """Return the entry of the pixels' table at a place in the packed picture, and the ray's place on its view's plane,
     in pixels as the entry has it.
     """
@@ -144,25 +140,25 @@ class _View:
     focus: Value
     pixels_per_unit: tuple[Value, Value] | None
 
-    def sideways(self, graph: _Graph, place: Socket) -> Socket:
+    def sideways(self, graph: Graph, place: Socket) -> Socket:
         """Return a place on the view's plane, in its pixels, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, self.right)
         return graph.combined(self.right, graph.part(place, 0), self.up, graph.part(place, 1))
 
-    def on_lens(self, graph: _Graph, place: Socket) -> Socket:
+    def on_lens(self, graph: Graph, place: Socket) -> Socket:
         """Return a place on the view's aperture, in scene units, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, (1.0, 1.0, 0.0))
         x, y = (graph.math("MULTIPLY", graph.part(place, axis), self.pixels_per_unit[axis]) for axis in (0, 1))
         return graph.combined(self.right, x, self.up, y)
 
-    def seen_from(self, graph: _Graph, way: Socket) -> Socket:
+    def seen_from(self, graph: Graph, way: Socket) -> Socket:
         """Return where a way from the view's place ends."""
         return way if self.place is None else graph.vector("ADD", way, self.place)
 
 
-def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) -> _View:
+def _view_of_table(graph: Graph, views: ViewRays, number: Socket, table: Path) -> _View:
     """Return the view of this number, from the views' table."""
     across = graph.math("MULTIPLY_ADD", number, 1.0 / views.count, 0.5 / views.count)
     rows: list[Socket] = []
@@ -176,7 +172,7 @@ def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) 
 
 
 def _perspective_ray(
-    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
+    graph: Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
     """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
     is its place on the packed camera's aperture.
@@ -195,7 +191,7 @@ def _perspective_ray(
 
 
 def _orthographic_ray(
-    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
+    graph: Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
     """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
     is its place on the packed camera's aperture.
@@ -212,7 +208,7 @@ def _orthographic_ray(
     return view.seen_from(graph, graph.vector("ADD", begins, along)), direction
 
 
-def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
+def _first_surface_alone(graph: Graph, portal: Socket) -> Socket:
     """Return a surface that is the portal to rays that have met nothing before, and nothing to all others: a view may
     look at the place where the sheet is.
     """
@@ -230,82 +226,3 @@ def remove_nodes(material: bpy.types.Material) -> None:
     material.node_tree.nodes.clear()
     for image in images:
         bpy.data.images.remove(image)
-
-
-class _Graph:
-    """A node tree, and the nodes that are used here: each method adds one and returns its output.
-
-    known: True for a tree that was made by the same calls, but for values: then they return the nodes that are there,
-    one after the other, and set values alone.
-    """
-
-    def __init__(self, tree: bpy.types.NodeTree, *, known: bool) -> None:
-        self._nodes, self._links = tree.nodes, tree.links
-        self._known = iter(list(tree.nodes)) if known else None
-
-    def node(self, kind: str, **properties: object) -> bpy.types.Node:
-        """Return a node of this type, with these properties."""
-        if self._known is not None:
-            return next(self._known)
-        added = self._nodes.new(kind)
-        for name, value in properties.items():
-            setattr(added, name, value)
-        return added
-
-    def put(self, value: Value, to: Socket) -> None:
-        """Give an input its value."""
-        if isinstance(value, bpy.types.NodeSocket):
-            if self._known is None:
-                self._links.new(value, to)
-        else:
-            to.default_value = value  # pyright: ignore[reportAttributeAccessIssue] - all inputs used here have one
-
-    def math(self, operation: str, *values: Value) -> Socket:
-        """Return the result of an operation on numbers."""
-        return self._calculated("ShaderNodeMath", operation, values)
-
-    def vector(self, operation: str, *values: Value) -> Socket:
-        """Return the result of an operation on vectors."""
-        return self._calculated("ShaderNodeVectorMath", operation, values)
-
-    def _calculated(self, kind: str, operation: str, values: tuple[Value, ...]) -> Socket:
-        """Return the first output of a node of this type and operation, with these values for its first inputs."""
-        added = self.node(kind, operation=operation)
-        for value, to in zip(values, added.inputs, strict=False):
-            self.put(value, to)
-        return added.outputs[0]
-
-    def scaled(self, vector: Value, by: Value) -> Socket:
-        """Return a vector times a number."""
-        added = self.node("ShaderNodeVectorMath", operation="SCALE")
-        self.put(vector, added.inputs[0])
-        self.put(by, added.inputs["Scale"])
-        return added.outputs[0]
-
-    def combined(self, one: Value, by_one: Value, other: Value, by_other: Value) -> Socket:
-        """Return the sum of two vectors, each times a number."""
-        return self.vector("ADD", self.scaled(one, by_one), self.scaled(other, by_other))
-
-    def part(self, vector: Socket, index: int) -> Socket:
-        """Return one of the three parts of a vector."""
-        added = self.node("ShaderNodeSeparateXYZ")
-        self.put(vector, added.inputs[0])
-        return added.outputs[index]
-
-    def transformed(self, vector: Socket, kind: str, source: str, target: str) -> Socket:
-        """Return a vector, which is a 'POINT' or a 'VECTOR', in another space."""
-        added = self.node("ShaderNodeVectorTransform", vector_type=kind, convert_from=source, convert_to=target)
-        self.put(vector, added.inputs[0])
-        return added.outputs[0]
-
-    def texture(self, table: Path, texel: Socket) -> Socket:
-        """Return the numbers of a table's texel, as they are."""
-        added = self.node("ShaderNodeTexImage", interpolation="Closest", extension="EXTEND")
-        if added.image is None:
-            added.image = bpy.data.images.load(str(table), check_existing=True)
-            added.image.colorspace_settings.name = "Non-Color"
-            added.image[KEPT_OBJECT] = True
-        elif added.image.filepath != str(table):
-            added.image.filepath = str(table)
-        self.put(texel, added.inputs[0])
-        return added.outputs[0]
