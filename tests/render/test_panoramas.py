@@ -9,7 +9,7 @@ import pytest
 from stereo_reproject.blender.engines import hole_camera, ray_camera
 from stereo_reproject.blender.engines.hole_camera import compiled_shader
 from stereo_reproject.blender.engines.mask_card import card_blocker
-from stereo_reproject.blender.engines.packed_trace import CAMERAS
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, PANORAMA_CAMERAS
 from stereo_reproject.blender.engines.renderer import BlenderRenderer, _warnings_between_eyes
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.errors import BadInputError, StereoReprojectError
@@ -77,29 +77,32 @@ def scene(tmp_path):
     return scene
 
 
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
 @pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
-def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo):
+def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo, packed_by):
     set_up(scene, lens, stereo)
     scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
     scene.view_layers[0].use_pass_position = True
-    assert_packed_is_plain(scene, tmp_path)
+    assert_packed_is_plain(scene, tmp_path, packed_by)
 
 
-def test_packed_pixels_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path):
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+def test_packed_pixels_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path, packed_by):
     set_up(scene, LENSES["VR180"], SPHERICAL)
     data = scene.camera.data
     data.type, data.lens, data.clip_start = "PERSP", 12.0, 2.0
     scene.camera.rotation_euler.x = 1.2
     scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
     scene.view_layers[0].use_pass_position = True
-    assert_packed_is_plain(scene, tmp_path)
+    assert_packed_is_plain(scene, tmp_path, packed_by)
 
 
-def assert_packed_is_plain(scene, folder):
+def assert_packed_is_plain(scene, folder, packed_by):
     plain = render_plain(scene, folder)
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, folder)
+        renderer = BlenderRenderer(working, folder, packed_by=packed_by)
+        assert renderer.fill_blockers()["packed"] is None
         for view, expected in plain.items():
             camera = renderer.cameras[view]
             shape = (camera.height, camera.width)

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import bpy
 
+from .portal_geometry import SheetRays
+from .portal_panorama import PanoramaRays, panorama_picture, panorama_ray
 from .shader_graph import Graph, Socket, Value
 
 VIEW_ROWS = 5
@@ -22,22 +24,6 @@ many pixels are one unit to the right and upwards."""
 
 KIND = "stereo_reproject_kind"
 """Property of the sheet's material that tells for which kind of rays it was made."""
-
-
-@dataclass(frozen=True)
-class SheetRays:
-    """Rays of a packed picture up to the sheet, in the sheet's space and scene units.
-
-    size is the picture's width and height in pixels, and step a pixel's width and height on its plane: at unit depth,
-    or for an orthographic camera in scene units. depth is the sheet's. widening is the width of the scene's pixel
-    filter over that of the packed picture.
-    """
-
-    orthographic: bool
-    size: tuple[int, int]
-    step: tuple[float, float]
-    depth: float
-    widening: float
 
 
 @dataclass(frozen=True)
@@ -55,24 +41,56 @@ class ViewRays:
     near_clip: float
     count: int
 
+    @property
+    def nodes(self) -> str:
+        """Name of the nodes that these rays take."""
+        return f"{self.lens > 0.0} {self.count > 1}"
 
-def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRays, tables: Sequence[Path]) -> None:
-    """Make the material of the sheet, or set it anew. tables are the files of the pixels' table and, for several views,
-    of the views' table.
+    @property
+    def may_meet_sheet(self) -> bool:
+        """True where a ray that was sent on may meet the sheet again."""
+        return self.count > 1
+
+
+def build_material(
+    material: bpy.types.Material, sheet: SheetRays, views: ViewRays | PanoramaRays, tables: Sequence[Path]
+) -> None:
+    """Make the material of the sheet, or set it anew. tables are the files of the pixels' table and, for several planar
+    views, of the views' table.
 
     Where the material has nodes for rays of this kind already, only their values are set: where nodes come or go,
     Blender works out anew what depends on what, and Cycles syncs all objects again.
 
-    An entry of the pixels' table has the place of the lower left corner of what the pixel's filter covers, on its
-    view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
-    its view, -1 where there is no pixel.
+    An entry of the planar views' pixels' table has the place of the lower left corner of what the pixel's filter covers,
+    on its view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number
+    of its view, -1 where there is no pixel. That of panoramas has TEXELS texels side by side, as in ray_table.py.
     """
-    kind = f"{sheet.orthographic} {views.lens > 0.0} {views.count > 1}"
+    kind = f"{sheet.kind} {views.nodes}"
     known = material.get(KIND) == kind
     if not known:
         remove_nodes(material)
     material[KIND] = kind
     graph = Graph(material.node_tree, known=known)
+    if isinstance(views, PanoramaRays):
+        raster, on_lens = (panorama_picture if sheet.kind == "PANO" else _place_in_picture)(graph, sheet)
+        shown, begins, direction = panorama_ray(graph, sheet, views, raster, on_lens, tables[0])
+    else:
+        shown, begins, direction = _planar_ray(graph, sheet, views, tables)
+    portal = graph.node("ShaderNodeBsdfRayPortal")
+    # Where the table has no pixel, the ray ends.
+    graph.put(shown, portal.inputs["Color"])
+    graph.put(graph.transformed(begins, "POINT", "OBJECT", "WORLD"), portal.inputs["Position"])
+    # Blender 4.5 takes the direction as long as it is.
+    direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
+    graph.put(direction, portal.inputs["Direction"])
+    surface = _first_surface_alone(graph, portal.outputs[0]) if views.may_meet_sheet else portal.outputs[0]
+    graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
+
+
+def _planar_ray(
+    graph: Graph, sheet: SheetRays, views: ViewRays, tables: Sequence[Path]
+) -> tuple[Socket, Socket, Socket]:
+    """Return whether there is a pixel, where its ray begins, and the ray's direction, in the sheet's space."""
     raster, on_lens = _place_in_picture(graph, sheet)
     entry, place = _look_up(graph, sheet, raster, tables[0])
     number = graph.part(entry, 2)
@@ -80,17 +98,8 @@ def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRa
         view = _View((*views.step, 0.0), None, (0.0, 0.0, -1.0), None, views.focus, None)
     else:
         view = _view_of_table(graph, views, number, tables[1])
-    shoot = _orthographic_ray if sheet.orthographic else _perspective_ray
-    begins, direction = shoot(graph, views, view, place, on_lens)
-    portal = graph.node("ShaderNodeBsdfRayPortal")
-    # Where the table has no pixel, the ray ends.
-    graph.put(graph.math("GREATER_THAN", number, -0.5), portal.inputs["Color"])
-    graph.put(graph.transformed(begins, "POINT", "OBJECT", "WORLD"), portal.inputs["Position"])
-    # Blender 4.5 takes the direction as long as it is.
-    direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
-    graph.put(direction, portal.inputs["Direction"])
-    surface = portal.outputs[0] if views.count == 1 else _first_surface_alone(graph, portal.outputs[0])
-    graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
+    shoot = _orthographic_ray if sheet.kind == "ORTHO" else _perspective_ray
+    return (graph.math("GREATER_THAN", number, -0.5), *shoot(graph, views, view, place, on_lens))
 
 
 def _place_in_picture(graph: Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
@@ -108,7 +117,7 @@ def _place_in_picture(graph: Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     depth = (sheet.depth, sheet.depth, 0.0)
     x, y = (1.0 / side for side in sheet.step)
     middle = (0.5 * sheet.size[0], 0.5 * sheet.size[1], 0.0)
-    if sheet.orthographic:
+    if sheet.kind == "ORTHO":
         return graph.vector("MULTIPLY_ADD", met, (x, y, 0.0), middle), graph.vector("MULTIPLY", back, depth)
     return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
