@@ -30,6 +30,7 @@ from tests.blender.toolbox import (
     render_plain,
     rms,
 )
+from tests.render.test_fill import BIAS, NOISE
 from tests.render.test_frame import render_pair, rgb, waves
 
 SIZE = (128, 64)
@@ -120,6 +121,69 @@ def assert_packed_is_plain(scene, folder, packed_by):
             assert rms((traced[COLOUR_PASS] - expected[COLOUR_PASS])[close]) < 1e-3
 
 
+def defocus(scene):
+    dof = scene.camera.data.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 1.2, scene.camera.data.lens * 1e-3 / (2.0 * 0.15)
+    dof.aperture_blades, dof.aperture_ratio, dof.aperture_rotation = 3, 2.0, 0.4
+
+
+LOOKING = {**SPHERICAL, "use_pole_merge": False}
+APART = {"convergence_mode": "PARALLEL", "pivot": "CENTER"}
+
+
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+@pytest.mark.parametrize(
+    ("lens", "stereo"),
+    [("VR180", SPHERICAL), ("360", LOOKING), ("equidistant", SPHERICAL), ("cylinder", LOOKING), ("VR180", APART)],
+)
+def test_depth_of_field(scene, tmp_path, lens, stereo, packed_by):
+    """An aperture of an odd shape: all noise is that of the lens."""
+    set_up(scene, LENSES[lens], stereo)
+    defocus(scene)
+    scene.cycles.samples = 64
+    assert_traced_is_as_good(scene, tmp_path, packed_by)
+
+
+def test_without_its_lens_that_would_be_seen(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.cycles.samples = 64
+    sharp = colour(render_plain(scene, tmp_path)["right"])
+    defocus(scene)
+    first, second = (colour(render_plain(scene, tmp_path, seed=seed)["right"]) for seed in (101, 102))
+    assert rms(sharp - first) > 2.0 * rms(second - first)
+    scene.camera.data.dof.aperture_rotation += 1.0
+    turned = colour(render_plain(scene, tmp_path, seed=103)["right"])
+    assert rms(turned - first) > NOISE * rms(second - first)
+
+
+def assert_traced_is_as_good(scene, folder, packed_by, noise=NOISE):
+    """All pixels of an eye are traced in two random halves, as strangers to each other: ours is to a plain render as
+    another plain render is."""
+    first, second = (render_plain(scene, folder, seed=seed)["right"] for seed in (101, 102))
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder, packed_by=packed_by)
+        assert renderer.fill_blockers()["packed"] is None
+        height, width = first[COLOUR_PASS].shape[:2]
+        half = np.random.default_rng(3).random((height, width)) < 0.5
+        ours = np.zeros_like(first[COLOUR_PASS])
+        for mask in (half, ~half):
+            (traced,) = renderer.trace("packed", [TraceRequest("right", mask)])
+            ours[mask] = traced[COLOUR_PASS]
+    a, b, ours = colour(first), colour(second), ours[..., :3]
+    assert rms(ours - a) < noise * rms(b - a)
+    difference = ours - 0.5 * (a + b)
+    spread = (b - a).reshape(-1, 3).std(axis=0) / np.sqrt(difference[..., 0].size)
+    assert np.all(np.abs(difference.reshape(-1, 3).mean(axis=0)) < BIAS * spread)
+
+
+def test_the_aperture_of_turned_eyes_is_not_traced_packed(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], STEREOS["toe-in"])
+    defocus(scene)
+    for packed_by in PANORAMA_CAMERAS:
+        found = blockers(scene, tmp_path, packed_by=packed_by)["packed"]
+        assert found == "the lens has an aperture, and the eyes are turned"
+
+
 @pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def test_a_pair(scene, tmp_path, lens, stereo):
@@ -185,14 +249,32 @@ def test_a_few_pixels_between_the_eyes_are_not_warned_of():
 @pytest.mark.parametrize("space", [("CAMERA", "WORLD"), ("OBJECT", "CAMERA"), None], ids=str)
 def test_shaders_that_read_the_camera_are_not_traced_packed(scene, tmp_path, space):
     set_up(scene, LENSES["VR180"], SPHERICAL)
-    assert blockers(scene, tmp_path)["packed"] is None
+    assert blockers(scene, tmp_path, packed_by="osl")["packed"] is None
     nodes = scene.camera.users_scene[0].objects[0].active_material.node_tree.nodes
     if space is None:
         nodes.new("ShaderNodeScript")
     else:
         node = nodes.new("ShaderNodeVectorTransform")
         node.convert_from, node.convert_to = space
-    assert blockers(scene, tmp_path)["packed"] == "a shader reads camera coordinates"
+    assert blockers(scene, tmp_path, packed_by="osl")["packed"] == "a shader reads camera coordinates"
+    assert blockers(scene, tmp_path)["packed"] is None, "a portal's camera is a panorama, too"
+
+
+@pytest.mark.parametrize("output", ["Camera", "View Vector", "View Z Depth", "View Distance"])
+def test_a_portal_shows_camera_coordinates(scene, tmp_path, output):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    material = Material("camera")
+    node = material.node("TexCoord" if output == "Camera" else "CameraData")
+    divided = material.node("VectorMath")
+    divided.operation, divided.inputs[1].default_value = "DIVIDE", (5.0, 5.0, 5.0)
+    shining = material.node("Emission")
+    material.link(node.outputs[output], divided.inputs[0])
+    material.link(divided.outputs[0], shining.inputs["Color"])
+    material.surface(shining)
+    for item in scene.objects:
+        if item.type == "MESH":
+            item.data.materials[0] = material.block
+    assert_traced_is_as_good(scene, tmp_path, "portal")
 
 
 @pytest.mark.parametrize(("size", "blocked"), [(0.13, True), (0.01, False), (2.0, False)])
@@ -209,11 +291,12 @@ def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, bloc
     assert blockers(scene, tmp_path)["packed"] == expected
 
 
-def test_a_portal_is_none_for_panoramas(scene, tmp_path):
-    set_up(scene, LENSES["VR180"], SPHERICAL)
-    found = blockers(scene, tmp_path, packed_by="portal")
-    assert found["packed"] == "a portal cannot shoot the rays of a panorama"
-    assert found["card"] == "a card cannot stand before each ray of a panorama"
+def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_path):
+    set_up(scene, LENSES["equidistant"], SPHERICAL)
+    assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
+    scene.view_layers[0].use_pass_normal = True
+    found = blockers(scene, tmp_path, packed_by="portal")["packed"]
+    assert found == "the lens has an edge, at which passes of surfaces would show the portal"
 
 
 def test_costs_of_the_packed_camera_are_its_own(scene, tmp_path):

@@ -61,8 +61,9 @@ class PortalTuning:
     """Radius of a panorama's packed aperture over the depth of the sheet. Chosen: it is across each ray, so that its
     edge comes nearer to the sheet."""
 
-    min_panorama_lens_roundings: int = 512
-    """As min_lens_radius_roundings, for a panorama, where there is less room."""
+    min_panorama_lens_roundings: int = 128
+    """As min_lens_radius_roundings, for a panorama, where there is less room. Chosen: twice as many steps across are
+    seen in a blur of hundreds of pixels alone."""
 
     motion_newton_steps: int = 8
     """Steps by which directions are found again from their motion in pixels. Three were enough for any but fast
