@@ -47,8 +47,8 @@ class Frustum:
     def may_meet(self, corners: NDArray) -> NDArray[np.bool_]:
         """Return (...) whether convex bodies may be in view; each is given by its N corners in the world, (..., N, 3).
 
-        It is False where all corners of a body lie beyond one side of the frustum, or are too near. So False is certain, and True is
-        not.
+        It is False where all corners of a body lie beyond one side of the frustum, or are too near. So False is
+        certain, and True is not.
         """
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
@@ -57,8 +57,10 @@ class Frustum:
 
 
 def _nearest(camera: Camera, lens: Lens) -> float:
-    """Return the distance from a panorama's own place, in scene units, up to which its rays certainly meet nothing: they
-    begin at the near clip, counted from an eye on the circle of spherical stereo, and look past the camera."""
+    """Return the distance from a panorama's own place, in scene units, up to which its rays certainly meet nothing.
+
+    They begin at the near clip, counted from an eye on the circle of spherical stereo, and look past the camera.
+    """
     stereo = camera.stereo if isinstance(camera, PanoramicCamera) else None
     offset = 0.0 if stereo is None else abs(stereo.offset)
     # Beside the eye the camera lies across a ray, or a little ahead of it where rays converge.

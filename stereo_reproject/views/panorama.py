@@ -173,6 +173,12 @@ def has_lens_edge(camera: Camera) -> bool:
     return isinstance(camera, PanoramicCamera) and camera.has_lens_edge
 
 
+def shows_lens_edge(camera: Camera) -> bool:
+    """Return whether the edge of a camera's lens is in its picture: whether a corner lies beyond it."""
+    corners = np.array([0.0, camera.width]), np.array([[0.0], [camera.height]])
+    return has_lens_edge(camera) and bool(is_beyond_lens(camera, *corners).any())
+
+
 def is_beyond_lens(camera: Camera, x: Array, y: Array) -> NDArray[np.bool_]:
     """Return whether pixel positions (x, y) of a camera with an edge of its lens lie beyond it."""
     assert isinstance(camera, PanoramicCamera)

@@ -16,7 +16,7 @@ from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, SKY_DEPTH_IN_FILES
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
-from tests.blender.scene.test_panoramas import DEGREE, LENSES, set_up
+from tests.blender.scene.test_panoramas import DEGREE, LENSES, Lens, set_up
 from tests.blender.toolbox import (
     FINEST_FILTER,
     Material,
@@ -27,8 +27,10 @@ from tests.blender.toolbox import (
     colour,
     emission,
     empty_scene,
+    keyframes,
     render_plain,
     rms,
+    set_border,
 )
 from tests.render.test_fill import BIAS, NOISE
 from tests.render.test_frame import render_pair, rgb, waves
@@ -50,6 +52,9 @@ RIGHT_DEPTH = 0.9
 
 MOST_TRACED = 0.45
 """Share of pixels that are traced: these pictures are small, and the edges of their boxes and lenses long."""
+
+VECTORS = 2e-3
+"""Pixels, and relative: where a pixel's only ray falls within it moves a vector by that."""
 
 SPHERICAL = {
     "convergence_mode": "OFFAXIS",
@@ -176,6 +181,49 @@ def assert_traced_is_as_good(scene, folder, packed_by, noise=NOISE):
     assert np.all(np.abs(difference.reshape(-1, 3).mean(axis=0)) < BIAS * spread)
 
 
+NARROW = Lens("FISHEYE_EQUISOLID", {"fisheye_fov": 170.0 * DEGREE, "fisheye_lens": 20.0, "sensor_width": 30.0})
+"""A fisheye whose edge is out of the picture."""
+WITHOUT_EDGE = {"narrow": NARROW} | {name: lens for name, lens in LENSES.items() if name[:3] != "equ"}
+
+
+@pytest.mark.parametrize("sky", [False, True], ids=["ball", "sky"])
+@pytest.mark.parametrize("stereo", [SPHERICAL, STEREOS["toe-in"]], ids=STEREOS.keys())
+@pytest.mark.parametrize("lens", WITHOUT_EDGE.values(), ids=WITHOUT_EDGE.keys())
+def test_vectors_through_a_portal(scene, tmp_path, lens, stereo, sky):
+    """The camera turns and moves, and so does a box, within a ball or before the sky."""
+    set_up(scene, lens, stereo)
+    scene.objects[0].hide_render = sky
+    assert_vectors_are_plain(scene, tmp_path, moves=0.04 if sky else 0.5)  # 4.5 has no vectors of the sky.
+
+
+def test_vectors_of_a_part_of_the_picture(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    set_border(scene, (0.25, 0.75, 0.2, 0.9))
+    scene.render.use_crop_to_border = True
+    assert_vectors_are_plain(scene, tmp_path)
+
+
+def assert_vectors_are_plain(scene, folder, *, moves=0.5):
+    scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
+    scene.view_layers[0].use_pass_vector = True
+    keyframes(scene.camera, "location", {0: (0.0, -0.2, 0.1), 1: (0.1, -0.2, 0.15), 2: (0.3, -0.1, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.5, 0.0, 0.66), 1: (1.57, 0.0, 0.7), 2: (1.6, 0.05, 0.8)})
+    keyframes(scene.objects[1], "location", {0: (-2.4, -2.2, -2.2), 1: (-2.2, -2.1, -2.2), 2: (-1.9, -2.0, -2.0)})
+    plain = render_plain(scene, folder)
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder)
+        assert renderer.fill_blockers()["packed"] is None
+        for view, expected in plain.items():
+            shape = renderer.cameras[view].height, renderer.cameras[view].width
+            (traced,) = renderer.trace("packed", [TraceRequest(view, np.ones(shape, bool))])
+            expected = expected["Vector"].reshape(-1, 4)
+            moved = np.abs(expected).max(axis=-1) > 0.1
+            assert moved.mean() > moves
+            off = np.abs(traced["Vector"] - expected).max(axis=-1)
+            near = off < VECTORS * (1.0 + np.abs(expected).max(axis=-1))
+            assert near.mean() > 0.99
+
+
 def test_the_aperture_of_turned_eyes_is_not_traced_packed(scene, tmp_path):
     set_up(scene, LENSES["VR180"], STEREOS["toe-in"])
     defocus(scene)
@@ -292,11 +340,15 @@ def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, bloc
 
 
 def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_path):
-    set_up(scene, LENSES["equidistant"], SPHERICAL)
-    assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
-    scene.view_layers[0].use_pass_normal = True
-    found = blockers(scene, tmp_path, packed_by="portal")["packed"]
-    assert found == "the lens has an edge, at which passes of surfaces would show the portal"
+    reason = "the lens has an edge, at which passes of surfaces would show the portal"
+    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object"):
+        set_up(scene, LENSES["equidistant"], SPHERICAL)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
+        setattr(scene.view_layers[0], switch, True)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] == reason
+        set_up(scene, NARROW, SPHERICAL)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
+        setattr(scene.view_layers[0], switch, False)
 
 
 def test_costs_of_the_packed_camera_are_its_own(scene, tmp_path):

@@ -23,7 +23,7 @@ from ...images.effects import Effect
 from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
 from ...views.camera import Camera, is_planar, pixel_size, target_from_source
-from ...views.panorama import has_lens_edge
+from ...views.panorama import shows_lens_edge
 from ..scene.animated import animated_values
 from ..scene.cryptomatte import cryptomatte_asked_for
 from ..scene.effects import shader_nodes, uses_output, what_moves
@@ -138,12 +138,13 @@ def _panorama_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: f
     eyes, lens = list(eyes), evaluated(scene.camera, scene).data
     places = [place for eye in eyes if (place := sheet_place(eye, lens.clip_start))]
     checks = {
-        "the Vector pass of a panorama is that of Cycles' own camera": vector_pass_asked_for(scene),
+        "the Vector pass of a perspective camera ignores spherical stereo": lens.type == "PERSP"
+        and vector_pass_asked_for(scene),
         "the near clip is too close to the camera for the portal's aperture to be before it": lens.type == "PANO"
         and aperture_radius(lens) > 0.0
         and not all(tells_lens_apart(eye, place) for eye, place in zip(eyes, places, strict=False)),
         # What is beyond it ends at the portal's sheet, which these passes show.
-        "the lens has an edge, at which passes of surfaces would show the portal": any(map(has_lens_edge, eyes))
+        "the lens has an edge, at which passes of surfaces would show the portal": any(map(shows_lens_edge, eyes))
         and _shows_surfaces(scene),
     }
     reason = next((reason for reason, blocks in checks.items() if blocks), None)
@@ -155,7 +156,7 @@ def _shows_surfaces(scene: bpy.types.Scene) -> bool:
     layer = rendered_layer(scene)
     normals = layer.use_pass_normal and f"{ADDED_PREFIX}use_pass_normal" not in layer
     objects = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset
-    return normals or layer.use_pass_uv or objects or cryptomatte_asked_for(scene)
+    return normals or layer.use_pass_uv or vector_pass_asked_for(scene) or objects or cryptomatte_asked_for(scene)
 
 
 def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: float) -> str | None:

@@ -131,7 +131,9 @@ def spread_ratio(camera: Camera) -> float:
     if isinstance(camera, OrthographicCamera):
         return 1.0
     if isinstance(camera, PanoramicCamera):
-        rows, columns = (np.linspace(0, side - 1, SPREAD_PLACES).astype(np.intp) for side in (camera.height, camera.width))
+        rows, columns = (
+            np.linspace(0, side - 1, SPREAD_PLACES).astype(np.intp) for side in (camera.height, camera.width)
+        )
         lattice = np.stack(np.meshgrid(rows, columns), axis=-1).reshape(-1, 2)
         spreads = _spreads(PackedPixels(camera, lattice))
         return float(spreads.max() / spreads.min()) if spreads.size else 1.0

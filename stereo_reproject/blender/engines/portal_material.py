@@ -61,9 +61,9 @@ def build_material(
     Where the material has nodes for rays of this kind already, only their values are set: where nodes come or go,
     Blender works out anew what depends on what, and Cycles syncs all objects again.
 
-    An entry of the planar views' pixels' table has the place of the lower left corner of what the pixel's filter covers,
-    on its view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number
-    of its view, -1 where there is no pixel. That of panoramas has TEXELS texels side by side, as in ray_table.py.
+    An entry of the pixels' table of planar views has the place of the lower left corner of what the pixel's filter
+    covers, on its view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and
+    the number of its view, -1 where there is no pixel. One of panoramas is TEXELS wide, as ray_table.py says.
     """
     kind = f"{sheet.kind} {views.nodes}"
     known = material.get(KIND) == kind

@@ -35,8 +35,8 @@ class PanoramaRays:
 
 
 def panorama_picture(graph: Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
-    """Return the place of a ray in the packed picture of a panorama, in pixels from its lower left corner, and its place
-    on the packed camera's aperture, in scene units.
+    """Return the place of a ray in the packed picture of a panorama, in pixels from its lower left corner, and its
+    place on the packed camera's aperture, in scene units.
 
     The packed camera is equirectangular, and focused on what is endlessly far: its ray's direction has the place in the
     picture, and the aperture is across it.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...views.camera import OrthographicCamera, pixel_size
+from ...warp.panorama_motion import motion_from_angles
 from .packed_camera import PackedTask
 from .packed_views import POSITION, PackedPixels, seen_from_view
 from .portal_geometry import kind_of, on_plane, packed_step, place_of
@@ -41,7 +42,14 @@ def panorama_as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
         sky = _shows_sheet(flat, task, own=task.views[index].camera is camera)
     passes = _without_sheet(flat, task, index, sky | np.isposinf(flat[DEPTH_PASS]))
     camera_from_normals = normals_from_camera(camera).T
-    return seen_by_eye(passes, task, index, by_distance=False, camera_from_normals=camera_from_normals)
+    passes = seen_by_eye(passes, task, index, by_distance=False, camera_from_normals=camera_from_normals)
+    if VECTOR_PASS in flat:
+        pixels, region = task.views[index], task.region
+        turned = flat[VECTOR_PASS] * np.float32(packed_step(task)[0])
+        x, y = pixels.places[:, 1] + 0.5, pixels.places[:, 0] + 0.5
+        size = float(region.full_width), float(region.full_height)
+        passes[VECTOR_PASS] = motion_from_angles(turned, camera, x, y, passes[DEPTH_PASS][:, 0], size)
+    return passes
 
 
 def _without_sheet(flat: Passes, task: PackedTask, index: int, sky: NDArray[np.bool_]) -> Passes:

@@ -82,7 +82,9 @@ def _halves(camera: Camera, rays: SheetRays, place: SheetPlace) -> tuple[float, 
     plane = camera.window if isinstance(camera, PanoramicCamera) else planar(camera).plane
     scale = 1.0 if rays.kind == "ORTHO" else place.depth
     views = max(-plane.left, plane.right), max(-plane.bottom, plane.top)
-    across, up = (max(0.5 * side * step, view) * scale for side, step, view in zip(rays.size, rays.step, views, strict=True))
+    across, up = (
+        max(0.5 * side * step, view) * scale for side, step, view in zip(rays.size, rays.step, views, strict=True)
+    )
     return across, up
 
 

@@ -50,8 +50,8 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
 
 
 def _write_rays(path: Path, task: PackedTask) -> tuple[int, ...]:
-    """Write the table (rows, TABLE_WIDTH, 4) that the shader reads, with the packed pixels from its second row on; return
-    its shape."""
+    """Write the table (rows, TABLE_WIDTH, 4) that the shader reads, with the packed pixels from its second row on.
+    Return its shape."""
     per_row = TABLE_WIDTH // TEXELS
     filled = -(-task.packing.height * task.packing.width // per_row)
     rows = 1 << (filled + 1).bit_length()

@@ -26,9 +26,9 @@ from .packed_views import FORWARD, POSITION, PackedPixels, focus_distance_of, ma
 
 TEXELS = 4
 """Texels of the table that a packed pixel has. Their first three numbers are vectors in the shader's space: the
-camera's place, the direction at the pixel's centre (0 where there is no pixel), its change to the right, and its change
-down. Their fourth numbers are: how far the eye is to the right of the camera, in scene units; how far the pixel's centre
-lies within the lens's edge; the change of that to the right, and down."""
+camera's place, the direction at the pixel's centre (0 where there is no pixel), its change to the right, and its
+change down. Their fourth numbers are: how far the eye is to the right of the camera, in scene units; how far the
+pixel's centre lies within the lens's edge; the change of that to the right, and down."""
 
 PIXELS_AT_ONCE = 1 << 16
 """Pixels whose rays are worked out at once: temporaries take some hundred bytes for each."""
@@ -45,9 +45,9 @@ class SharedRays:
     up: unit vector around which spherical stereo turns. ahead: unit vector straight ahead; the first axis of the
     aperture lies in the plane of it and the ray. per_convergence: 1 / convergence distance, 0 for parallel rays.
     poles: angles at which the pole merge begins and ends, in radians; None without. in_stereo: False where no eye is
-    moved. is_unit: directions count as long as 1. by_plane: the near clip is a plane, at which a ray of the table begins
-    as many near clips away as it is long. has_edge: there is an edge of the lens. near_clip, focus and aperture are the
-    near clip, the distance that is in focus and the radius of the aperture, 0 without depth of field.
+    moved. is_unit: directions count as long as 1. by_plane: the near clip is a plane, and a ray begins as many near
+    clips away as its direction is long in the table. has_edge: there is an edge of the lens. near_clip, focus and
+    aperture are the near clip, the distance that is in focus and the radius of the aperture, 0 without depth of field.
     """
 
     up: tuple[float, float, float]

@@ -62,8 +62,8 @@ class PortalTuning:
     edge comes nearer to the sheet."""
 
     min_panorama_lens_roundings: int = 128
-    """As min_lens_radius_roundings, for a panorama, where there is less room. Chosen: twice as many steps across are
-    seen in a blur of hundreds of pixels alone."""
+    """Least radius of a panorama's packed aperture, over the same rounding. Chosen: steps of it are seen in a blur of
+    hundreds of pixels alone, and there is less room than before a plane."""
 
     motion_newton_steps: int = 8
     """Steps by which directions are found again from their motion in pixels. Three were enough for any but fast
