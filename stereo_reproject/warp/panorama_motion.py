@@ -18,8 +18,8 @@ def motion_from_angles(
 ) -> NDArray[np.float32]:
     """Return motion vectors (N, 4), in pixels, from changes (N, 4) of longitude, to the right, and of latitude.
 
-    The changes are in radians. The points are seen at pixel positions x, y (N,) of an eye and at this depth (N,), +inf for the sky. size is width
-    and height, in pixels, of the camera's whole picture.
+    The changes are in radians. The points are seen at pixel positions x, y (N,) of an eye and at this depth (N,), +inf
+    for the sky. size is width and height, in pixels, of the camera's whole picture.
     """
     projection = camera.projection
     if isinstance(projection, Equirectangular):
