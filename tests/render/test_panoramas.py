@@ -18,6 +18,7 @@ from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
 from tests.blender.scene.test_panoramas import DEGREE, LENSES, Lens, set_up
 from tests.blender.toolbox import (
+    EYES,
     FINEST_FILTER,
     Material,
     add_camera,
@@ -255,6 +256,62 @@ def test_a_pair(scene, tmp_path, lens, stereo):
     assert np.all(depth[nothing] == SKY_DEPTH_IN_FILES)
 
 
+@pytest.mark.parametrize(("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("VR180", STEREOS["toe-in"])])
+def test_a_pair_by_a_portal(scene, tmp_path, lens, stereo):
+    set_up(scene, LENSES[lens], stereo)
+    first, second = (render_plain(scene, tmp_path, seed=seed)["right"] for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed", packed_by="portal")
+    assert report["fill"]["camera"] == "portal"
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    assert rms(rgb(eyes["right"]) - colour(first)) < SOFTENED * rms(colour(second) - colour(first))
+    depth, expected = eyes["right"]["Depth.Z"], first[DEPTH_PASS][..., 0]
+    assert np.mean(np.abs(depth / expected - 1.0) < DEPTH) > RIGHT_DEPTH
+
+
+def test_a_plain_render_after_a_trace_shows_nothing_of_the_portal(scene, tmp_path):
+    """The near clip is as close as the eyes are to the camera, and then closer than the sheet stands."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    for clip_start in (2.0, 0.03, 0.0005):
+        scene.camera.data.clip_start = 2.0
+        with working_scene(scene, SceneOverrides()) as working:
+            renderer = BlenderRenderer(working, tmp_path, packed_by="portal")
+            renderer.trace("packed", [TraceRequest("right", np.ones((SIZE[1], SIZE[0]), bool))])
+            working.camera.data.clip_start = scene.camera.data.clip_start = clip_start
+            ours, _ = BlenderRenderer(working, tmp_path, packed_by="portal").render_source("left")
+        plain = render_plain(scene, tmp_path, views=("left",))["left"]
+        np.testing.assert_array_equal(ours[COLOUR_PASS], plain[COLOUR_PASS])
+
+
+def test_a_moving_camera_is_blurred_by_both(scene, tmp_path):
+    """The sheet stays before the camera while the shutter is open."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.render.use_motion_blur, scene.cycles.samples = True, 64
+    keyframes(scene.camera, "location", {0: (-0.2, -0.2, 0.1), 2: (0.4, -0.1, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.5, 0.0, 0.6), 2: (1.6, 0.05, 0.8)})
+    for packed_by in PANORAMA_CAMERAS:
+        assert_traced_is_as_good(scene, tmp_path, packed_by)
+
+
+def test_both_eyes_are_traced_in_one_render(scene, tmp_path):
+    for stereo in (SPHERICAL, APART):
+        set_up(scene, LENSES["VR180"], stereo)
+        scene.cycles.samples = 16
+        one, other = (render_plain(scene, tmp_path, seed=seed) for seed in (101, 102))
+        for packed_by in PANORAMA_CAMERAS:
+            with working_scene(scene, SceneOverrides()) as working:
+                renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
+                every = np.ones((SIZE[1], SIZE[0]), bool)
+                both = renderer.trace("packed", [TraceRequest(view, every) for view in EYES])
+                assert len(renderer.trace_renders) == 1
+            for view, traced in zip(EYES, both, strict=True):
+                ours = traced[COLOUR_PASS][:, :3] - colour(one[view]).reshape(-1, 3)
+                assert rms(ours) < NOISE * rms(colour(other[view]) - colour(one[view]))
+                depth, expected = traced[DEPTH_PASS][:, 0], one[view][DEPTH_PASS].ravel()
+                y, x = np.indices(every.shape).reshape(2, -1) + 0.5
+                depth = renderer.cameras[view].pass_from_depth(x, y, depth)
+                assert np.mean(np.abs(depth / expected - 1.0) < DEPTH) > RIGHT_DEPTH
+
+
 def test_things_between_the_eyes_are_warned_of(scene, tmp_path):
     set_up(scene, LENSES["VR180"], SPHERICAL)
     scene.cycles.samples = 1
@@ -349,6 +406,22 @@ def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_p
         set_up(scene, NARROW, SPHERICAL)
         assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
         setattr(scene.view_layers[0], switch, False)
+
+
+@pytest.mark.parametrize(("place", "blocked"), [((0, 0, 60), True), ((0, -80, 0), True), ((20, 0, 0), False)])
+def test_what_is_beyond_the_clip_end_is_not_seen_by_a_portal(scene, tmp_path, place, blocked):
+    set_up(scene, LENSES["360"], SPHERICAL)
+    scene.camera.data.clip_end = 30.0
+    add_cube(scene, emission(), size=1.0, location=place).name = "Far"
+    expected = "'Far' may be seen beyond the camera's clip end" if blocked else None
+    assert blockers(scene, tmp_path, packed_by="portal")["packed"] == expected
+
+
+def test_a_near_clip_without_room_for_the_portal(scene, tmp_path):
+    set_up(scene, LENSES["360"], SPHERICAL)
+    scene.camera.data.clip_start, scene.camera.location.x = 0.001, 400.0
+    expected = "the near clip is too close to the camera for the portal to be before it"
+    assert blockers(scene, tmp_path, packed_by="portal")["packed"] == expected
 
 
 def test_costs_of_the_packed_camera_are_its_own(scene, tmp_path):
