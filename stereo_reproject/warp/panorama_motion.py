@@ -5,12 +5,65 @@ Blender has them of the camera itself, whichever eye sees the point. Source: Cyc
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..views.camera import Array
+from ..images.lookup import lookup
+from ..views.camera import Array, Camera, target_px_from_source_px
+from ..views.motion import Moving
 from ..views.panorama import PANORAMA_FROM_CAMERA, PanoramicCamera
 from ..views.projections import Equirectangular
+from .forward import Warp
+
+
+def moves_as_camera(camera: Camera) -> bool:
+    """Return whether a camera is an eye whose motion vectors are those of the camera between both eyes."""
+    return isinstance(camera, PanoramicCamera) and camera.stereo is not None
+
+
+def warp_camera_motion(
+    vector: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    warp: Warp,
+    source: Moving,
+    target: Moving,
+    target_depth: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Return the motion vectors (H, W, 4) of an eye for which `moves_as_camera` holds, as `motion.warp_motion` says.
+
+    A point has the same vector in both eyes. Between the nearest sample's point and the target pixel's, it changes as
+    that of a point that stands still.
+    """
+    vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
+    z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
+    z = np.where(z > 0.0, z, np.inf)
+    if target.before is not target.now or target.after is not target.now:
+        rows, columns = np.mgrid[0.5 : z.shape[0], 0.5 : z.shape[1]]
+        here = _standing_still(target, columns, rows, target_depth)
+        change = here - _standing_still(source, np.floor(warp.x) + 0.5, np.floor(warp.y) + 0.5, z)
+        if np.isfinite(target.now.period_px):
+            change[..., ::2] -= target.now.period_px * np.round(change[..., ::2] / target.now.period_px)
+        # In some versions the sky has no vectors.
+        vectors += np.where((np.isfinite(z) & np.isfinite(target_depth))[..., None], np.nan_to_num(change), 0.0)
+    return np.where(warp.covered[..., None], vectors, 0.0).astype(np.float32)
+
+
+def _standing_still(eye: Moving, x: Array, y: Array, depth: Array) -> NDArray[np.float64]:
+    """Return the camera's motion vectors (H, W, 4), in pixels, of points that stand still while it moves. The eye sees
+    them at pixel positions x, y and depths (H, W) in the rendered frame."""
+    now, before, after = (
+        np.stack(target_px_from_source_px(eye.now, _camera_of(camera), x, y, depth)[:2], axis=-1)
+        for camera in (eye.now, eye.before, eye.after)
+    )
+    return np.concatenate([before - now, now - after], axis=-1) * np.array([1.0, -1.0, 1.0, -1.0])
+
+
+def _camera_of(eye: Camera) -> PanoramicCamera:
+    """Return the camera between both eyes."""
+    assert isinstance(eye, PanoramicCamera)
+    return replace(eye, stereo=None)
 
 
 def motion_from_angles(

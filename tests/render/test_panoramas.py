@@ -225,6 +225,25 @@ def assert_vectors_are_plain(scene, folder, *, moves=0.5):
             assert near.mean() > 0.99
 
 
+@pytest.mark.parametrize(
+    ("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("cylinder", SPHERICAL), ("VR180", APART)]
+)
+def test_vectors_of_a_pair(scene, tmp_path, lens, stereo):
+    """Warped and traced ones, by the median and the ninth decile: beside edges two plain renders differ much."""
+    set_up(scene, LENSES[lens], stereo)
+    scene.view_layers[0].use_pass_vector = True
+    keyframes(scene.camera, "location", {0: (0.05, -0.2, 0.1), 1: (0.1, -0.2, 0.15), 2: (0.17, -0.18, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.55, 0.0, 0.68), 1: (1.57, 0.0, 0.7), 2: (1.58, 0.01, 0.73)})
+    first, second = (render_plain(scene, tmp_path, seed=seed)["right"]["Vector"] for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed")
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    ours = np.stack([eyes["right"][f"Vector.{part}"] for part in "XYZW"], axis=-1)
+    off, noise = (np.abs(vector - first).max(axis=-1) for vector in (ours, second))
+    assert np.median(np.abs(first).max(axis=-1)) > 100.0 * np.median(noise)
+    for share in (50, 90):
+        assert np.percentile(off, share) < 1.3 * np.percentile(noise, share)
+
+
 def test_the_aperture_of_turned_eyes_is_not_traced_packed(scene, tmp_path):
     set_up(scene, LENSES["VR180"], STEREOS["toe-in"])
     defocus(scene)

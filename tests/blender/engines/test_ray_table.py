@@ -25,7 +25,9 @@ INTERPOLATED = 0.02
 
 
 def task_of(projection):
-    eyes = [PanoramicCamera(WIDTH, HEIGHT, POSE, WINDOW, projection, SphericalStereo(o, 3.0)) for o in (-OFFSET, OFFSET)]
+    eyes = [
+        PanoramicCamera(WIDTH, HEIGHT, POSE, WINDOW, projection, SphericalStereo(o, 3.0)) for o in (-OFFSET, OFFSET)
+    ]
     rng = np.random.default_rng(0)
     views = [PackedPixels(eye, np.argwhere(rng.random((HEIGHT, WIDTH)) < 0.3)) for eye in eyes]
     packing = pack([pixels.places for pixels in views])
