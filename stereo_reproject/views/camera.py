@@ -24,6 +24,10 @@ PANORAMA_LATTICE = 5
 """Places across and down by which the parallax of a panorama is judged: the middle and some on all sides of it."""
 
 
+ROWS_AT_ONCE = 64
+"""Rows of a picture whose rays are worked out at once, so that temporaries stay small."""
+
+
 @dataclass(frozen=True)
 class ViewPlane:
     """The rectangle that a view shows, by its four sides in camera space: x to the right, y upwards.
@@ -248,8 +252,13 @@ def depth_from_ray_length(camera: Camera, length: Array, clip_start: float) -> A
 
     Lengths count from the plane at the depth clip_start, where the camera clips its rays. All are in scene units.
     """
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    return length / ray_length_per_depth(camera, x, y) + clip_start
+    result = np.empty(length.shape)
+    x = np.arange(camera.width) + 0.5
+    for top in range(0, camera.height, ROWS_AT_ONCE):
+        rows = slice(top, top + ROWS_AT_ONCE)
+        y = np.arange(camera.height)[rows, None] + 0.5
+        result[rows] = length[rows] / ray_length_per_depth(camera, x, y) + clip_start
+    return result
 
 
 def target_from_source(source: Camera, target: Camera) -> Array:

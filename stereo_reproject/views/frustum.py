@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera, OrthographicCamera, PlanarCamera, is_planar
+from .panorama import PanoramicCamera
 from .tuning import TUNING
 
 LEAST_DEPTH = 1e-6
@@ -32,24 +33,40 @@ class Lens:
 class Frustum:
     """The space that one camera may see, as half spaces in the world; tells which boxes may be in its picture.
 
-    It is widened by the radius of the lens and by a few pixels beyond the frame. A panorama may see everything.
+    It is widened by the radius of the lens and by a few pixels beyond the frame. A panorama may see everything but what
+    is nearer than the near clip of each of its rays.
     """
 
     def __init__(self, camera: Camera, lens: Lens) -> None:
         sides = _sides(camera, lens) if is_planar(camera) else []
         self._normals = np.array([side[:3] for side in sides]).reshape(-1, 3)
         self._limits = np.array([side[3] for side in sides])
+        self._nearest = -1.0 if is_planar(camera) else _nearest(camera, lens)
         self._camera_from_world = np.linalg.inv(np.asarray(camera.world_from_camera, np.float64))
 
     def may_meet(self, corners: NDArray) -> NDArray[np.bool_]:
         """Return (...) whether convex bodies may be in view; each is given by its N corners in the world, (..., N, 3).
 
-        It is False where all corners of a body lie beyond one side of the frustum. So False is certain, and True is
-        not.
+        It is False where all corners of a body lie beyond one side of the frustum, or are too near. So False is
+        certain, and True is not.
         """
         local = corners @ self._camera_from_world[:3, :3].T + self._camera_from_world[:3, 3]
         outside = local @ self._normals.T > self._limits
-        return ~outside.all(axis=-2).any(axis=-1)
+        too_near = (np.linalg.norm(local, axis=-1) < self._nearest).all(axis=-1)
+        return ~outside.all(axis=-2).any(axis=-1) & ~too_near
+
+
+def _nearest(camera: Camera, lens: Lens) -> float:
+    """Return the distance from a panorama's own place, in scene units, up to which its rays certainly meet nothing.
+
+    They begin at the near clip, counted from an eye on the circle of spherical stereo, and look past the camera.
+    """
+    stereo = camera.stereo if isinstance(camera, PanoramicCamera) else None
+    offset = 0.0 if stereo is None else abs(stereo.offset)
+    # Beside the eye the camera lies across a ray, or a little ahead of it where rays converge.
+    ahead = 0.0 if stereo is None or offset == 0.0 else offset**2 / np.hypot(stereo.convergence, offset)
+    past_eye = float(np.sqrt(offset**2 - ahead**2 + max(lens.near - ahead, 0.0) ** 2))
+    return min(lens.near, past_eye) - lens.aperture
 
 
 def _sides(camera: PlanarCamera, lens: Lens) -> list[tuple[float, float, float, float]]:

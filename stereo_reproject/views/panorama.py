@@ -70,6 +70,17 @@ class PanoramicCamera:
         origin, direction = self.stereo.rays(_turned(upright, looking))
         return _turned(back, origin), _turned(back, direction)
 
+    def looking_from_px(self, x: Array, y: Array) -> Vector:
+        """Return the directions, in camera space, in which the camera alone would look at pixel positions (x, y),
+        before it is an eye's. Their length counts as in `SphericalStereo.rays`. Beyond a fisheye's edge they go on as
+        its formula does."""
+        return _turned(PANORAMA_FROM_CAMERA.T, self._looking(x, y))
+
+    @property
+    def up(self) -> Array:
+        """Unit vector (3,), in camera space, around which spherical stereo turns."""
+        return PANORAMA_FROM_CAMERA.T @ np.linalg.inv(self._upright_from_panorama())[:, 2]
+
     def px_from_point(self, point: Vector, weight: Array) -> tuple[Array, Array, Array]:
         """Return pixel position x, y and distance of points, as `Camera.px_from_point` says; NaN for points that are
         not seen."""
@@ -165,6 +176,12 @@ class PanoramicCamera:
 def has_lens_edge(camera: Camera) -> bool:
     """Return whether a camera has an edge of its lens, beyond which its picture may show nothing."""
     return isinstance(camera, PanoramicCamera) and camera.has_lens_edge
+
+
+def shows_lens_edge(camera: Camera) -> bool:
+    """Return whether the edge of a camera's lens is in its picture: whether a corner lies beyond it."""
+    corners = np.array([0.0, camera.width]), np.array([[0.0], [camera.height]])
+    return has_lens_edge(camera) and bool(is_beyond_lens(camera, *corners).any())
 
 
 def is_beyond_lens(camera: Camera, x: Array, y: Array) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from ..images.lookup import lookup
 from ..views.camera import PerspectiveCamera, target_px_from_source_px
 from ..views.motion import Moving
 from .forward import Warp
+from .panorama_motion import moves_as_camera, warp_camera_motion
 
 
 def warp_motion(
@@ -29,8 +30,11 @@ def warp_motion(
     vector (H, W, 4) and depth (H, W, 1) are the source's, target_depth (H, W) is the target's; source and target are
     the motions of both cameras. A point is taken to keep its depth, but for the change by the camera's own motion:
     exact for a point that stands still and for one that moves parallel to the picture. The cameras' motion changes
-    vectors between the sample's place and the target pixel's, which is added.
+    vectors between the sample's place and the target pixel's, which is added. An eye of spherical stereo has the
+    camera's own vectors (`panorama_motion`).
     """
+    if moves_as_camera(target.now):
+        return warp_camera_motion(vector, depth, warp, source, target, target_depth)
     vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
     z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
     z = np.where(z > 0.0, z, np.inf)

@@ -9,15 +9,16 @@ import pytest
 from stereo_reproject.blender.engines import hole_camera, ray_camera
 from stereo_reproject.blender.engines.hole_camera import compiled_shader
 from stereo_reproject.blender.engines.mask_card import card_blocker
-from stereo_reproject.blender.engines.packed_trace import CAMERAS
+from stereo_reproject.blender.engines.packed_trace import CAMERAS, PANORAMA_CAMERAS
 from stereo_reproject.blender.engines.renderer import BlenderRenderer, _warnings_between_eyes
 from stereo_reproject.blender.scene.working import working_scene
 from stereo_reproject.errors import BadInputError, StereoReprojectError
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS, SKY_DEPTH_IN_FILES
 from stereo_reproject.settings.frame import SceneOverrides
 from stereo_reproject.trace.requests import TraceRequest
-from tests.blender.scene.test_panoramas import DEGREE, LENSES, set_up
+from tests.blender.scene.test_panoramas import DEGREE, LENSES, Lens, set_up
 from tests.blender.toolbox import (
+    EYES,
     FINEST_FILTER,
     Material,
     add_camera,
@@ -27,9 +28,12 @@ from tests.blender.toolbox import (
     colour,
     emission,
     empty_scene,
+    keyframes,
     render_plain,
     rms,
+    set_border,
 )
+from tests.render.test_fill import BIAS, NOISE
 from tests.render.test_frame import render_pair, rgb, waves
 
 SIZE = (128, 64)
@@ -49,6 +53,9 @@ RIGHT_DEPTH = 0.9
 
 MOST_TRACED = 0.45
 """Share of pixels that are traced: these pictures are small, and the edges of their boxes and lenses long."""
+
+VECTORS = 2e-3
+"""Pixels, and relative: where a pixel's only ray falls within it moves a vector by that."""
 
 SPHERICAL = {
     "convergence_mode": "OFFAXIS",
@@ -77,29 +84,32 @@ def scene(tmp_path):
     return scene
 
 
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
 @pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
-def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo):
+def test_packed_pixels_are_blenders(scene, tmp_path, lens, stereo, packed_by):
     set_up(scene, lens, stereo)
     scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
     scene.view_layers[0].use_pass_position = True
-    assert_packed_is_plain(scene, tmp_path)
+    assert_packed_is_plain(scene, tmp_path, packed_by)
 
 
-def test_packed_pixels_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path):
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+def test_packed_pixels_of_a_perspective_camera_with_spherical_stereo(scene, tmp_path, packed_by):
     set_up(scene, LENSES["VR180"], SPHERICAL)
     data = scene.camera.data
     data.type, data.lens, data.clip_start = "PERSP", 12.0, 2.0
     scene.camera.rotation_euler.x = 1.2
     scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
     scene.view_layers[0].use_pass_position = True
-    assert_packed_is_plain(scene, tmp_path)
+    assert_packed_is_plain(scene, tmp_path, packed_by)
 
 
-def assert_packed_is_plain(scene, folder):
+def assert_packed_is_plain(scene, folder, packed_by):
     plain = render_plain(scene, folder)
     with working_scene(scene, SceneOverrides()) as working:
-        renderer = BlenderRenderer(working, folder)
+        renderer = BlenderRenderer(working, folder, packed_by=packed_by)
+        assert renderer.fill_blockers()["packed"] is None
         for view, expected in plain.items():
             camera = renderer.cameras[view]
             shape = (camera.height, camera.width)
@@ -115,6 +125,131 @@ def assert_packed_is_plain(scene, folder):
             close = hit & (off < POSITION)
             np.testing.assert_allclose(depth[close], expected[DEPTH_PASS][..., 0][close], rtol=10.0 * POSITION)
             assert rms((traced[COLOUR_PASS] - expected[COLOUR_PASS])[close]) < 1e-3
+
+
+def defocus(scene):
+    dof = scene.camera.data.dof
+    dof.use_dof, dof.focus_distance, dof.aperture_fstop = True, 1.2, scene.camera.data.lens * 1e-3 / (2.0 * 0.15)
+    dof.aperture_blades, dof.aperture_ratio, dof.aperture_rotation = 3, 2.0, 0.4
+
+
+LOOKING = {**SPHERICAL, "use_pole_merge": False}
+APART = {"convergence_mode": "PARALLEL", "pivot": "CENTER"}
+
+
+@pytest.mark.parametrize("packed_by", PANORAMA_CAMERAS)
+@pytest.mark.parametrize(
+    ("lens", "stereo"),
+    [("VR180", SPHERICAL), ("360", LOOKING), ("equidistant", SPHERICAL), ("cylinder", LOOKING), ("VR180", APART)],
+)
+def test_depth_of_field(scene, tmp_path, lens, stereo, packed_by):
+    """An aperture of an odd shape: all noise is that of the lens."""
+    set_up(scene, LENSES[lens], stereo)
+    defocus(scene)
+    scene.cycles.samples = 64
+    assert_traced_is_as_good(scene, tmp_path, packed_by)
+
+
+def test_without_its_lens_that_would_be_seen(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.cycles.samples = 64
+    sharp = colour(render_plain(scene, tmp_path)["right"])
+    defocus(scene)
+    first, second = (colour(render_plain(scene, tmp_path, seed=seed)["right"]) for seed in (101, 102))
+    assert rms(sharp - first) > 2.0 * rms(second - first)
+    scene.camera.data.dof.aperture_rotation += 1.0
+    turned = colour(render_plain(scene, tmp_path, seed=103)["right"])
+    assert rms(turned - first) > NOISE * rms(second - first)
+
+
+def assert_traced_is_as_good(scene, folder, packed_by, noise=NOISE):
+    """All pixels of an eye are traced in two random halves, as strangers to each other: ours is to a plain render as
+    another plain render is."""
+    first, second = (render_plain(scene, folder, seed=seed)["right"] for seed in (101, 102))
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder, packed_by=packed_by)
+        assert renderer.fill_blockers()["packed"] is None
+        height, width = first[COLOUR_PASS].shape[:2]
+        half = np.random.default_rng(3).random((height, width)) < 0.5
+        ours = np.zeros_like(first[COLOUR_PASS])
+        for mask in (half, ~half):
+            (traced,) = renderer.trace("packed", [TraceRequest("right", mask)])
+            ours[mask] = traced[COLOUR_PASS]
+    a, b, ours = colour(first), colour(second), ours[..., :3]
+    assert rms(ours - a) < noise * rms(b - a)
+    difference = ours - 0.5 * (a + b)
+    spread = (b - a).reshape(-1, 3).std(axis=0) / np.sqrt(difference[..., 0].size)
+    assert np.all(np.abs(difference.reshape(-1, 3).mean(axis=0)) < BIAS * spread)
+
+
+NARROW = Lens("FISHEYE_EQUISOLID", {"fisheye_fov": 170.0 * DEGREE, "fisheye_lens": 20.0, "sensor_width": 30.0})
+"""A fisheye whose edge is out of the picture."""
+WITHOUT_EDGE = {"narrow": NARROW} | {name: lens for name, lens in LENSES.items() if name[:3] != "equ"}
+
+
+@pytest.mark.parametrize("sky", [False, True], ids=["ball", "sky"])
+@pytest.mark.parametrize("stereo", [SPHERICAL, STEREOS["toe-in"]], ids=STEREOS.keys())
+@pytest.mark.parametrize("lens", WITHOUT_EDGE.values(), ids=WITHOUT_EDGE.keys())
+def test_vectors_through_a_portal(scene, tmp_path, lens, stereo, sky):
+    """The camera turns and moves, and so does a box, within a ball or before the sky."""
+    set_up(scene, lens, stereo)
+    scene.objects[0].hide_render = sky
+    assert_vectors_are_plain(scene, tmp_path, moves=0.04 if sky else 0.5)  # 4.5 has no vectors of the sky.
+
+
+def test_vectors_of_a_part_of_the_picture(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    set_border(scene, (0.25, 0.75, 0.2, 0.9))
+    scene.render.use_crop_to_border = True
+    assert_vectors_are_plain(scene, tmp_path)
+
+
+def assert_vectors_are_plain(scene, folder, *, moves=0.5):
+    scene.cycles.filter_width, scene.cycles.samples = FINEST_FILTER, 1
+    scene.view_layers[0].use_pass_vector = True
+    keyframes(scene.camera, "location", {0: (0.0, -0.2, 0.1), 1: (0.1, -0.2, 0.15), 2: (0.3, -0.1, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.5, 0.0, 0.66), 1: (1.57, 0.0, 0.7), 2: (1.6, 0.05, 0.8)})
+    keyframes(scene.objects[1], "location", {0: (-2.4, -2.2, -2.2), 1: (-2.2, -2.1, -2.2), 2: (-1.9, -2.0, -2.0)})
+    plain = render_plain(scene, folder)
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, folder)
+        assert renderer.fill_blockers()["packed"] is None
+        for view, expected in plain.items():
+            shape = renderer.cameras[view].height, renderer.cameras[view].width
+            (traced,) = renderer.trace("packed", [TraceRequest(view, np.ones(shape, bool))])
+            expected = expected["Vector"].reshape(-1, 4)
+            moved = np.abs(expected).max(axis=-1) > 0.1
+            assert moved.mean() > moves
+            off = np.abs(traced["Vector"] - expected).max(axis=-1)
+            near = off < VECTORS * (1.0 + np.abs(expected).max(axis=-1))
+            assert near.mean() > 0.99
+
+
+@pytest.mark.parametrize(
+    ("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("cylinder", SPHERICAL), ("VR180", APART)]
+)
+def test_vectors_of_a_pair(scene, tmp_path, lens, stereo):
+    """Warped and traced ones, by the median and the ninth decile: beside edges two plain renders differ much."""
+    set_up(scene, LENSES[lens], stereo)
+    scene.view_layers[0].use_pass_vector = True
+    keyframes(scene.camera, "location", {0: (0.05, -0.2, 0.1), 1: (0.1, -0.2, 0.15), 2: (0.17, -0.18, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.55, 0.0, 0.68), 1: (1.57, 0.0, 0.7), 2: (1.58, 0.01, 0.73)})
+    first, second = (render_plain(scene, tmp_path, seed=seed)["right"]["Vector"] for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed")
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    ours = np.stack([eyes["right"][f"Vector.{part}"] for part in "XYZW"], axis=-1)
+    off, noise = (np.abs(vector - first).max(axis=-1) for vector in (ours, second))
+    assert np.median(np.abs(first).max(axis=-1)) > 100.0 * np.median(noise)
+    for share in (50, 90):
+        assert np.percentile(off, share) < 1.3 * np.percentile(noise, share)
+
+
+def test_the_aperture_of_turned_eyes_is_not_traced_packed(scene, tmp_path):
+    set_up(scene, LENSES["VR180"], STEREOS["toe-in"])
+    defocus(scene)
+    for packed_by in PANORAMA_CAMERAS:
+        found = blockers(scene, tmp_path, packed_by=packed_by)["packed"]
+        assert found == "the lens has an aperture, and the eyes are turned"
 
 
 @pytest.mark.parametrize("stereo", STEREOS.values(), ids=STEREOS.keys())
@@ -138,6 +273,62 @@ def test_a_pair(scene, tmp_path, lens, stereo):
         assert not np.isnan(eyes[view]["Depth.Z"]).any()
     assert np.all(np.isposinf(expected[nothing]))
     assert np.all(depth[nothing] == SKY_DEPTH_IN_FILES)
+
+
+@pytest.mark.parametrize(("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("VR180", STEREOS["toe-in"])])
+def test_a_pair_by_a_portal(scene, tmp_path, lens, stereo):
+    set_up(scene, LENSES[lens], stereo)
+    first, second = (render_plain(scene, tmp_path, seed=seed)["right"] for seed in (101, 102))
+    report, eyes = render_pair(scene, tmp_path, fill="packed", packed_by="portal")
+    assert report["fill"]["camera"] == "portal"
+    assert 0.0 < report["fractions"]["rerendered"] < MOST_TRACED
+    assert rms(rgb(eyes["right"]) - colour(first)) < SOFTENED * rms(colour(second) - colour(first))
+    depth, expected = eyes["right"]["Depth.Z"], first[DEPTH_PASS][..., 0]
+    assert np.mean(np.abs(depth / expected - 1.0) < DEPTH) > RIGHT_DEPTH
+
+
+def test_a_plain_render_after_a_trace_shows_nothing_of_the_portal(scene, tmp_path):
+    """The near clip is as close as the eyes are to the camera, and then closer than the sheet stands."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    for clip_start in (2.0, 0.03, 0.0005):
+        scene.camera.data.clip_start = 2.0
+        with working_scene(scene, SceneOverrides()) as working:
+            renderer = BlenderRenderer(working, tmp_path, packed_by="portal")
+            renderer.trace("packed", [TraceRequest("right", np.ones((SIZE[1], SIZE[0]), bool))])
+            working.camera.data.clip_start = scene.camera.data.clip_start = clip_start
+            ours, _ = BlenderRenderer(working, tmp_path, packed_by="portal").render_source("left")
+        plain = render_plain(scene, tmp_path, views=("left",))["left"]
+        np.testing.assert_array_equal(ours[COLOUR_PASS], plain[COLOUR_PASS])
+
+
+def test_a_moving_camera_is_blurred_by_both(scene, tmp_path):
+    """The sheet stays before the camera while the shutter is open."""
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    scene.render.use_motion_blur, scene.cycles.samples = True, 64
+    keyframes(scene.camera, "location", {0: (-0.2, -0.2, 0.1), 2: (0.4, -0.1, 0.15)})
+    keyframes(scene.camera, "rotation_euler", {0: (1.5, 0.0, 0.6), 2: (1.6, 0.05, 0.8)})
+    for packed_by in PANORAMA_CAMERAS:
+        assert_traced_is_as_good(scene, tmp_path, packed_by)
+
+
+def test_both_eyes_are_traced_in_one_render(scene, tmp_path):
+    for stereo in (SPHERICAL, APART):
+        set_up(scene, LENSES["VR180"], stereo)
+        scene.cycles.samples = 16
+        one, other = (render_plain(scene, tmp_path, seed=seed) for seed in (101, 102))
+        for packed_by in PANORAMA_CAMERAS:
+            with working_scene(scene, SceneOverrides()) as working:
+                renderer = BlenderRenderer(working, tmp_path, packed_by=packed_by)
+                every = np.ones((SIZE[1], SIZE[0]), bool)
+                both = renderer.trace("packed", [TraceRequest(view, every) for view in EYES])
+                assert len(renderer.trace_renders) == 1
+            for view, traced in zip(EYES, both, strict=True):
+                ours = traced[COLOUR_PASS][:, :3] - colour(one[view]).reshape(-1, 3)
+                assert rms(ours) < NOISE * rms(colour(other[view]) - colour(one[view]))
+                depth, expected = traced[DEPTH_PASS][:, 0], one[view][DEPTH_PASS].ravel()
+                y, x = np.indices(every.shape).reshape(2, -1) + 0.5
+                depth = renderer.cameras[view].pass_from_depth(x, y, depth)
+                assert np.mean(np.abs(depth / expected - 1.0) < DEPTH) > RIGHT_DEPTH
 
 
 def test_things_between_the_eyes_are_warned_of(scene, tmp_path):
@@ -182,14 +373,32 @@ def test_a_few_pixels_between_the_eyes_are_not_warned_of():
 @pytest.mark.parametrize("space", [("CAMERA", "WORLD"), ("OBJECT", "CAMERA"), None], ids=str)
 def test_shaders_that_read_the_camera_are_not_traced_packed(scene, tmp_path, space):
     set_up(scene, LENSES["VR180"], SPHERICAL)
-    assert blockers(scene, tmp_path)["packed"] is None
+    assert blockers(scene, tmp_path, packed_by="osl")["packed"] is None
     nodes = scene.camera.users_scene[0].objects[0].active_material.node_tree.nodes
     if space is None:
         nodes.new("ShaderNodeScript")
     else:
         node = nodes.new("ShaderNodeVectorTransform")
         node.convert_from, node.convert_to = space
-    assert blockers(scene, tmp_path)["packed"] == "a shader reads camera coordinates"
+    assert blockers(scene, tmp_path, packed_by="osl")["packed"] == "a shader reads camera coordinates"
+    assert blockers(scene, tmp_path)["packed"] is None, "a portal's camera is a panorama, too"
+
+
+@pytest.mark.parametrize("output", ["Camera", "View Vector", "View Z Depth", "View Distance"])
+def test_a_portal_shows_camera_coordinates(scene, tmp_path, output):
+    set_up(scene, LENSES["VR180"], SPHERICAL)
+    material = Material("camera")
+    node = material.node("TexCoord" if output == "Camera" else "CameraData")
+    divided = material.node("VectorMath")
+    divided.operation, divided.inputs[1].default_value = "DIVIDE", (5.0, 5.0, 5.0)
+    shining = material.node("Emission")
+    material.link(node.outputs[output], divided.inputs[0])
+    material.link(divided.outputs[0], shining.inputs["Color"])
+    material.surface(shining)
+    for item in scene.objects:
+        if item.type == "MESH":
+            item.data.materials[0] = material.block
+    assert_traced_is_as_good(scene, tmp_path, "portal")
 
 
 @pytest.mark.parametrize(("size", "blocked"), [(0.13, True), (0.01, False), (2.0, False)])
@@ -206,11 +415,32 @@ def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, bloc
     assert blockers(scene, tmp_path)["packed"] == expected
 
 
-def test_a_portal_is_none_for_panoramas(scene, tmp_path):
-    set_up(scene, LENSES["VR180"], SPHERICAL)
-    found = blockers(scene, tmp_path, packed_by="portal")
-    assert found["packed"] == "a portal cannot shoot the rays of a panorama"
-    assert found["card"] == "a card cannot stand before each ray of a panorama"
+def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_path):
+    reason = "the lens has an edge, at which passes of surfaces would show the portal"
+    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object"):
+        set_up(scene, LENSES["equidistant"], SPHERICAL)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
+        setattr(scene.view_layers[0], switch, True)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] == reason
+        set_up(scene, NARROW, SPHERICAL)
+        assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
+        setattr(scene.view_layers[0], switch, False)
+
+
+@pytest.mark.parametrize(("place", "blocked"), [((0, 0, 60), True), ((0, -80, 0), True), ((20, 0, 0), False)])
+def test_what_is_beyond_the_clip_end_is_not_seen_by_a_portal(scene, tmp_path, place, blocked):
+    set_up(scene, LENSES["360"], SPHERICAL)
+    scene.camera.data.clip_end = 30.0
+    add_cube(scene, emission(), size=1.0, location=place).name = "Far"
+    expected = "'Far' may be seen beyond the camera's clip end" if blocked else None
+    assert blockers(scene, tmp_path, packed_by="portal")["packed"] == expected
+
+
+def test_a_near_clip_without_room_for_the_portal(scene, tmp_path):
+    set_up(scene, LENSES["360"], SPHERICAL)
+    scene.camera.data.clip_start, scene.camera.location.x = 0.001, 400.0
+    expected = "the near clip is too close to the camera for the portal to be before it"
+    assert blockers(scene, tmp_path, packed_by="portal")["packed"] == expected
 
 
 def test_costs_of_the_packed_camera_are_its_own(scene, tmp_path):

@@ -7,6 +7,7 @@ from stereo_reproject.views.camera import (
     OrthographicCamera,
     PerspectiveCamera,
     ViewPlane,
+    depth_from_ray_length,
     disparity_per_nearness,
     pixel_size,
     target_from_source,
@@ -40,6 +41,18 @@ GENERAL = pose((0.2, -0.15, 0.1), yaw=0.06, pitch=-0.04, roll=0.1)
 def positions(eye, count=200, seed=1):
     rng = np.random.default_rng(seed)
     return rng.uniform(-5, eye.width + 5, count), rng.uniform(-5, eye.height + 5, count)
+
+
+@pytest.mark.parametrize("eye", CAMERAS.values(), ids=CAMERAS.keys())
+def test_lengths_along_rays_are_depths(eye):
+    """Some rows are worked out at a time; the pictures have more."""
+    x, y = pixel_centres(eye)
+    depth = np.random.default_rng(2).uniform(0.5, 20.0, x.shape)
+    clip_start = 0.3
+    origin, direction = eye.ray_from_px(x, y)
+    begin, end = (np.stack([o + d * t + 0.0 * x for o, d in zip(origin, direction, strict=True)]) for t in (0.3, depth))
+    length = np.linalg.norm(end - begin, axis=0)
+    np.testing.assert_allclose(depth_from_ray_length(eye, length, clip_start), depth, rtol=1e-12)
 
 
 @pytest.mark.parametrize("eye", CAMERAS.values(), ids=CAMERAS.keys())

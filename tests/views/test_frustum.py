@@ -5,6 +5,9 @@ import pytest
 
 from stereo_reproject.views.camera import OrthographicCamera, PerspectiveCamera, ViewPlane
 from stereo_reproject.views.frustum import Frustum, Lens, covered_by
+from stereo_reproject.views.panorama import PanoramicCamera
+from stereo_reproject.views.projections import Equirectangular
+from stereo_reproject.views.spherical import SphericalStereo
 
 PLACE = np.array([[0.0, 0.0, 1.0, 3.0], [0.0, 1.0, 0.0, -2.0], [-1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 PLANE = ViewPlane(-0.5, 0.7, -0.3, 0.4)
@@ -41,6 +44,28 @@ def test_a_box_beside_the_view_is_left_out(camera, centre):
 @pytest.mark.parametrize("camera", CAMERAS, ids=["perspective", "orthographic"])
 def test_a_box_around_the_camera_is_seen(camera):
     assert Frustum(camera, Lens(near=0.1)).may_meet(box((0.0, 0.0, 0.0), size=5.0))
+
+
+WHOLE_SPHERE = Equirectangular((-np.pi, np.pi), (-0.5 * np.pi, 0.5 * np.pi))
+
+
+@pytest.mark.parametrize("near", [0.001, 0.1, 0.5])
+@pytest.mark.parametrize("convergence", [0.15, 3.0, np.inf])
+@pytest.mark.parametrize("offset", [None, 0.1, -0.1])
+def test_what_is_within_the_near_clip_of_a_panorama(offset, convergence, near):
+    """No ray meets what is left out, and some ray meets what is little farther away."""
+    stereo = None if offset is None else SphericalStereo(offset, convergence)
+    camera = PanoramicCamera(400, 300, PLACE, ViewPlane(0.0, 1.0, 0.0, 1.0), WHOLE_SPHERE, stereo)
+    frustum = Frustum(camera, Lens(near=near))
+    rng = np.random.default_rng(5)
+    origin, direction = camera.ray_from_px(rng.uniform(0, 400, 500), rng.uniform(1, 299, 500))
+    length = near * (1.0 + rng.exponential(1.0, 500))
+    points = np.stack([np.broadcast_to(o + length * d, 500) for o, d in zip(origin, direction, strict=True)], axis=-1)
+    corners = points[:, None] + np.zeros((1, 8, 1))
+    assert frustum.may_meet(corners @ PLACE[:3, :3].T + PLACE[:3, 3]).all()
+    least = min(near, np.linalg.norm(points, axis=-1).min())
+    assert not frustum.may_meet(box((0.0, 0.0, 0.0), size=2.0 * 0.55 * least))
+    assert frustum.may_meet(box((0.0, 0.0, -2.0 * max(near, 0.1)), size=0.0))
 
 
 def test_every_ray_from_the_lens_is_within_the_view():

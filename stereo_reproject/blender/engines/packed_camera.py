@@ -153,3 +153,14 @@ def without_shifts(packed: bpy.types.Camera) -> Iterator[None]:
         changed(packed, shift_x=0.0, shift_y=0.0),
     ):
         yield
+
+
+@contextmanager
+def without_offset(packed: bpy.types.Camera) -> Iterator[None]:
+    """Have a lens with spherical stereo not moved to an eye, for the time of a `with` block: the rays begin at the eye.
+    Blender moves a custom camera as it moves a plain lens, and not as it moves one with spherical stereo."""
+    if not packed.stereo.use_spherical_stereo:
+        yield
+        return
+    with changed(packed.stereo, interocular_distance=0.0):
+        yield

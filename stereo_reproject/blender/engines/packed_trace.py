@@ -21,12 +21,15 @@ from ..scene.working import evaluated
 from .hole_camera import OSL_CAMERA, missing_osl_cameras
 from .packed_camera import PACKED_RENDER_SETTINGS, UNSHARED_NOISE, PackedCamera, PackedTask
 from .packed_views import PackedPixels, switch_on_positions, without_added_positions
-from .portal_camera import PORTAL_CAMERA
+from .portal_camera import PANORAMA_PORTAL_CAMERA, PORTAL_CAMERA
 from .ray_camera import RAY_CAMERA
 from .render import Rendered, render_views
 
 CAMERAS = {camera.name: camera for camera in (OSL_CAMERA, PORTAL_CAMERA)}
 """Packed cameras by name, the preferred ones first: there are fewer cases that the OSL camera cannot trace."""
+
+PANORAMA_CAMERAS = {camera.name: camera for camera in (RAY_CAMERA, PANORAMA_PORTAL_CAMERA)}
+"""Packed cameras of panoramas, as `CAMERAS`."""
 
 PACKED_SETTINGS = frozenset(
     (*(f"render.{name}" for name in PACKED_RENDER_SETTINGS), *(f"cycles.{name}" for name in UNSHARED_NOISE))
@@ -73,13 +76,8 @@ class PackedCameras:
 
     def __init__(self, asked: str, eyes: Iterable[Camera]) -> None:
         self._eyes = tuple(eyes)
-        self._candidates = tuple(CAMERAS.values()) if asked == "auto" else (CAMERAS[asked],)
-        self._refusal: str | None = None
-        """Reason why no packed camera can trace the views, whatever the scene is."""
-        if not all(map(is_planar, self._eyes)):
-            self._candidates = (RAY_CAMERA,)
-            if asked == PORTAL_CAMERA.name:
-                self._refusal = "a portal cannot shoot the rays of a panorama"
+        cameras = CAMERAS if all(map(is_planar, self._eyes)) else PANORAMA_CAMERAS
+        self._candidates = tuple(cameras.values()) if asked == "auto" else (cameras[asked],)
         self._found: dict[tuple[str, float], str | None] = {}
 
     def chosen(self, scene: bpy.types.Scene, deepest: float) -> PackedCamera:
@@ -105,8 +103,6 @@ class PackedCameras:
 
     def _reason(self, camera: PackedCamera, scene: bpy.types.Scene, deepest: float) -> str | None:
         """Return what `packed_blocker` returns for one camera."""
-        if self._refusal is not None:
-            return self._refusal
         key = camera.name, deepest if camera.clips_by_distance else 0.0
         if key not in self._found:
             self._found[key] = packed_blocker(scene, self._eyes, deepest, camera)

@@ -113,7 +113,7 @@ def may_begin_in(scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], v
     """
     camera = evaluated(scene.camera, scene).data
     reach = camera.clip_start + aperture_radius(camera) / min(camera.dof.aperture_ratio, 1.0)
-    places = [(view.world_from_camera[:3, 3], reach + _circle_of(view)) for view in views]
+    places = [(view.world_from_camera[:3, 3], reach + circle_of(view)) for view in views]
     return any(
         not np.isfinite(box).all()
         or any(
@@ -124,7 +124,7 @@ def may_begin_in(scene: bpy.types.Scene, boxes: Sequence[NDArray[np.float64]], v
     )
 
 
-def _circle_of(view: Camera) -> float:
+def circle_of(view: Camera) -> float:
     """Return the distance from the camera at which the rays of a view begin."""
     stereo = view.stereo if isinstance(view, PanoramicCamera) else None
     return 0.0 if stereo is None else abs(stereo.offset)

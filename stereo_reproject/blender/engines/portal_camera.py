@@ -9,8 +9,10 @@ near clip, where no ray of the view comes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -20,29 +22,55 @@ from numpy.typing import NDArray
 from ...images.effects import Effect
 from ...images.exr import write_table
 from ...trace.pixel_filter import filter_support
-from ...views.camera import Camera, OrthographicCamera, pixel_size, target_from_source
+from ...views.camera import Camera, is_planar, pixel_size, target_from_source
+from ...views.panorama import shows_lens_edge
 from ..scene.animated import animated_values
+from ..scene.cryptomatte import cryptomatte_asked_for
 from ..scene.effects import shader_nodes, uses_output, what_moves
 from ..scene.materials import world_shading
-from ..scene.motion import while_open
+from ..scene.motion import vector_pass_asked_for, while_open
 from ..scene.visible import aperture_radius, reaches_beyond, seen_beyond, volume_boxes
 from ..scene.working import changed, evaluated, rendered_layer
-from .packed_camera import PackedCamera, PackedTask, compute_device, lens_to_set, packed_resolution, without_shifts
-from .packed_views import focus_distance_of, may_begin_in
+from .packed_camera import (
+    PackedCamera,
+    PackedTask,
+    compute_device,
+    lens_to_set,
+    packed_resolution,
+    without_offset,
+    without_shifts,
+)
+from .packed_views import circle_of, focus_distance_of, may_begin_in
 from .portal_geometry import (
     SheetPlace,
+    SheetRays,
+    kind_of,
     on_plane,
     packed_step,
     place_of,
+    sheet_from_camera,
     sheet_place,
     spread_ratio,
+    tells_lens_apart,
 )
-from .portal_material import VIEW_ROWS, SheetRays, ViewRays, build_material
-from .portal_passes import as_plain
+from .portal_material import VIEW_ROWS, ViewRays, build_material
+from .portal_panorama import PanoramaRays
+from .portal_passes import as_plain, panorama_as_plain
 from .portal_sheet import put_sheet
+from .ray_passes import ADDED_PREFIX
+from .ray_table import TEXELS, ray_texels, shared_rays, why_no_rays
 from .tuning import TUNING
 
 CAMERA_SETTINGS = ("shift_x", "shift_y", "stereo.convergence_mode", "sensor_fit", "sensor_width", "lens", "clip_start")
+
+PANORAMA_SETTINGS = (
+    "panorama_type",
+    "longitude_min",
+    "longitude_max",
+    "latitude_min",
+    "latitude_max",
+    "stereo.interocular_distance",
+)
 
 DOF_SETTINGS = ("aperture_fstop", "focus_distance", "focus_object")
 
@@ -105,6 +133,32 @@ def _blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> 
     return reason or _beyond_clip_end(scene, eyes, lens.clip_end)
 
 
+def _panorama_blocker(scene: bpy.types.Scene, eyes: Iterable[Camera], deepest: float) -> str | None:
+    """Return why a portal cannot send on the rays of these panoramas, as `PackedCamera.blocker` says."""
+    eyes, lens = list(eyes), evaluated(scene.camera, scene).data
+    places = [place for eye in eyes if (place := sheet_place(eye, lens.clip_start))]
+    checks = {
+        "the Vector pass of a perspective camera ignores spherical stereo": lens.type == "PERSP"
+        and vector_pass_asked_for(scene),
+        "the near clip is too close to the camera for the portal's aperture to be before it": lens.type == "PANO"
+        and aperture_radius(lens) > 0.0
+        and not all(tells_lens_apart(eye, place) for eye, place in zip(eyes, places, strict=False)),
+        # What is beyond it ends at the portal's sheet, which these passes show.
+        "the lens has an edge, at which passes of surfaces would show the portal": any(map(shows_lens_edge, eyes))
+        and _shows_surfaces(scene),
+    }
+    reason = next((reason for reason, blocks in checks.items() if blocks), None)
+    return reason or why_no_rays(scene, eyes) or _blocker(scene, eyes, deepest)
+
+
+def _shows_surfaces(scene: bpy.types.Scene) -> bool:
+    """Return whether the user has asked for a pass of surfaces that is a mean of a pixel's samples."""
+    layer = rendered_layer(scene)
+    normals = layer.use_pass_normal and f"{ADDED_PREFIX}use_pass_normal" not in layer
+    objects = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset
+    return normals or layer.use_pass_uv or vector_pass_asked_for(scene) or objects or cryptomatte_asked_for(scene)
+
+
 def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: float) -> str | None:
     """Return what may be seen beyond the camera's clip end, in words; None if there is nothing.
 
@@ -113,7 +167,7 @@ def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: f
     """
     if scene.render.use_motion_blur and what_moves(scene):
         place = np.array(evaluated(scene.camera, scene).matrix_world.translation)
-        apart = max(float(np.linalg.norm(eye.world_from_camera[:3, 3] - place)) for eye in eyes)
+        apart = max(float(np.linalg.norm(eye.world_from_camera[:3, 3] - place)) + circle_of(eye) for eye in eyes)
         found = while_open(scene, (0.0, 0.5, 1.0), lambda: reaches_beyond(scene, clip_end - apart))
         name = next(filter(None, found), None)
     else:
@@ -139,7 +193,7 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
     support = filter_support(pixel_filter, cycles.filter_width)
     jitter = 1.0 if pixel_filter == "BOX" else TUNING.jitter_pixels
     sheet = SheetRays(
-        orthographic=isinstance(task.rendered, OrthographicCamera),
+        kind=kind_of(task.rendered),
         size=(task.packing.width, task.packing.height),
         step=packed_step(task),
         depth=place.depth,
@@ -159,13 +213,19 @@ def _in_place(scene: bpy.types.Scene, task: PackedTask, folder: Path) -> Iterato
         restored.enter_context(packed_resolution(scene, task.packing, aspect=sheet.step[1] / sheet.step[0]))
         restored.enter_context(changed(cycles, **narrow, **bounces))
         restored.enter_context(without_shifts(packed))
+        restored.enter_context(without_offset(packed))
         restored.enter_context(_set_camera(packed, sheet, place))
         build_material(put_sheet(scene, task, sheet, place), sheet, views, tables)
         yield
 
 
-def _view_rays(scene: bpy.types.Scene, task: PackedTask, place: SheetPlace) -> ViewRays:
+def _view_rays(scene: bpy.types.Scene, task: PackedTask, place: SheetPlace) -> ViewRays | PanoramaRays:
     """Return what the sheet's material needs to know of the views and their lens, with the sheet at this place."""
+    if not is_planar(task.rendered):
+        shared = shared_rays(scene, task, sheet_from_camera(task.rendered))
+        # A plane before a perspective camera may stand beside the eye.
+        may_meet = shared.by_plane or bool(task.others)
+        return PanoramaRays(shared, shared.aperture / place.lens_radius, may_meet)
     return ViewRays(
         step=pixel_size(task.rendered),
         focus=focus_distance_of(scene, task.rendered),
@@ -177,9 +237,14 @@ def _view_rays(scene: bpy.types.Scene, task: PackedTask, place: SheetPlace) -> V
 
 def _write_tables(scene: bpy.types.Scene, task: PackedTask, sheet: SheetRays, folder: Path) -> list[Path]:
     """Write the table of the packed pixels into the folder, and that of the other views if the picture has pixels of
-    any. Return their files.
+    any planar ones. Return their files.
     """
     tables = [folder / "pixels.exr"]
+    if not is_planar(task.rendered):
+        width, height = sheet.size
+        texels = ray_texels(task, sheet_from_camera(task.rendered), count=width * height)
+        write_table(tables[0], np.moveaxis(texels.reshape(4, height, width * TEXELS), 0, -1))
+        return tables
     write_table(tables[0], _pixels_table(task, sheet.widening))
     if task.others:
         tables.append(folder / "views.exr")
@@ -191,20 +256,34 @@ def _write_tables(scene: bpy.types.Scene, task: PackedTask, sheet: SheetRays, fo
 def _set_camera(packed: bpy.types.Camera, sheet: SheetRays, place: SheetPlace) -> Iterator[None]:
     """Have the lens `packed` look at the sheet, for the time of a `with` block."""
     width = sheet.size[0] * sheet.step[0]
-    if sheet.orthographic:
-        view = {"ortho_scale": width}
-        diameter, focus = 1.0, place.depth
+    focus = TUNING.focus_lens_radii * place.lens_radius
+    if sheet.kind == "ORTHO":
+        view, diameter, focus = {"ortho_scale": width}, 1.0, place.depth
+    elif sheet.kind == "PANO":
+        view, diameter = _equirectangular(sheet), packed.lens * 1e-3
     else:
         # Blender takes no lens of less than 1 mm.
         sensor = max(TUNING.sensor_mm, width)
-        view = {"sensor_width": sensor, "lens": sensor / width}
-        diameter, focus = sensor / width * 1e-3, TUNING.focus_lens_radii * place.lens_radius
+        view, diameter = {"sensor_width": sensor, "lens": sensor / width}, sensor / width * 1e-3
     stop = {"aperture_fstop": diameter / (2.0 * place.lens_radius), "focus_distance": focus, "focus_object": None}
     with (
         changed(packed, sensor_fit="HORIZONTAL", clip_start=place.near_clip, **view),
         changed(packed.dof, **(stop if packed.dof.use_dof else {})),
     ):
         yield
+
+
+def _equirectangular(sheet: SheetRays) -> dict[str, object]:
+    """Return the settings of a panorama that looks at the sheet, to the camera's right."""
+    half_width, half_height = (0.5 * count * step for count, step in zip(sheet.size, sheet.step, strict=True))
+    middle = 0.5 * math.pi
+    return {
+        "panorama_type": "EQUIRECTANGULAR",
+        "longitude_min": middle - half_width,
+        "longitude_max": middle + half_width,
+        "latitude_min": -half_height,
+        "latitude_max": half_height,
+    }
 
 
 def _pixels_table(task: PackedTask, widening: float) -> NDArray[np.float32]:
@@ -248,3 +327,12 @@ PORTAL_CAMERA = PackedCamera(
     as_plain=as_plain,
 )
 """The packed camera by a Ray Portal."""
+
+PANORAMA_PORTAL_CAMERA = replace(
+    PORTAL_CAMERA,
+    blocker=_panorama_blocker,
+    settings=SETTINGS | {f"camera.data.{name}" for name in PANORAMA_SETTINGS},
+    as_plain=panorama_as_plain,
+    costs_key="portal-rays",
+)
+"""The packed camera of panoramas by a Ray Portal."""

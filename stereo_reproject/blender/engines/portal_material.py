@@ -13,7 +13,9 @@ from pathlib import Path
 
 import bpy
 
-from ..scene.working import KEPT_OBJECT
+from .portal_geometry import SheetRays
+from .portal_panorama import PanoramaRays, panorama_picture, panorama_ray
+from .shader_graph import Graph, Socket, Value
 
 VIEW_ROWS = 5
 """Rows of the views' table, for several views. They hold, for each view, in the sheet's space: one of its pixels to the
@@ -22,26 +24,6 @@ many pixels are one unit to the right and upwards."""
 
 KIND = "stereo_reproject_kind"
 """Property of the sheet's material that tells for which kind of rays it was made."""
-
-Socket = bpy.types.NodeSocket
-Value = Socket | float | tuple[float, float, float]
-"""Something that a node's input can be given: another node's output, a number or a vector."""
-
-
-@dataclass(frozen=True)
-class SheetRays:
-    """Rays of a packed picture up to the sheet, in the sheet's space and scene units.
-
-    size is the picture's width and height in pixels, and step a pixel's width and height on its plane: at unit depth,
-    or for an orthographic camera in scene units. depth is the sheet's. widening is the width of the scene's pixel
-    filter over that of the packed picture.
-    """
-
-    orthographic: bool
-    size: tuple[int, int]
-    step: tuple[float, float]
-    depth: float
-    widening: float
 
 
 @dataclass(frozen=True)
@@ -59,24 +41,56 @@ class ViewRays:
     near_clip: float
     count: int
 
+    @property
+    def nodes(self) -> str:
+        """Name of the nodes that these rays take."""
+        return f"{self.lens > 0.0} {self.count > 1}"
 
-def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRays, tables: Sequence[Path]) -> None:
-    """Make the material of the sheet, or set it anew. tables are the files of the pixels' table and, for several views,
-    of the views' table.
+    @property
+    def may_meet_sheet(self) -> bool:
+        """True where a ray that was sent on may meet the sheet again."""
+        return self.count > 1
+
+
+def build_material(
+    material: bpy.types.Material, sheet: SheetRays, views: ViewRays | PanoramaRays, tables: Sequence[Path]
+) -> None:
+    """Make the material of the sheet, or set it anew. tables are the files of the pixels' table and, for several planar
+    views, of the views' table.
 
     Where the material has nodes for rays of this kind already, only their values are set: where nodes come or go,
     Blender works out anew what depends on what, and Cycles syncs all objects again.
 
-    An entry of the pixels' table has the place of the lower left corner of what the pixel's filter covers, on its
-    view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and the number of
-    its view, -1 where there is no pixel.
+    An entry of the pixels' table of planar views has the place of the lower left corner of what the pixel's filter
+    covers, on its view's plane, x to the right and y upwards, in pixels from where the view looks straight ahead; and
+    the number of its view, -1 where there is no pixel. One of panoramas is TEXELS wide, as ray_table.py says.
     """
-    kind = f"{sheet.orthographic} {views.lens > 0.0} {views.count > 1}"
+    kind = f"{sheet.kind} {views.nodes}"
     known = material.get(KIND) == kind
     if not known:
         remove_nodes(material)
     material[KIND] = kind
-    graph = _Graph(material.node_tree, known=known)
+    graph = Graph(material.node_tree, known=known)
+    if isinstance(views, PanoramaRays):
+        raster, on_lens = (panorama_picture if sheet.kind == "PANO" else _place_in_picture)(graph, sheet)
+        shown, begins, direction = panorama_ray(graph, sheet, views, raster, on_lens, tables[0])
+    else:
+        shown, begins, direction = _planar_ray(graph, sheet, views, tables)
+    portal = graph.node("ShaderNodeBsdfRayPortal")
+    # Where the table has no pixel, the ray ends.
+    graph.put(shown, portal.inputs["Color"])
+    graph.put(graph.transformed(begins, "POINT", "OBJECT", "WORLD"), portal.inputs["Position"])
+    # Blender 4.5 takes the direction as long as it is.
+    direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
+    graph.put(direction, portal.inputs["Direction"])
+    surface = _first_surface_alone(graph, portal.outputs[0]) if views.may_meet_sheet else portal.outputs[0]
+    graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
+
+
+def _planar_ray(
+    graph: Graph, sheet: SheetRays, views: ViewRays, tables: Sequence[Path]
+) -> tuple[Socket, Socket, Socket]:
+    """Return whether there is a pixel, where its ray begins, and the ray's direction, in the sheet's space."""
     raster, on_lens = _place_in_picture(graph, sheet)
     entry, place = _look_up(graph, sheet, raster, tables[0])
     number = graph.part(entry, 2)
@@ -84,20 +98,11 @@ def build_material(material: bpy.types.Material, sheet: SheetRays, views: ViewRa
         view = _View((*views.step, 0.0), None, (0.0, 0.0, -1.0), None, views.focus, None)
     else:
         view = _view_of_table(graph, views, number, tables[1])
-    shoot = _orthographic_ray if sheet.orthographic else _perspective_ray
-    begins, direction = shoot(graph, views, view, place, on_lens)
-    portal = graph.node("ShaderNodeBsdfRayPortal")
-    # Where the table has no pixel, the ray ends.
-    graph.put(graph.math("GREATER_THAN", number, -0.5), portal.inputs["Color"])
-    graph.put(graph.transformed(begins, "POINT", "OBJECT", "WORLD"), portal.inputs["Position"])
-    # Blender 4.5 takes the direction as long as it is.
-    direction = graph.vector("NORMALIZE", graph.transformed(direction, "VECTOR", "OBJECT", "WORLD"))
-    graph.put(direction, portal.inputs["Direction"])
-    surface = portal.outputs[0] if views.count == 1 else _first_surface_alone(graph, portal.outputs[0])
-    graph.put(surface, graph.node("ShaderNodeOutputMaterial").inputs["Surface"])
+    shoot = _orthographic_ray if sheet.kind == "ORTHO" else _perspective_ray
+    return (graph.math("GREATER_THAN", number, -0.5), *shoot(graph, views, view, place, on_lens))
 
 
-def _place_in_picture(graph: _Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
+def _place_in_picture(graph: Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     """Return the place of a ray in the packed picture, in pixels from its lower left corner, and its place on the
     packed camera's aperture, in scene units.
 
@@ -112,12 +117,12 @@ def _place_in_picture(graph: _Graph, sheet: SheetRays) -> tuple[Socket, Socket]:
     depth = (sheet.depth, sheet.depth, 0.0)
     x, y = (1.0 / side for side in sheet.step)
     middle = (0.5 * sheet.size[0], 0.5 * sheet.size[1], 0.0)
-    if sheet.orthographic:
+    if sheet.kind == "ORTHO":
         return graph.vector("MULTIPLY_ADD", met, (x, y, 0.0), middle), graph.vector("MULTIPLY", back, depth)
     return graph.vector("MULTIPLY_ADD", back, (-x, -y, 0.0), middle), graph.vector("MULTIPLY_ADD", back, depth, met)
 
 
-def _look_up(graph: _Graph, sheet: SheetRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
+def _look_up(graph: Graph, sheet: SheetRays, raster: Socket, pixels: Path) -> tuple[Socket, Socket]:
     """Return the entry of the pixels' table at a place in the packed picture, and the ray's place on its view's plane,
     in pixels as the entry has it.
     """
@@ -144,25 +149,25 @@ class _View:
     focus: Value
     pixels_per_unit: tuple[Value, Value] | None
 
-    def sideways(self, graph: _Graph, place: Socket) -> Socket:
+    def sideways(self, graph: Graph, place: Socket) -> Socket:
         """Return a place on the view's plane, in its pixels, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, self.right)
         return graph.combined(self.right, graph.part(place, 0), self.up, graph.part(place, 1))
 
-    def on_lens(self, graph: _Graph, place: Socket) -> Socket:
+    def on_lens(self, graph: Graph, place: Socket) -> Socket:
         """Return a place on the view's aperture, in scene units, as a way in the sheet's space."""
         if self.up is None:
             return graph.vector("MULTIPLY", place, (1.0, 1.0, 0.0))
         x, y = (graph.math("MULTIPLY", graph.part(place, axis), self.pixels_per_unit[axis]) for axis in (0, 1))
         return graph.combined(self.right, x, self.up, y)
 
-    def seen_from(self, graph: _Graph, way: Socket) -> Socket:
+    def seen_from(self, graph: Graph, way: Socket) -> Socket:
         """Return where a way from the view's place ends."""
         return way if self.place is None else graph.vector("ADD", way, self.place)
 
 
-def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) -> _View:
+def _view_of_table(graph: Graph, views: ViewRays, number: Socket, table: Path) -> _View:
     """Return the view of this number, from the views' table."""
     across = graph.math("MULTIPLY_ADD", number, 1.0 / views.count, 0.5 / views.count)
     rows: list[Socket] = []
@@ -176,7 +181,7 @@ def _view_of_table(graph: _Graph, views: ViewRays, number: Socket, table: Path) 
 
 
 def _perspective_ray(
-    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
+    graph: Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
     """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
     is its place on the packed camera's aperture.
@@ -195,7 +200,7 @@ def _perspective_ray(
 
 
 def _orthographic_ray(
-    graph: _Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
+    graph: Graph, views: ViewRays, view: _View, place: Socket, on_lens: Socket
 ) -> tuple[Socket, Socket]:
     """Return where the ray through a place on a view's plane begins, and its direction, in the sheet's space. on_lens
     is its place on the packed camera's aperture.
@@ -212,7 +217,7 @@ def _orthographic_ray(
     return view.seen_from(graph, graph.vector("ADD", begins, along)), direction
 
 
-def _first_surface_alone(graph: _Graph, portal: Socket) -> Socket:
+def _first_surface_alone(graph: Graph, portal: Socket) -> Socket:
     """Return a surface that is the portal to rays that have met nothing before, and nothing to all others: a view may
     look at the place where the sheet is.
     """
@@ -230,82 +235,3 @@ def remove_nodes(material: bpy.types.Material) -> None:
     material.node_tree.nodes.clear()
     for image in images:
         bpy.data.images.remove(image)
-
-
-class _Graph:
-    """A node tree, and the nodes that are used here: each method adds one and returns its output.
-
-    known: True for a tree that was made by the same calls, but for values: then they return the nodes that are there,
-    one after the other, and set values alone.
-    """
-
-    def __init__(self, tree: bpy.types.NodeTree, *, known: bool) -> None:
-        self._nodes, self._links = tree.nodes, tree.links
-        self._known = iter(list(tree.nodes)) if known else None
-
-    def node(self, kind: str, **properties: object) -> bpy.types.Node:
-        """Return a node of this type, with these properties."""
-        if self._known is not None:
-            return next(self._known)
-        added = self._nodes.new(kind)
-        for name, value in properties.items():
-            setattr(added, name, value)
-        return added
-
-    def put(self, value: Value, to: Socket) -> None:
-        """Give an input its value."""
-        if isinstance(value, bpy.types.NodeSocket):
-            if self._known is None:
-                self._links.new(value, to)
-        else:
-            to.default_value = value  # pyright: ignore[reportAttributeAccessIssue] - all inputs used here have one
-
-    def math(self, operation: str, *values: Value) -> Socket:
-        """Return the result of an operation on numbers."""
-        return self._calculated("ShaderNodeMath", operation, values)
-
-    def vector(self, operation: str, *values: Value) -> Socket:
-        """Return the result of an operation on vectors."""
-        return self._calculated("ShaderNodeVectorMath", operation, values)
-
-    def _calculated(self, kind: str, operation: str, values: tuple[Value, ...]) -> Socket:
-        """Return the first output of a node of this type and operation, with these values for its first inputs."""
-        added = self.node(kind, operation=operation)
-        for value, to in zip(values, added.inputs, strict=False):
-            self.put(value, to)
-        return added.outputs[0]
-
-    def scaled(self, vector: Value, by: Value) -> Socket:
-        """Return a vector times a number."""
-        added = self.node("ShaderNodeVectorMath", operation="SCALE")
-        self.put(vector, added.inputs[0])
-        self.put(by, added.inputs["Scale"])
-        return added.outputs[0]
-
-    def combined(self, one: Value, by_one: Value, other: Value, by_other: Value) -> Socket:
-        """Return the sum of two vectors, each times a number."""
-        return self.vector("ADD", self.scaled(one, by_one), self.scaled(other, by_other))
-
-    def part(self, vector: Socket, index: int) -> Socket:
-        """Return one of the three parts of a vector."""
-        added = self.node("ShaderNodeSeparateXYZ")
-        self.put(vector, added.inputs[0])
-        return added.outputs[index]
-
-    def transformed(self, vector: Socket, kind: str, source: str, target: str) -> Socket:
-        """Return a vector, which is a 'POINT' or a 'VECTOR', in another space."""
-        added = self.node("ShaderNodeVectorTransform", vector_type=kind, convert_from=source, convert_to=target)
-        self.put(vector, added.inputs[0])
-        return added.outputs[0]
-
-    def texture(self, table: Path, texel: Socket) -> Socket:
-        """Return the numbers of a table's texel, as they are."""
-        added = self.node("ShaderNodeTexImage", interpolation="Closest", extension="EXTEND")
-        if added.image is None:
-            added.image = bpy.data.images.load(str(table), check_existing=True)
-            added.image.colorspace_settings.name = "Non-Color"
-            added.image[KEPT_OBJECT] = True
-        elif added.image.filepath != str(table):
-            added.image.filepath = str(table)
-        self.put(texel, added.inputs[0])
-        return added.outputs[0]

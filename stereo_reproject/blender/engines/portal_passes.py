@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, VECTOR_PASS, Passes
 from ...views.camera import OrthographicCamera, pixel_size
+from ...warp.panorama_motion import motion_from_angles
 from .packed_camera import PackedTask
 from .packed_views import POSITION, PackedPixels, seen_from_view
-from .portal_geometry import on_plane, packed_step, place_of
+from .portal_geometry import kind_of, on_plane, packed_step, place_of
+from .ray_table import normals_from_camera, panoramic, seen_by_eye
 from .tuning import TUNING
 
 MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
@@ -19,19 +21,10 @@ MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
 
 
 def as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
-    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says: Cycles leaves depth and place of
-    the sheet where a ray meets nothing behind it, and counts the way to the sheet and what the sheet lets through.
-    """
-    passes, pixels = dict(flat), task.views[index]
-    # Some versions leave depth endless there themselves.
-    sky = _shows_sheet(flat, task, own=pixels.camera is task.rendered) | np.isposinf(flat[DEPTH_PASS])
-    passes[DEPTH_PASS] = np.where(sky, np.float32(np.inf), flat[DEPTH_PASS])
-    if POSITION in flat:
-        passes[POSITION] = np.where(sky, np.float32(0.0), flat[POSITION])
-    if MEAN_LENGTH in flat:
-        passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_sheet(task, index)[:, None]).astype(np.float32)
-    if SPECULAR_ALBEDO in flat:
-        passes[SPECULAR_ALBEDO] = flat[SPECULAR_ALBEDO] - np.float32(1.0)
+    """Return the passes (N, C) of one view's pixels as `PackedCamera.as_plain` says."""
+    pixels = task.views[index]
+    sky = _shows_sheet(flat, task, own=pixels.camera is task.rendered)
+    passes = _without_sheet(flat, task, index, sky)
     if pixels.camera is not task.rendered:
         return seen_from_view(passes, task.rendered, pixels)
     if VECTOR_PASS in flat:
@@ -39,16 +32,51 @@ def as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
     return passes
 
 
-def _shows_sheet(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool_]:
-    """Return where (N, 1) depth and place are the sheet's: nothing of the rendered view is so near, and of another view
-    (not `own`) nothing is in that place.
+def panorama_as_plain(flat: Passes, task: PackedTask, index: int) -> Passes:
+    """Return the passes (N, C) of one panorama's pixels as `PackedCamera.as_plain` says."""
+    place, camera = place_of(task), panoramic(task.rendered)
+    if kind_of(camera) == "PANO":
+        # No ray of an eye begins so near.
+        sky = flat[DEPTH_PASS] < TUNING.sheet_reach_depths * place.depth
+    else:
+        sky = _shows_sheet(flat, task, own=task.views[index].camera is camera)
+    passes = _without_sheet(flat, task, index, sky | np.isposinf(flat[DEPTH_PASS]))
+    camera_from_normals = normals_from_camera(camera).T
+    passes = seen_by_eye(passes, task, index, by_distance=False, camera_from_normals=camera_from_normals)
+    if VECTOR_PASS in flat:
+        pixels, region = task.views[index], task.region
+        turned = flat[VECTOR_PASS] * np.float32(packed_step(task)[0])
+        x, y = pixels.places[:, 1] + 0.5, pixels.places[:, 0] + 0.5
+        size = float(region.full_width), float(region.full_height)
+        passes[VECTOR_PASS] = motion_from_angles(turned, camera, x, y, passes[DEPTH_PASS][:, 0], size)
+    return passes
+
+
+def _without_sheet(flat: Passes, task: PackedTask, index: int, sky: NDArray[np.bool_]) -> Passes:
+    """Return the passes (N, C) of one view's pixels without the sheet, given where (N, 1) no surface is seen behind it:
+    Cycles leaves depth and place of the sheet there, and counts the way to the sheet and what it lets through.
     """
-    place = place_of(task)
+    passes = dict(flat)
+    passes[DEPTH_PASS] = np.where(sky, np.float32(np.inf), flat[DEPTH_PASS])
+    if POSITION in flat:
+        passes[POSITION] = np.where(sky, np.float32(0.0), flat[POSITION])
+    if MEAN_LENGTH in flat:
+        passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_sheet(task, index)[:, None]).astype(np.float32)
+    if SPECULAR_ALBEDO in flat:
+        passes[SPECULAR_ALBEDO] = flat[SPECULAR_ALBEDO] - np.float32(1.0)
+    return passes
+
+
+def _shows_sheet(flat: Passes, task: PackedTask, *, own: bool) -> NDArray[np.bool_]:
+    """Return where (N, 1) depth and place are the sheet's, or depth is endless, as some versions leave it: nothing of
+    the rendered view is so near, and of another view (not `own`) nothing is in that place.
+    """
+    place, endless = place_of(task), np.isposinf(flat[DEPTH_PASS])
     near = np.abs(flat[DEPTH_PASS] - place.depth) < 0.5 * place.depth
     if own:
-        return near
+        return near | endless
     away = np.linalg.norm(flat[POSITION] - task.rendered.world_from_camera[:3, 3], axis=-1, keepdims=True)
-    return near & (away < TUNING.sheet_reach_depths * (place.depth + place.lens_radius))
+    return endless | near & (away < TUNING.sheet_reach_depths * (place.depth + place.lens_radius))
 
 
 def _lengths_to_sheet(task: PackedTask, index: int) -> NDArray[np.float64]:
@@ -60,6 +88,8 @@ def _lengths_to_sheet(task: PackedTask, index: int) -> NDArray[np.float64]:
     row, column = np.divmod(packing.at[index], packing.width)
     across, up = packed_step(task)
     x, y = (column + 0.5 - 0.5 * packing.width) * across, (row + 0.5 - 0.5 * packing.height) * up
+    if kind_of(task.rendered) == "PANO":
+        return place.depth / (np.cos(x) * np.cos(y)) - place.near_clip
     return length * np.sqrt(1.0 + x**2 + y**2)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 
@@ -9,14 +10,15 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...views.camera import Camera
+from ...views.camera import Camera, planar
 from ...views.frustum import Frustum, Lens
+from ...views.panorama import PanoramicCamera
 from ..scene.motion import BLUR_SETTINGS
 from ..scene.rig import camera_from_eye
 from ..scene.working import KEPT_OBJECT, evaluated
 from .packed_camera import PackedTask
-from .portal_geometry import SheetPlace
-from .portal_material import SheetRays
+from .portal_geometry import SheetPlace, SheetRays, sheet_from_camera
+from .tuning import TUNING
 
 SHEET_NAME = "Stereo Reproject portal"
 """Name of the sheet's object, mesh and material; Blender may add a number."""
@@ -36,7 +38,7 @@ def put_sheet(scene: bpy.types.Scene, task: PackedTask, rays: SheetRays, place: 
     if [tuple(vertex.co) for vertex in mesh.vertices] != corners:
         mesh.clear_geometry()
         mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
-    _put_before_camera(sheet, scene, task.view)
+    _put_before_camera(sheet, scene, task)
     material = mesh.materials[0]
     assert material is not None
     return material
@@ -65,23 +67,36 @@ def _corners(
     """Return the corners of the sheet: somewhat more than what the packed camera, or the view's own, sees of the plane
     at the sheet's depth. Sides are powers of two, so that they seldom change.
     """
-    plane, scale = camera.plane, 1.0 if rays.orthographic else place.depth
     margin = 2.0 * place.lens_radius / min(lens.dof.aperture_ratio, 1.0)
-    views = max(-plane.left, plane.right), max(-plane.bottom, plane.top)
-    halves = (
-        max(0.5 * side * step, view) * scale + margin
-        for side, step, view in zip(rays.size, rays.step, views, strict=True)
-    )
-    across, up = (float(np.float32(2.0 ** np.ceil(np.log2(half)))) for half in halves)
+    across, up = (float(np.float32(2.0 ** np.ceil(np.log2(half + margin)))) for half in _halves(camera, rays, place))
     depth = float(np.float32(place.depth))
     return [(-across, -up, -depth), (across, -up, -depth), (across, up, -depth), (-across, up, -depth)]
 
 
-def _put_before_camera(sheet: bpy.types.Object, scene: bpy.types.Scene, view: str) -> None:
-    """Give the sheet, which hangs on the camera, the view's camera space at any time while the shutter is open."""
+def _halves(camera: Camera, rays: SheetRays, place: SheetPlace) -> tuple[float, float]:
+    """Return half of the width and of the height of what is seen of the plane at the sheet's depth, in scene units."""
+    if rays.kind == "PANO":
+        across = math.tan(TUNING.panorama_half_angle_radians) * place.depth
+        return 2.0 * across, 2.0 * across / math.cos(TUNING.panorama_half_angle_radians)
+    # The window of a perspective camera with spherical stereo is its view plane.
+    plane = camera.window if isinstance(camera, PanoramicCamera) else planar(camera).plane
+    scale = 1.0 if rays.kind == "ORTHO" else place.depth
+    views = max(-plane.left, plane.right), max(-plane.bottom, plane.top)
+    across, up = (
+        max(0.5 * side * step, view) * scale for side, step, view in zip(rays.size, rays.step, views, strict=True)
+    )
+    return across, up
+
+
+def _put_before_camera(sheet: bpy.types.Object, scene: bpy.types.Scene, task: PackedTask) -> None:
+    """Give the sheet, which hangs on the camera, its space before the view at any time while the shutter is open."""
     camera = evaluated(scene.camera, scene)
     without_scale = Matrix.Diagonal((*camera.matrix_world.to_scale(), 1.0)).inverted()
-    from_eye = Matrix(camera_from_eye(camera.data, view).tolist())
+    turn = np.eye(4)
+    turn[:3, :3] = sheet_from_camera(task.rendered).T
+    in_stereo = isinstance(task.rendered, PanoramicCamera) and task.rendered.stereo is not None
+    eye = np.eye(4) if in_stereo else camera_from_eye(camera.data, task.view)
+    from_eye = Matrix((eye @ turn).tolist())
     for name, value in (("matrix_parent_inverse", without_scale), ("matrix_basis", from_eye)):
         if getattr(sheet, name) != value:
             setattr(sheet, name, value)

@@ -48,6 +48,23 @@ class PortalTuning:
     """Distance from the camera within which all of the sheet lies that is seen, over the sum of its depth and the
     aperture's radius. Chosen for lenses that see up to 80 degrees to each side."""
 
+    panorama_half_angle_radians: float = 1.0
+    """Angle from the middle of a panorama's packed picture to its sides, at most. Chosen so that the sheet is a few
+    times as wide as it is far away: rays of more than this, of large pixels and of nearly all of a picture, are told
+    apart by less than the view's own."""
+
+    max_panorama_sheet_near_clips: float = 1.0 / 20.0
+    """Depth of a panorama's sheet over the near clip, at most. Chosen: its corners are up to eight times as far away,
+    and no ray of an eye begins nearer than half of the near clip."""
+
+    panorama_lens_depths: float = 0.25
+    """Radius of a panorama's packed aperture over the depth of the sheet. Chosen: it is across each ray, so that its
+    edge comes nearer to the sheet."""
+
+    min_panorama_lens_roundings: int = 128
+    """Least radius of a panorama's packed aperture, over the same rounding. Chosen: steps of it are seen in a blur of
+    hundreds of pixels alone, and there is less room than before a plane."""
+
     motion_newton_steps: int = 8
     """Steps by which directions are found again from their motion in pixels. Three were enough for any but fast
     turns."""
