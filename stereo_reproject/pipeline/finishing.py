@@ -106,6 +106,7 @@ def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -
         warped_by=reprojection.warped_by,
         gpu=warped.gpu if reprojection.warped_by == "gpu" else None,
         light_scale=source.light_scale,
+        camera=task.target.camera,
     )
 
 

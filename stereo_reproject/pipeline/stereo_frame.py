@@ -14,6 +14,7 @@ from ..images.reasons import Reason
 from ..matching.matching import Correction
 from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice, SourceCost
+from ..views.camera import Camera
 from ..warp.grid import Grid
 from .effect_costs import EffectCost
 from .next_accuracy import NextAccuracy
@@ -33,7 +34,8 @@ class StereoFrame:
     invalid_pixels is the number of pixels by view that were no number. metadata is the renderer's. correction is how
     far traced pixels were moved to match a source of another engine, None where it is the same. warped_by is 'numpy' or
     'gpu'; gpu is its name, None for NumPy.
-    light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
+    light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`). camera is
+    that of the target, None where it is not known.
     """
 
     eyes: dict[str, Passes]
@@ -55,6 +57,7 @@ class StereoFrame:
     warped_by: str = "numpy"
     gpu: str | None = None
     light_scale: float = 1.0
+    camera: Camera | None = None
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:

@@ -47,8 +47,8 @@ class WrittenFrame:
     """A rendered frame that is handed to the writer process: claim is the number of this run's claim of it, which the
     writer releases when the frame is written.
 
-    folder holds its pictures: left.exr, right.exr and, if they are asked for, holes.png. metadata are those of its
-    passes. record has the fields of its `Record` but for the files.
+    folder holds its pictures: left.exr, right.exr and, if they are asked for, holes.png and cutouts.png. metadata are
+    those of its passes. record has the fields of its `Record` but for the files.
     """
 
     frame: int

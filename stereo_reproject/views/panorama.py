@@ -52,7 +52,7 @@ class PanoramicCamera:
     def ray_from_px(self, x: Array, y: Array) -> tuple[Vector, Vector]:
         """Return origin and unit direction of rays, as `Camera.ray_from_px` says; NaN where the picture shows
         nothing."""
-        looking = self._looking(x, y)
+        looking = self.looking_from_px(x, y)
         if self.ends_at_lens and self.has_lens_edge:
             looking = _scaled(looking, np.where(self.within_lens(x, y) >= 0.0, 1.0, np.nan))
         camera_from_panorama = PANORAMA_FROM_CAMERA.T
@@ -77,14 +77,19 @@ class PanoramicCamera:
             upright = self._upright_from_panorama()
             seen, distance = self.stereo.directions(_turned(upright, local), weight, is_unit=self.projection.is_unit)
             looking = _turned(np.linalg.inv(upright), seen)
-        u, v = self.projection.uv_from_direction(looking)
+        x, y = self.px_from_looking(looking)
+        return x, y, distance
+
+    def px_from_looking(self, direction: Vector) -> tuple[Array, Array]:
+        """Return the pixel positions x, y at which directions of any length, in the panorama's frame, are shown: those
+        in which the camera alone would look, whatever its stereo is."""
+        u, v = self.projection.uv_from_direction(direction)
         window = self.window
         x = (u - window.left) * (self.width / (window.right - window.left))
         if np.isfinite(self.period_px):
             # A window that is shifted or cropped has another middle than the projection.
             x = x - self.period_px * np.round((x - 0.5 * self.width) / self.period_px)
-        y = (window.top - v) * (self.height / (window.top - window.bottom))
-        return x, y, distance
+        return x, (window.top - v) * (self.height / (window.top - window.bottom))
 
     def nearness_from_depth(self, depth: Array) -> Array:
         """Return 1 / distance, which is 0 for the sky."""
@@ -133,7 +138,7 @@ class PanoramicCamera:
         them: 1 in a panorama, and at the plane of the near clip in a perspective camera."""
         if not self.around_world:
             return np.ones(np.broadcast_shapes(np.shape(x), np.shape(y)))
-        return 1.0 / self._looking(x, y)[0]
+        return 1.0 / self.looking_from_px(x, y)[0]
 
     def within_lens(self, x: Array, y: Array) -> Array:
         """Return how far within the lens's edge pixel positions (x, y) lie, as `Projection.within_lens` says."""
@@ -145,7 +150,7 @@ class PanoramicCamera:
         u = window.left + (window.right - window.left) / self.width * x
         return u, window.top - (window.top - window.bottom) / self.height * y
 
-    def _looking(self, x: Array, y: Array) -> Vector:
+    def looking_from_px(self, x: Array, y: Array) -> Vector:
         """Return the directions in which the camera alone would look at pixel positions (x, y), in the panorama's
         frame, as the projection has them."""
         return self.projection.direction_from_uv(*self._uv(x, y))

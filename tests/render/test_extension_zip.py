@@ -281,7 +281,11 @@ def test_an_image_is_rendered(extension, tmp_path, preview, size):
     views = views_in(tmp_path)
     assert {name: eye.shape[1::-1] for name, eye in views.items()} == {"_L": size, "_R": size}
     assert (views["_L"] != views["_R"]).any()
-    words = r"of this preview\. A full render .*" if preview else r"(: all of it was rendered)?\. (.* saved|No time saved.*)"
+    words = (
+        r"of this preview\. A full render .*"
+        if preview
+        else r"(: all of it was rendered)?\. (.* saved|No time saved.*)"
+    )
     assert any(re.fullmatch(rf"Info: .* rendering both eyes ?{words}", line) for line in facts["said"]), facts["said"]
     assert unexpected(facts["said"]) == []
     assert_done_by_what_is_installed(facts, extension)

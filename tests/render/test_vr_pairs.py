@@ -1,6 +1,7 @@
 """VR180 and 360° pairs of a scene whose camera is a perspective one, by the command line."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -8,8 +9,14 @@ import numpy as np
 import OpenEXR
 import pytest
 
+from stereo_reproject.blender.output.cutout_sheet import GAP_PX, SIZES_PX
+from stereo_reproject.blender.output.pictures import COLOURS, read_png
 from stereo_reproject.blender.scene.working import open_blend
-from tests.render.test_command_line import DEMO, SECONDS, environment, render, save
+from stereo_reproject.images.reasons import Reason
+from tests.render.test_command_line import DEMO, FILES, SECONDS, environment, render, save
+
+LEAST, _ = SIZES_PX
+"""Width of a cut-out in the sheet of a small panorama."""
 
 OPTIONS = ("--samples", "1", "--no-denoise", "--interocular", "0.2")
 
@@ -31,6 +38,8 @@ def test_a_pair_of_the_cornell_box(tmp_path, option, panorama, size):
     assert (report["panorama"], report["size"]) == (panorama, size)
     assert report["fill"]["method"] in ("packed", "full")
     assert report["warnings"] == []
+    assert "cutouts.png" in run.files
+    assert "cutouts.png" in run.out
     width, height = size
     for view in ("left", "right"):
         picture = eye(run.folder / f"{view}.exr")
@@ -90,3 +99,49 @@ def test_what_cannot_be_one_is_refused_in_a_line(tmp_path):
     assert (run.status, run.out, run.err.count("\n")) == (2, "", 1)
     assert "is orthographic: a VR180 panorama needs a perspective or an equirectangular one" in run.err
     assert not run.folder.exists()
+
+
+# Cut-outs
+
+COMPARED = ("--vr180=96", "--samples", "4", "--no-denoise", "--interocular", "0.2", "--seed", "3", "--compare")
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    return render(DEMO, tmp_path_factory.mktemp("compared") / "out", *COMPARED)
+
+
+def test_a_comparison_has_figures_for_each_cutout(compared):
+    rows = compared.report["compare"]["cutouts"]
+    turned = {row["name"]: (row["left_degrees"], row["up_degrees"]) for row in rows}
+    assert turned == {"front": (0, 0), "left": (45, 0), "right": (-45, 0), "up": (0, 45), "down": (0, -45)}
+    # A pixel is 180° / 96, and the middle of 90° in perspective has two radians of that.
+    assert {row["size"] for row in rows} == {round(2.0 * 96 / np.pi)}
+    for row in rows:
+        assert 0.5 < row["noise_ratio"] < 1.5
+        assert 0.8 < row["honest_ratio"] < 1.3
+        assert row["flip_ratio"] == pytest.approx(row["flip"] / row["noise_flip"])
+        said = (f"{row[key]:.3f}" for key in ("honest_ratio", "noise_ratio", "flip_ratio"))
+        title = f"{row['name']} 45" if row["name"] != "front" else "front"
+        assert re.search(rf"^ +{title} +{' +'.join(said)}$", compared.out, re.MULTILINE), compared.out
+
+
+def test_the_sheet_shows_both_eyes_and_the_holes(compared):
+    """The box stands in front, where the eyes differ; five pictures lie beside each other."""
+    sheet = np.rint(255.0 * read_png(compared.folder / "cutouts.png"))
+    assert sheet.shape[1] == 5 * LEAST + 4 * GAP_PX
+    holes = (sheet == COLOURS[Reason.DISOCCLUDED]).all(axis=-1) | (sheet == COLOURS[Reason.SILHOUETTE]).all(axis=-1)
+    y, x = np.nonzero(holes)
+    pictures = y < y.max() - LEAST // 4
+    assert pictures.any()
+    # Ahead: in the middle of the first, and at the edges of those that are turned.
+    assert ((x[pictures] > 0.25 * LEAST) & (x[pictures] < 0.75 * LEAST)).any()
+
+
+def test_a_plain_pair_has_no_cutouts_and_removes_those_of_an_earlier_one(tmp_path):
+    folder = tmp_path / "out"
+    assert "cutouts.png" in render(DEMO, folder, "--vr180=32", *OPTIONS).files
+    run = render(DEMO, folder, "--size", "32x18", "--compare", *OPTIONS)
+    assert (run.status, run.files) == (0, sorted([*FILES, "difference.png"]))
+    assert "cutouts.png" not in run.out
+    assert "cutouts" not in run.report["compare"]

@@ -33,9 +33,14 @@ HOLES = "holes"
 """The folder, in the frames' own, for pictures of what was traced, and what such a picture is called before."""
 
 
-def holes_name(journal: Journal, frame: int) -> str:
-    """Return the path, in the frames' folder, of the picture of a frame's traced pixels."""
-    return f"{HOLES}/{journal.name}{frame:04d}.png"
+CUTOUTS = "cutouts"
+"""The same for pictures of a panorama's cut-outs."""
+
+
+def picture_name(journal: Journal, frame: int, kind: str = HOLES) -> str:
+    """Return the path, in the frames' folder, of the picture of a frame's traced pixels; with `CUTOUTS` as kind of its
+    cut-outs."""
+    return f"{kind}/{journal.name}{frame:04d}.png"
 
 
 FULL_DRIVE_BYTES = 1 << 16
@@ -88,9 +93,10 @@ class FrameWriter:
         except StereoReprojectError as error:
             raise blamed_on_output(self._journal.frames_folder, error) from error
         self._check_whole(made.values(), number)
-        holes = folder / f"{HOLES}.png"
-        if holes.exists():
-            made[holes_name(self._journal, number)] = holes
+        for kind in (HOLES, CUTOUTS):
+            picture = folder / f"{kind}.png"
+            if picture.exists():
+                made[picture_name(self._journal, number, kind)] = picture
         return made
 
     def _check_whole(self, files: Collection[Path], number: int) -> None:
