@@ -103,12 +103,19 @@ def test_what_cannot_be_one_is_refused_in_a_line(tmp_path):
 
 # Cut-outs
 
-COMPARED = ("--vr180=96", "--samples", "4", "--no-denoise", "--interocular", "0.2", "--seed", "3", "--compare")
+MOST_NOISE = 1.3
+"""Ratios of cut-outs with 61 x 61 pixels, of which 9000 in the whole picture have their promise of 1.1."""
+
+COMPARED = ("--vr180=96", "--samples", "16", "--no-denoise", "--interocular", "0.05", "--seed", "3", "--compare")
 
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    return render(DEMO, tmp_path_factory.mktemp("compared") / "out", *COMPARED)
+    """The Cornell box from within."""
+    folder = tmp_path_factory.mktemp("compared")
+    scene = open_blend(DEMO)
+    scene.camera.location = (0.0, -0.5, 1.2)
+    return render(save(scene, folder / "box.blend"), folder / "out", *COMPARED)
 
 
 def test_a_comparison_has_figures_for_each_cutout(compared):
@@ -118,8 +125,8 @@ def test_a_comparison_has_figures_for_each_cutout(compared):
     # A pixel is 180° / 96, and the middle of 90° in perspective has two radians of that.
     assert {row["size"] for row in rows} == {round(2.0 * 96 / np.pi)}
     for row in rows:
-        assert 0.5 < row["noise_ratio"] < 1.5
-        assert 0.8 < row["honest_ratio"] < 1.3
+        assert row["noise_ratio"] < MOST_NOISE
+        assert row["honest_ratio"] < MOST_NOISE
         assert row["flip_ratio"] == pytest.approx(row["flip"] / row["noise_flip"])
         said = (f"{row[key]:.3f}" for key in ("honest_ratio", "noise_ratio", "flip_ratio"))
         title = f"{row['name']} 45" if row["name"] != "front" else "front"
