@@ -2,6 +2,7 @@
 
 import json
 import re
+import struct
 import subprocess
 import sys
 
@@ -13,6 +14,8 @@ from stereo_reproject.blender.output.cutout_sheet import GAP_PX, SIZES_PX
 from stereo_reproject.blender.output.pictures import COLOURS, read_png
 from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.images.reasons import Reason
+from tests.delivery.movies import described, sphere, stereo
+from tests.delivery.test_projection import content_of
 from tests.render.test_command_line import DEMO, FILES, SECONDS, environment, render, save
 
 LEAST, _ = SIZES_PX
@@ -99,6 +102,83 @@ def test_what_cannot_be_one_is_refused_in_a_line(tmp_path):
     assert (run.status, run.out, run.err.count("\n")) == (2, "", 1)
     assert "is orthographic: a VR180 panorama needs a perspective or an equirectangular one" in run.err
     assert not run.folder.exists()
+
+
+# Movies
+
+PIXELS = re.compile(r", (\d+)x(\d+) \[SAR (\d+:\d+)")
+"""Width, height and shape of a movie's pixels, as FFmpeg prints them."""
+
+
+@pytest.fixture(scope="module")
+def wide_box(tmp_path_factory):
+    """The Cornell box, in a file whose pixels are twice as wide as they are high."""
+    scene = open_blend(DEMO)
+    scene.render.pixel_aspect_x = 2.0
+    scene.frame_end = 2
+    return save(scene, tmp_path_factory.mktemp("wide") / "box.blend")
+
+
+def animate(blend, folder, *options):
+    command = [sys.executable, "-m", "stereo_reproject", "animate", str(blend), "--output", str(folder)]
+    return subprocess.run(
+        [*command, "--frames", "1-2", *OPTIONS, *options],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("option", "layout", "tag", "size", "mode"),
+    [
+        ("--vr180=64", "side-by-side", "_180_LR", (128, 64), "side by side"),
+        ("--vr180=64", "side-by-side-half", "_180_HSBS", (64, 64), "side by side"),
+        ("--vr180=64", "top-bottom", "_180_TB", (64, 128), "top and bottom"),
+        ("--vr180=64", "top-bottom-half", "_180_HTB", (64, 64), "top and bottom"),
+        ("--vr360=64", "top-bottom", "_360_TB", (64, 64), "top and bottom"),
+    ],
+)
+def test_a_movie_says_what_it_shows(wide_box, tmp_path, option, layout, tag, size, mode):
+    """To FFmpeg, and to a parser of boxes; its pixels are square, though the scene's are not."""
+    folder = tmp_path / "out"
+    run = animate(wide_box, folder, option, "--layout", layout, "--movie")
+    assert (run.returncode, run.stderr) == (0, "")
+    (movie,) = folder.glob("*.mp4")
+    assert movie.stem.endswith(tag)
+    assert stereo(movie) == mode
+    cut = round(0.25 * 0xFFFFFFFF - 0.5) if "180" in option else 0
+    assert content_of(movie, b"equi") == [struct.pack(">5I", 0, 0, 0, cut, cut)]
+    assert sphere(movie).startswith("tiled equirectangular" if cut else "equirectangular")
+    found = PIXELS.search(described(movie))
+    assert found is not None, described(movie)
+    assert (int(found[1]), int(found[2]), found[3]) == (*size, "1:1")
+
+
+def test_a_movie_of_h265_is_half_equirectangular_and_side_by_side(wide_box, tmp_path):
+    """By Apple's boxes, which FFmpeg reads too."""
+    scene = open_blend(wide_box)
+    scene.render.ffmpeg.codec = "H265"
+    folder = tmp_path / "out"
+    run = animate(save(scene, tmp_path / "box.blend"), folder, "--vr180=64", "--layout=side-by-side", "--movie")
+    assert (run.returncode, run.stderr) == (0, "")
+    movie = folder / "box_180_LR.mp4"
+    assert (sphere(movie), stereo(movie)) == ("half equirectangular", "side by side")
+    assert content_of(movie, b"vexu", b"proj", b"prji") == [bytes(4) + b"hequ"]
+    assert content_of(movie, b"hfov") == [struct.pack(">I", 180_000)]
+
+
+def test_pictures_of_the_cutouts_come_with_those_of_the_holes(wide_box, tmp_path):
+    folder = tmp_path / "out"
+    run = animate(wide_box, folder, "--vr180=64", "--holes")
+    assert (run.returncode, run.stderr) == (0, "")
+    sheets = sorted((folder / "cutouts").iterdir())
+    assert [path.name for path in sheets] == [path.name for path in sorted((folder / "holes").iterdir())]
+    first, second = (read_png(path) for path in sheets)
+    assert first.shape == second.shape
+    assert first.shape[1] == 5 * LEAST + 4 * GAP_PX
 
 
 # Cut-outs

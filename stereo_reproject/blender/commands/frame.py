@@ -40,7 +40,7 @@ from ..engines.eevee import renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import has_time_limit
 from ..output.cutout_sheet import by_view_transform, write_cutouts
-from ..output.delivery import deliver_composited, deliver_side_by_side
+from ..output.delivery import deliver_composited, deliver_side_by_side, pixels_of
 from ..output.output_paths import check_file_outputs
 from ..output.pictures import write_difference, write_estimate, write_grid, write_holes
 from ..output.stamp import with_render_time
@@ -85,7 +85,8 @@ def render_files(
     # Where the picture of the holes explains a panorama, so do its cut-outs.
     has_cutouts = HOLES_PICTURE in files and bool(cutouts_of(pair.main_frame.camera))
     files = with_cutouts(files, cutouts=has_cutouts)
-    _write_pictures(scene, settings, pair, out, report, files)
+    with pixels_of(scene, settings.scene.panorama):
+        _write_pictures(scene, settings, pair, out, report, files)
     own = {Stage.LOAD.value: load_seconds, Stage.WRITE.value: time.perf_counter() - start}
     report = replace(report, seconds={**report.seconds, **own})
     if settings.compare:

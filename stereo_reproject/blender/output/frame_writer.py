@@ -24,7 +24,7 @@ from ...sequence.output_errors import blamed_on_output, failed_output, is_full
 from ...sequence.writer_process import WriterJob, WrittenFrame
 from ...words import Words
 from ..scene.compositor import compositor_tree
-from .delivery import deliver_frames
+from .delivery import deliver_frames, pixels_of
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
 from .opening import open_session
 from .pictures import check_png
@@ -58,6 +58,7 @@ class FrameWriter:
         strip(scene)
         self._scene = scene
         self._changes = ExitStack()
+        self._changes.enter_context(pixels_of(scene, self._job.panorama))
         self._changes.enter_context(as_ordered(scene, self._job.output, self._job.layout, self._job.file_format))
         self._journal = Journal(Path(self._job.folder), self._job.name)
 
