@@ -14,6 +14,7 @@ from stereo_reproject.blender.output.cutout_sheet import GAP_PX, SIZES_PX
 from stereo_reproject.blender.output.pictures import COLOURS, read_png
 from stereo_reproject.blender.scene.working import open_blend
 from stereo_reproject.images.reasons import Reason
+from tests.blender.toolbox import set_border
 from tests.delivery.movies import described, sphere, stereo
 from tests.delivery.test_projection import content_of
 from tests.render.test_command_line import DEMO, FILES, SECONDS, environment, render, save
@@ -232,3 +233,54 @@ def test_a_plain_pair_has_no_cutouts_and_removes_those_of_an_earlier_one(tmp_pat
     assert (run.status, run.files) == (0, sorted([*FILES, "difference.png"]))
     assert "cutouts.png" not in run.out
     assert "cutouts" not in run.report["compare"]
+
+
+# Bad input
+
+
+def within(**lens):
+    """The Cornell box from within, by a camera whose lens and stereo settings have these values."""
+    scene = open_blend(DEMO)
+    scene.camera.location = (0.0, -0.5, 1.2)
+    data = scene.camera.data
+    for name, value in lens.items():
+        setattr(data.stereo if hasattr(data.stereo, name) else data, name, value)
+    return scene
+
+
+def test_limits_of_a_pole_merge_that_cross_are_one_line(tmp_path):
+    merge = {"pole_merge_angle_from": 1.2, "pole_merge_angle_to": 0.9}
+    scene = within(type="PANO", use_spherical_stereo=True, use_pole_merge=True, **merge)
+    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "out", "--size", "64x64", *OPTIONS)
+    assert (run.status, run.out, run.err.count("\n")) == (2, "", 1)
+    assert "the pole merge of the camera starts at 68.8° and ends at 51.6°: set its end above its start" in run.err
+    assert not run.folder.exists()
+
+
+def test_limits_that_cross_are_no_matter_where_the_lens_is_ours(tmp_path):
+    scene = within(pole_merge_angle_from=1.2, pole_merge_angle_to=0.9, use_pole_merge=True)
+    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "out", "--vr180=32", *OPTIONS)
+    assert (run.status, run.err) == (0, "")
+
+
+def test_eyes_wider_apart_than_the_nearest_thing_are_one_warning(tmp_path):
+    blend = save(within(), tmp_path / "box.blend")
+    run = render(blend, tmp_path / "out", "--vr180=32", *OPTIONS, "--interocular", "1.2")
+    assert (run.status, run.err.count("\n")) == (0, 1)
+    (warning,) = run.report["warnings"]
+    assert "of the picture shows what is nearer to the camera than its interocular distance" in warning
+    assert warning in run.err
+
+
+def test_a_crop_of_a_fisheye_is_as_good_as_rendered_and_one_warning(tmp_path):
+    scene = within(type="PANO", panorama_type="FISHEYE_EQUIDISTANT", fisheye_fov=np.pi)
+    set_border(scene, (0.25, 0.75, 0.125, 1.0))
+    scene.render.use_crop_to_border = True
+    options = ("--size=96x96", "--samples=16", "--no-denoise", "--interocular=0.05", "--seed=3", "--compare")
+    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "out", *options)
+    assert (run.status, run.err, run.report["size"]) == (0, "", [48, 84])
+    assert run.report["compare"]["honest_ratio"] < MOST_NOISE
+    scene.render.use_crop_to_border = False
+    run = render(save(scene, tmp_path / "box.blend"), tmp_path / "whole", "--size=32x32", *OPTIONS)
+    assert (run.status, run.err.count("\n")) == (0, 1)
+    assert "frames are cropped to the Render Region" in run.err
