@@ -30,7 +30,7 @@ CHOICES = [
         ),
     ),
 ]
-"""What can be rendered: the items of a setting."""
+"""Items of the setting that says what is rendered."""
 
 LEAST_HEIGHT_PX = 4
 HEIGHT_PX = 4096

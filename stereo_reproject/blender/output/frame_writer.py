@@ -34,7 +34,7 @@ HOLES = "holes"
 
 
 CUTOUTS = "cutouts"
-"""The same for pictures of a panorama's cut-outs."""
+"""Folder and name of the pictures of a panorama's cut-outs, as `HOLES` has them."""
 
 
 def picture_name(journal: Journal, frame: int, kind: str = HOLES) -> str:
