@@ -9,7 +9,7 @@ from .drawing import draw_buttons, draw_outcome
 from .fitting import fits
 from .jobs import running
 from .pictures import NAME, STEREO_REPROJECT_OT_show_picture
-from .results import PICTURES, Result, result_of
+from .results import OF_PANORAMAS, PICTURES, Result, result_of
 from .view_row import draw_view_modes
 
 
@@ -30,7 +30,7 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
 
     def _draw_pictures(self, context: bpy.types.Context, result: Result) -> None:
         """Draw a button for the pair and one for each picture that explains it, that of the one that is shown pressed;
-        those of missing pictures are grey.
+        those of missing pictures are grey, and what only panoramas have is left out of others.
         """
         column = self.layout.column(align=True)
         name = STEREO_REPROJECT_OT_show_picture.bl_idname
@@ -40,6 +40,8 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         beside = all(fits(context, text, 0.5) for _, text, _ in PICTURES.values())
         grid = column.grid_flow(columns=2 if beside else 1, even_columns=True, align=True)
         for which, (_, text, _) in PICTURES.items():
+            if which == OF_PANORAMAS and result.picture(which) is None:
+                continue
             is_shown = image is not None and image.name == NAME.format(text)
             row = grid.row(align=True)
             row.enabled = result.picture(which) is not None

@@ -14,6 +14,8 @@ from .depth_panel import draw_depth
 from .details import Details, fill_words, made_by
 from .drawing import draw_buttons, draw_outcome, paragraph
 from .fitting import draw_setting, fits
+from .headset import panorama_obstacle
+from .headset_panel import Headset
 from .kept import STEREO_REPROJECT_OT_open_kept, kept_pair
 from .prediction import gain_words, is_current
 from .preferences import EXTENSION
@@ -66,6 +68,9 @@ def obstacle(scene: bpy.types.Scene) -> str | None:
     engine = {"cycles": CYCLES, "eevee": EEVEE[0]}.get(chosen.source_engine, scene.render.engine)
     if engine != CYCLES and engine not in EEVEE:
         return "Only Cycles and EEVEE can be reprojected: choose one in Render properties."
+    no_panorama = panorama_obstacle(scene, engine)
+    if no_panorama is not None:
+        return Words("{sentence}.", sentence=sentence(shown(no_panorama)))
     missing = missing_osl_cameras(scene)
     if chosen.fill in ("auto", "packed") and chosen.packed_by == "osl" and missing:
         return Words("Not possible here: {reason}.", reason=missing)
@@ -220,6 +225,7 @@ def _panels(prefix: str, place: dict[str, Any]) -> tuple[type, ...]:
     parts = {
         "details": Details,
         "camera": _Camera,
+        "headset": Headset,
         "check": _Check,
         "engine": _Engine,
         "layout": _Layout,

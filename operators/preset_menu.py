@@ -1,4 +1,4 @@
-"""Presets of the settings, by Blender's own menu of presets; two come with the extension."""
+"""Presets of the settings, by Blender's own menu of presets; four come with the extension."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ KEPT = (
     "source_engine",
     "fill",
     "packed_by",
+    "headset",
+    "headset_height",
     "preview_percentage",
     "preview_samples",
     "screen_width",

@@ -7,7 +7,8 @@ import bpy
 
 from ..stereo_reproject.report.verdict import accuracy_name
 from ..stereo_reproject.settings.accuracy import SETTINGS
-from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, PACKED_CAMERAS, StereoSettings
+from ..stereo_reproject.settings.frame import FILL_METHODS, INTERPOLATIONS, MAX_SIZE, PACKED_CAMERAS, StereoSettings
+from .headset import CHOICES, FLAT, HEIGHT_PX, LEAST_HEIGHT_PX
 from .preferences import EYE_DISTANCE, MIN_PREVIEW_PX, SCREEN_WIDTH, VIEWING_DISTANCE, preferred, promise
 
 FILLS = {
@@ -116,6 +117,22 @@ class StereoReprojectSettings(bpy.types.PropertyGroup):
         description="What shoots the rays of missing pixels that are gathered in a small picture",
         items=[(name, *CAMERAS[name]) for name in PACKED_CAMERAS],
         default=StereoSettings.packed_by,
+    )
+    headset: bpy.props.EnumProperty(
+        name="Render as",
+        description="What is rendered of the scene. The camera itself is not changed",
+        items=CHOICES,
+        default=FLAT,
+    )
+    headset_height: bpy.props.IntProperty(
+        name="Height",
+        description="Height of one eye's picture in pixels; VR180 is as wide as that, 360° twice as wide. Counts in"
+        " place of the resolution in Output",
+        subtype="PIXEL",
+        default=HEIGHT_PX,
+        min=LEAST_HEIGHT_PX,
+        max=MAX_SIZE // 2,
+        soft_max=2 * HEIGHT_PX,
     )
     compare: bpy.props.BoolProperty(
         name="Compare",

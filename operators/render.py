@@ -11,7 +11,7 @@ import bpy
 
 from ..stereo_reproject.blender.commands.animation import ANIMATION_FILES
 from ..stereo_reproject.blender.output.animation_output import existing_as_set, folders_of, output_of
-from ..stereo_reproject.blender.output.delivery import deliver_to_result
+from ..stereo_reproject.blender.output.delivery import deliver_to_result, pixels_of
 from ..stereo_reproject.blender.output.stamp import with_render_time
 from ..stereo_reproject.blender.scene.denoiser import has_denoiser
 from ..stereo_reproject.blender.scene.rendered import CYCLES, layers_to_render
@@ -33,6 +33,7 @@ from ..stereo_reproject.settings.animation import AnimationSettings
 from ..stereo_reproject.settings.frame import SceneOverrides, StereoSettings
 from ..stereo_reproject.words import Words
 from . import under_way
+from .headset import asked_panorama, panorama_size
 from .jobs import JobOperator
 from .multiview import hand_over_multiview
 from .prediction import full_gain_of, gain_words
@@ -107,10 +108,10 @@ class RENDER_OT_stereo_reproject_animation(JobOperator, bpy.types.Operator):
     def start(self, scene: bpy.types.Scene) -> BackgroundJob:
         """Start a job that renders the scene's animation into its output path, and return it."""
         options = AnimationSettings(existing=existing_as_set(scene))
-        options, output = output_of(scene, options)
+        settings = settings_of(scene, preview=False)
+        options, output = output_of(scene, options, settings.scene)
         of_frame = partial(Progress, stages=USUAL["animate"], frames=len(layers_to_render(scene)))
         progress = FramesProgress(time.monotonic(), len(output.files), of_frame)
-        settings = settings_of(scene, preview=False)
         asked = AnimationSettings(existing=options.existing)
         animation = Animation(asked, folders_of(output), sorted(output.files))
         pictures = under_way.wanted_pictures(first_look=False)
@@ -199,10 +200,13 @@ def settings_of(scene: bpy.types.Scene, *, preview: bool) -> StereoSettings:
     """
     chosen = scene.stereo_reproject
     engine = None if chosen.source_engine == "scene" else chosen.source_engine
-    overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine)
+    panorama = asked_panorama(scene)
+    own = None if panorama is None else panorama_size(scene, panorama)
+    overrides = SceneOverrides(frame=scene.frame_current, source_engine=engine, panorama=panorama, size=own)
     if preview:
         denoise = True if _by_cycles(scene) and has_denoiser(scene) else None
-        size = preview_size(frame_region(scene.render), chosen.preview_percentage, preferred("preview_pixels"))
+        region = frame_region(scene.render) if own is None else FrameRegion(*own, 0, 0, *own)
+        size = preview_size(region, chosen.preview_percentage, preferred("preview_pixels"))
         overrides = replace(overrides, size=size, samples=chosen.preview_samples, denoise=denoise)
     return StereoSettings(
         source=chosen.source,
@@ -280,7 +284,7 @@ def _deliver(
     hand_over_multiview(scene, run, frame=frame)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
     metadata = with_render_time(read_metadata(run.folder / f"{VIEWS[0]}.exr"), _render_seconds(run, frame))
-    with unused_slot() as slot:
+    with unused_slot() as slot, pixels_of(scene, run.settings.scene.panorama):
         gone = deliver_to_result(
             scene, eyes, frame=frame, to_look_at=to_look_at, metadata=metadata, layers_then=run.layers
         )

@@ -9,11 +9,14 @@ from typing import Any
 
 import bpy
 
-from ..stereo_reproject.jobs.work_folder import DIFFERENCE
+from ..stereo_reproject.jobs.work_folder import CUTOUTS, DIFFERENCE
 from ..stereo_reproject.report.verdict import UNCERTAIN_AREAS
 from ..stereo_reproject.settings.frame import StereoSettings
 from ..stereo_reproject.views.depth_range import EdgeHit
 from .run import BackgroundJob
+
+OF_PANORAMAS = "CUTOUTS"
+"""Key of the picture that pairs of panoramas alone have."""
 
 PICTURES = {
     "HOLES": ("holes.png", "Rendered Again", "Which pixels of the second eye were rendered, and why"),
@@ -24,6 +27,11 @@ PICTURES = {
         "Where the second eye is off by more than noise, as far as spot checks tell",
     ),
     "DIFFERENCE": (DIFFERENCE, "Difference", "How far the second eye is from Blender's multiview; needs Compare"),
+    OF_PANORAMAS: (
+        CUTOUTS,
+        "In a Headset",
+        "What a headset shows of a panorama, in several directions: both eyes, and the pixels that were rendered again",
+    ),
 }
 """The pictures that explain a pair: file, name, and what it shows."""
 

@@ -63,7 +63,8 @@ def render_frame(
     _check_scene(_scene(scene), settings, strict=strict)
     folder, files = Path(_absolute(output, "output")), pair_files(compare=settings.compare)
     with work_folder(folder, files) as work:
-        report, _ = render_files(_scene(scene), settings, work, files=files)
+        report, made = render_files(_scene(scene), settings, work, files=files)
+        files = tuple(made)
         publish(work, folder, files, superseded=superseded_by(files), between_steps=lambda: None)
     return report
 

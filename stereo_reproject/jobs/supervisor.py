@@ -49,7 +49,7 @@ from ..settings.frame import StereoSettings
 from ..words import Words, from_data
 from .interrupts import Interrupts, RunInterruptedError
 from .plain_paths import STAND_INS, plain_blend
-from .work_folder import FILES, check_complete, publish, superseded_by, work_folder
+from .work_folder import CUTOUTS, FILES, check_complete, publish, superseded_by, with_cutouts, work_folder
 from .worker_process import EXIT_SECONDS, POLL_SECONDS, Worker, crash_message, start_worker
 
 Event = dict[str, Any]
@@ -138,10 +138,13 @@ def run_worker(
         report = done.get("report")
         if not isinstance(report, dict):
             raise StereoReprojectError("the worker ended without a report; this is a defect of stereo_reproject")
-        files = tuple(done.get("files") or ()) if job.command == "animate" else job.files
+        made = done.get("files") or []
+        # Only what was rendered tells whether there are cut-outs.
+        has_cutouts = job.command == "render" and isinstance(made, list) and CUTOUTS in made
+        files = tuple(made) if job.command == "animate" else with_cutouts(job.files, cutouts=has_cutouts)
         if job.output is not None:
             check_complete(work / "out", done.get("files"), files)
-            superseded = superseded_by(job.files) if job.command == "render" else ()
+            superseded = superseded_by(files) if job.command == "render" else ()
             publish(work, job.output, files, superseded=superseded, between_steps=interrupts.check)
     return report
 

@@ -47,6 +47,9 @@ FILES = (
 DIFFERENCE = "difference.png"
 """Name of a file that a pair has besides when it is compared with multiview."""
 
+CUTOUTS = "cutouts.png"
+"""Name of a file that a pair of panoramas has besides: the eyes and the traced pixels as a headset shows them."""
+
 MULTIVIEW_EYES = {"left": "multiview-left.exr", "right": "multiview-right.exr"}
 """Names, by view, of files with multiview's own pair. A pair has them only where they are asked for by name."""
 
@@ -57,10 +60,16 @@ def pair_files(*, compare: bool) -> tuple[str, ...]:
     return (*FILES[:-1], DIFFERENCE, FILES[-1]) if compare else FILES
 
 
+def with_cutouts(files: Sequence[str], *, cutouts: bool) -> tuple[str, ...]:
+    """Return the names of a pair's files, the report last, with that of the cut-outs of panoramas if there are
+    some."""
+    return (*files[:-1], CUTOUTS, *files[-1:]) if cutouts else tuple(files)
+
+
 def superseded_by(files: Sequence[str]) -> tuple[str, ...]:
     """Return the names of files that an earlier pair may have left in the folder and that a pair with these `files`
     does not have. They are removed, because they would not belong to it."""
-    return tuple(name for name in pair_files(compare=True) if name not in files)
+    return tuple(name for name in with_cutouts(pair_files(compare=True), cutouts=True) if name not in files)
 
 
 WORK_PREFIX = ".stereo_reproject-"

@@ -107,6 +107,7 @@ def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -
         gpu=warped.gpu if reprojection.warped_by == "gpu" else None,
         light_scale=source.light_scale,
         pixel_weight=warped.target.pixel_weight,
+        camera=task.target.camera,
     )
 
 

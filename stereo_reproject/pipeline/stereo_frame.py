@@ -14,6 +14,7 @@ from ..images.reasons import Reason
 from ..matching.matching import Correction
 from ..trace.costs import TraceCosts
 from ..trace.fill import FillChoice, SourceCost
+from ..views.camera import Camera
 from ..views.solid_angle import PixelWeight
 from ..warp.grid import Grid
 from .effect_costs import EffectCost
@@ -35,7 +36,8 @@ class StereoFrame:
     far traced pixels were moved to match a source of another engine, None where it is the same. warped_by is 'numpy' or
     'gpu'; gpu is its name, None for NumPy.
     light_scale is the number by which light was multiplied to be judged as it is seen (`images/seen_light`).
-    pixel_weight is that of the target's pixels (`views/solid_angle`).
+    pixel_weight is that of the target's pixels (`views/solid_angle`). camera is the target's, None where it is not
+    known.
     """
 
     eyes: dict[str, Passes]
@@ -58,6 +60,7 @@ class StereoFrame:
     gpu: str | None = None
     light_scale: float = 1.0
     pixel_weight: PixelWeight = 1.0
+    camera: Camera | None = None
 
 
 def traced_fractions(frame: StereoFrame) -> dict[str, float]:

@@ -21,7 +21,7 @@ from ..files import to_json
 from ..jobs.console import PROGRAM, Console
 from ..jobs.interrupts import Interrupts, RunInterruptedError
 from ..jobs.supervisor import Event, Job, run_worker
-from ..jobs.work_folder import pair_files
+from ..jobs.work_folder import CUTOUTS, pair_files, with_cutouts
 from ..report.inspection import format_inspection
 from ..report.table import format_report_table
 from ..sequence.report import format_animation
@@ -127,7 +127,9 @@ def _run(
     console.quiet = arguments.quiet
     report = _have_done(job, console, host, console.on_event)
     console.show(table(report))
-    console.show(f"files         {job.output}{os.sep}\n  {', '.join(job.files)}")
+    has_cutouts = job.command == "render" and (job.output is not None and (job.output / CUTOUTS).is_file())
+    files = with_cutouts(job.files, cutouts=has_cutouts)
+    console.show(f"files         {job.output}{os.sep}\n  {', '.join(files)}")
     return 0
 
 

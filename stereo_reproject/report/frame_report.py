@@ -162,13 +162,33 @@ class LayerReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CutoutReport:
+    """A cut-out of a panorama compared with that of Blender's multiview: a perspective picture 90° wide and high, of
+    size x size pixels, whose middle is so many degrees to the left of the panorama's and above it.
+
+    The ratios are as in `CompareReport`, over the panorama's pixels that are nearest to the cut-out's; FLIP is of
+    cut-outs that are interpolated.
+    """
+
+    name: str
+    left_degrees: float
+    up_degrees: float
+    size: int
+    honest_ratio: float | None
+    noise_ratio: float | None
+    flip: float | None
+    noise_flip: float | None
+    flip_ratio: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class CompareReport:
     """The pair compared with Blender's multiview, rendered in the same run.
 
     rmse and flip are the target's errors against multiview's eye, as a root mean square after tone mapping and by FLIP;
     noise_rmse and noise_flip are those of that eye rendered with another seed, and flip_ratio is flip over noise_flip.
     noise_ratio, bias, honest_ratio, worst_tiles, wrong_tiles and flip_ratio are None where there is no noise, and
-    no_noise then says why. FLIP is None where it is not installed.
+    no_noise then says why. FLIP is None where it is not installed. cutouts is absent but for panoramas.
     """
 
     multiview_seconds: float
@@ -184,6 +204,7 @@ class CompareReport:
     flip: float | None
     noise_flip: float | None
     flip_ratio: float | None
+    cutouts: tuple[CutoutReport, ...] | Absent = ABSENT
 
 
 @dataclass(frozen=True, kw_only=True)

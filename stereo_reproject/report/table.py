@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -172,6 +172,19 @@ def _error_lines(compare: Mapping[str, Any], why_none: str | None) -> list[str]:
     ]
 
 
+def _cutout_lines(cutouts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the lines about the errors in the cut-outs of a panorama; an empty list without any."""
+    if not cutouts:
+        return []
+    lines = ["  as a headset shows it, 90 degrees wide:", "               honest   noise    FLIP over that of noise"]
+    for row in cutouts:
+        degrees = abs(row["left_degrees"] or row["up_degrees"])
+        title = f"{row['name']} {degrees:g}" if degrees else row["name"]
+        figures = "".join(f"{_number(row[key], '.3f'):<9}" for key in ("honest_ratio", "noise_ratio", "flip_ratio"))
+        lines.append(f"    {title:<11}{figures.rstrip()}")
+    return lines
+
+
 def _gain_lines(report: Mapping[str, Any]) -> list[str]:
     """Return the lines about the gain over Blender's multiview: speed-up and errors as they were measured in a
     comparison, or else only the predicted speed-up. An empty list for a report with neither."""
@@ -182,6 +195,7 @@ def _gain_lines(report: Mapping[str, Any]) -> list[str]:
         return [
             f"gained        {speedup} {multiview} ({multiview_seconds} s), measured",
             *_error_lines({name: compare.get(name) for name in COMPARED_KEYS}, compare.get("no_noise")),
+            *_cutout_lines(compare.get("cutouts") or ()),
         ]
     if report.get("predicted_speedup") is not None:
         speedup = _number(report["predicted_speedup"], ".2f")

@@ -30,7 +30,7 @@ MAX_PENDING_FRAMES = 2
 class WriterJob:
     """The job of the writer process: the .blend and the session in which it is open; the private folder for its
     answers; and the folder of the frames with their common name. output, layout and file_format are those of
-    `AnimationSettings`."""
+    `AnimationSettings`, and panorama is that of `SceneOverrides`."""
 
     blend: str
     session: Session
@@ -40,6 +40,7 @@ class WriterJob:
     output: str | None
     layout: str | None
     file_format: str | None
+    panorama: str | None = None
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class WrittenFrame:
     """A rendered frame that is handed to the writer process: claim is the number of this run's claim of it, which the
     writer releases when the frame is written.
 
-    folder holds its pictures: left.exr, right.exr and, if they are asked for, holes.png. metadata are those of its
-    passes. record has the fields of its `Record` but for the files.
+    folder holds its pictures: left.exr, right.exr and, if they are asked for, holes.png and cutouts.png. metadata are
+    those of its passes. record has the fields of its `Record` but for the files.
     """
 
     frame: int

@@ -70,11 +70,11 @@ class PanoramicCamera:
         origin, direction = self.stereo.rays(_turned(upright, looking))
         return _turned(back, origin), _turned(back, direction)
 
-    def looking_from_px(self, x: Array, y: Array) -> Vector:
+    def looking_in_camera(self, x: Array, y: Array) -> Vector:
         """Return the directions, in camera space, in which the camera alone would look at pixel positions (x, y),
         before it is an eye's. Their length counts as in `SphericalStereo.rays`. Beyond a fisheye's edge they go on as
         its formula does."""
-        return _turned(PANORAMA_FROM_CAMERA.T, self._looking(x, y))
+        return _turned(PANORAMA_FROM_CAMERA.T, self.looking_from_px(x, y))
 
     @property
     def up(self) -> Array:
@@ -93,14 +93,19 @@ class PanoramicCamera:
             upright = self._upright_from_panorama()
             seen, distance = self.stereo.directions(_turned(upright, local), weight, is_unit=self.projection.is_unit)
             looking = _turned(np.linalg.inv(upright), seen)
-        u, v = self.projection.uv_from_direction(looking)
+        x, y = self.px_from_looking(looking)
+        return x, y, distance
+
+    def px_from_looking(self, direction: Vector) -> tuple[Array, Array]:
+        """Return the pixel positions x, y at which directions of any length, in the panorama's frame, are shown: those
+        in which the camera alone would look, whatever its stereo is."""
+        u, v = self.projection.uv_from_direction(direction)
         window = self.window
         x = (u - window.left) * (self.width / (window.right - window.left))
         if np.isfinite(self.period_px):
             # A window that is shifted or cropped has another middle than the projection.
             x = x - self.period_px * np.round((x - 0.5 * self.width) / self.period_px)
-        y = (window.top - v) * (self.height / (window.top - window.bottom))
-        return x, y, distance
+        return x, (window.top - v) * (self.height / (window.top - window.bottom))
 
     def nearness_from_depth(self, depth: Array) -> Array:
         """Return 1 / distance, which is 0 for the sky."""

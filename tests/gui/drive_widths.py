@@ -95,6 +95,8 @@ def have_results():
         raise StuckError(str(run.error))
     facts["preview_size"] = results().report["size"]
     facts["preview_samples"] = results().report["samples"]
+    # Its panel then has all that it may have.
+    bpy.context.scene.stereo_reproject.headset = "vr360"
 
 
 def drag(start, end):

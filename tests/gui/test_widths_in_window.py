@@ -91,8 +91,8 @@ def ellipses(grey: NDArray[np.float32], scale: float) -> list[tuple[int, int]]:
     found = sorted(dots(mask, scale), key=lambda box: (box[3], box[0]))
     result = []
     for first in found:
-        if first[1] < CLEAR_PX * scale:
-            # A line that the region's upper edge cuts through.
+        if first[1] < CLEAR_PX * scale or mask.shape[0] - first[3] <= CLEAR_PX * scale:
+            # A line that the region's upper or lower edge cuts through: another page has it whole.
             continue
         row = [box for box in found if abs(box[3] - first[3]) <= 1 and box[0] > first[2]]
         for second in row:

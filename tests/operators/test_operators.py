@@ -391,12 +391,15 @@ def test_a_changed_file_is_rendered_as_it_is_now(extension, scene, tmp_path):
 
 def test_the_pictures_are_images_when_they_are_asked_for(extension, scene):
     from stereo_reproject_extension.operators.pictures import load_picture
-    from stereo_reproject_extension.operators.results import PICTURES
+    from stereo_reproject_extension.operators.results import OF_PANORAMAS, PICTURES
 
     assert load_picture(scene, "HOLES") is None
     scene.stereo_reproject.compare = True
     assert bpy.ops.render.stereo_reproject_image() == {"FINISHED"}
+    assert load_picture(scene, OF_PANORAMAS) is None
     for which, (_, name, _) in PICTURES.items():
+        if which == OF_PANORAMAS:
+            continue
         image = load_picture(scene, which)
         assert (image.name, image.packed_file is not None) == (f"Stereo {name}", True)
         assert min(image.size) >= min(SIZE)

@@ -258,3 +258,22 @@ def test_the_view_layers_have_a_line_each(report):
 def test_table_says_what_a_time_limit_left(report, rendered, words):
     limited = {**report, "time_limit": 2.5, "samples_rendered": rendered}
     assert words in format_report_table(limited).splitlines()[0]
+
+
+def cutout(name, left, up, **more):
+    of_all = {"honest_ratio": 1.0123, "noise_ratio": 0.95, "flip": 0.02, "noise_flip": 0.01, "flip_ratio": 2.0}
+    return {"name": name, "left_degrees": left, "up_degrees": up, "size": 326, **of_all, **more}
+
+
+def test_the_cutouts_of_a_panorama_have_a_line_each(report):
+    without = dict.fromkeys(("flip", "noise_flip", "flip_ratio"))
+    cutouts = [cutout("front", 0.0, 0.0), cutout("right", -45.0, 0.0), cutout("up", 0.0, 90.0, **without)]
+    lines = format_report_table({**report, "compare": {**COMPARE, "cutouts": cutouts}}).splitlines()
+    found = [line.split() for line in lines if line.split()[:1] in (["front"], ["right"], ["up"])]
+    assert found == [
+        ["front", "1.012", "0.950", "2.000"],
+        ["right", "45", "1.012", "0.950", "2.000"],
+        ["up", "90", "1.012", "0.950", "n/a"],
+    ]
+    assert all(line.isascii() and line == line.rstrip() for line in lines)
+    assert "headset" not in format_report_table({**report, "compare": COMPARE})

@@ -34,6 +34,7 @@ from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import StereoSettings
 from ...words import Words
 from ..output.animation_output import Output, output_of
+from ..output.delivery import pixels_of
 from ..scene.warnings import scene_warnings
 from .animation_movie import check_movies, make_movie, movies_of, remove_waiting_frames, try_encoder
 from .animation_plan import announce_plan, announce_planning, planned_frames, scene_prints, settings_digest
@@ -85,13 +86,25 @@ def render_animation_files(
     left in the folder `out` of saved.work. saved is the scene's file, for the writer to open. Return the animation's
     report. Raises BadInputError and StereoReprojectError; frames that are finished by then stay.
     """
-    listener = listener or Listener()
+    with pixels_of(scene, settings.scene.panorama):
+        return _rendered(scene, settings, options, saved, files, listener or Listener())
+
+
+def _rendered(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    options: AnimationSettings,
+    saved: SavedScene,
+    files: Sequence[str],
+    listener: Listener,
+) -> dict[str, Any]:
+    """Do the work of `render_animation_files`, in a scene whose pixels have their shape."""
     # `warnings_ahead` has said these, before the first frame.
     warnings = WarnOnce(listener.warn, given=scene_warnings(scene, settings.scene))
     listener = replace(listener, warn=warnings)
     for_movie_alone = scene.render.is_movie_format and options.output is None
     announce_planning(scene, options, listener)
-    options, output = output_of(scene, options)
+    options, output = output_of(scene, options, settings.scene)
     journal = Journal(output.folder, output.name)
     check_movies(scene, options, output, journal, for_movie_alone=for_movie_alone)
     wanted = Fingerprints(settings_digest(settings, output), scene_prints(scene, settings.scene))
@@ -114,7 +127,7 @@ def _made(run: _Run, saved: SavedScene, private: Path, *, keeps_last: bool) -> d
         try_encoder(run.scene, run.context.settings, Path(options.movie), output, private / "tried")
     failed, last = dict(options.skip), None
     if plan.todo:
-        order = _order(saved, output, options, private)
+        order = _order(saved, run.context.settings, output, options, private)
         last = _render_planned(run, plan, failed, order, saved.work, keeps_last=keeps_last)
     report, movies = _finish(run, plan, failed)
     written = [*([] if run.for_movie_alone else output.all_files), *movies]
@@ -262,7 +275,9 @@ def _folder_for(frames: Path, work: Path) -> Iterator[Path]:
             yield beside / "tmp"
 
 
-def _order(saved: SavedScene, output: Output, options: AnimationSettings, private: Path) -> WriterJob:
+def _order(
+    saved: SavedScene, settings: StereoSettings, output: Output, options: AnimationSettings, private: Path
+) -> WriterJob:
     """Return the order for the writer process: the file that it opens, and where and how it writes frames. private is a
     folder for what is handed over.
     """
@@ -276,4 +291,5 @@ def _order(saved: SavedScene, output: Output, options: AnimationSettings, privat
         output=options.output,
         layout=options.layout,
         file_format=options.file_format,
+        panorama=settings.scene.panorama,
     )

@@ -21,7 +21,7 @@ from ...settings.animation import AnimationSettings, spelled
 from ...settings.frame import SceneOverrides, StereoSettings
 from ...words import Words
 from ..output.animation_output import Output
-from ..output.frame_writer import holes_name
+from ..output.frame_writer import picture_name
 from ..scene.fingerprint import scene_fingerprints
 from ..scene.rendered import scene_frames
 from ..scene.working import changed
@@ -83,7 +83,7 @@ def planned_frames(
     untouched = {*options.skip, *options.finished}
     files = {frame: list(paths) for frame, paths in output.files.items() if frame not in untouched}
     for frame, paths in files.items() if options.holes else ():
-        paths.append(output.folder / holes_name(journal, frame))
+        paths.append(output.folder / picture_name(journal, frame))
     looked = count(1)
     plan = plan_frames(
         journal,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 import bpy
@@ -17,7 +18,6 @@ from ...images.metrics import (
     honest_ratio,
     noise_ratio,
     rmse,
-    weighted_mean,
     worst_tiles,
     wrong_tiles,
 )
@@ -37,6 +37,7 @@ from ..output.pictures import read_png
 from ..scene.rendered import CYCLES
 from ..scene.rig import stereo_cameras
 from ..scene.working import evaluated, rendered_layer, working_scene
+from .compare_cutouts import SeenPictures, compare_cutouts
 
 REFERENCE_SEED_OFFSET = 3_000_017
 """Added to the scene's seed for multiview: noise that ours has must not be measured as agreement."""
@@ -64,15 +65,14 @@ class MultiviewReference:
     @property
     def noise_rmse(self) -> float:
         """Root mean square difference between the target eye's two renders, which differ by noise alone."""
-        again, reference = self._seen(self.again, self.reference)
-        return rmse(again, reference, self.pixel_weight)
+        return rmse(self._seen(self.again), self._seen(self.reference), self.pixel_weight)
 
     def judge(self, ours: NDArray[np.float32], variance_share: NDArray[np.float32]) -> dict[str, float]:
         """Return the errors of a target eye (H, W, 4) against multiview's, by the measures of `images/metrics`: "rmse",
         "noise_ratio", "bias", "honest_ratio", "worst_tiles" and "wrong_tiles". variance_share (H, W) is that of the
         frame.
         """
-        ours, reference, again = self._seen(ours, self.reference, self.again)
+        ours, reference, again = self.three(ours)
         weight = self.pixel_weight
         honest = honest_ratio(ours, reference, again, variance_share, weight)
         return {
@@ -84,9 +84,13 @@ class MultiviewReference:
             "wrong_tiles": wrong_tiles(ours, reference, again, weight),
         }
 
-    def _seen(self, *pictures: NDArray[np.float32]) -> list[NDArray[np.float32]]:
-        """Return the pictures (H, W, 4) with their light as it is seen."""
-        return [scaled_colour(picture, self.light_scale) for picture in pictures]
+    def three(self, ours: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Return a target eye (H, W, 4), multiview's and that with another seed, with their light as it is seen."""
+        return self._seen(ours), self._seen(self.reference), self._seen(self.again)
+
+    def _seen(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return a picture (H, W, 4) with its light as it is seen."""
+        return scaled_colour(picture, self.light_scale)
 
 
 def render_reference(
@@ -145,10 +149,13 @@ def compare_with_multiview(
     layers = list(pair.frames)
     multiview = render_reference(scene, settings, folder, layers=layers, light_scale=scale, keeps_eyes=keeps_eyes)
     ours = colour(pair.main_frame.eyes[settings.target])
-    flip, noise_flip = flips(scene, settings, ours, multiview, folder)
-    errors = multiview.judge(ours, pair.main_frame.variance_share)
+    seen, share = seen_pictures(scene, settings, ours, multiview, folder), pair.main_frame.variance_share
+    flip, noise_flip = (None, None) if seen is None else seen.flips()
+    errors = multiview.judge(ours, share)
     no_noise = _why_no_noise(errors, multiview.engine)
     by_noise = {name: value if no_noise is ABSENT else None for name, value in errors.items() if name != "rmse"}
+    pictures = multiview.three(ours)
+    cutouts = compare_cutouts(pair.main_frame.camera, pictures, share, seen, has_noise=no_noise is ABSENT)
     report = CompareReport(
         multiview_seconds=multiview.seconds,
         speedup=multiview.seconds / pair.seconds["total"],
@@ -159,6 +166,7 @@ def compare_with_multiview(
         flip=flip,
         noise_flip=noise_flip,
         flip_ratio=flip / noise_flip if flip is not None and noise_flip and no_noise is ABSENT else None,
+        cutouts=cutouts or ABSENT,
     )
     return report, multiview
 
@@ -191,13 +199,25 @@ def flips(
     folder: Path,
 ) -> tuple[float | None, float | None]:
     """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference and
-    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as the scene's view
-    transform shows them, over a middle grey where the film is transparent.
+    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as `seen_pictures` has
+    them.
     """
-    try:
-        import flip_evaluator
-    except ImportError:
-        return None, None
+    seen = seen_pictures(scene, settings, ours, multiview, folder)
+    return (None, None) if seen is None else seen.flips(weight=multiview.pixel_weight)
+
+
+def seen_pictures(
+    scene: bpy.types.Scene,
+    settings: StereoSettings,
+    ours: NDArray[np.float32],
+    multiview: MultiviewReference,
+    folder: Path,
+) -> SeenPictures | None:
+    """Return `ours` (H, W, 4) and multiview's renders as the scene's view transform shows them, over a middle grey
+    where the film is transparent; None where FLIP, which they are for, is not installed. folder is private.
+    """
+    if find_spec("flip_evaluator") is None:
+        return None
 
     def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Two pictures as people see them, through the scene's view transform."""
@@ -207,13 +227,5 @@ def flips(
         deliver_side_by_side(scene, shown, pair, frame=settings.scene.frame)
         return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
-    reference, repeated = seen(multiview.reference, multiview.again)
-    _, test = seen(multiview.reference, ours)
-
-    def mean_error(picture: NDArray[np.float32]) -> float:
-        errors, mean, _ = flip_evaluator.evaluate(reference, picture, "LDR", applyMagma=False)
-        weight = multiview.pixel_weight
-        of_each = isinstance(weight, np.ndarray)
-        return weighted_mean(np.reshape(errors, weight.shape), weight) if of_each else float(mean)
-
-    return mean_error(test), mean_error(repeated)
+    reference, again = seen(multiview.reference, multiview.again)
+    return SeenPictures(seen(multiview.reference, ours)[1], reference, again)

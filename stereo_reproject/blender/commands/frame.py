@@ -20,7 +20,7 @@ from ...images.passes import DEPTH_PASS, Passes
 from ...images.ranges import range_warnings
 from ...images.seen_light import scaled_colour
 from ...jobs.memory import give_back_freed
-from ...jobs.work_folder import DIFFERENCE, MULTIVIEW_EYES, pair_files
+from ...jobs.work_folder import CUTOUTS, DIFFERENCE, MULTIVIEW_EYES, pair_files, with_cutouts
 from ...pipeline.frame import render_stereo_frame
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
@@ -34,11 +34,13 @@ from ...report.frame_report import CompareReport, FrameReport, MemoryReport, Par
 from ...report.header import ReportHeader, StereoReport
 from ...report.making import LayerFacts, pair_report
 from ...settings.frame import StereoSettings
+from ...views.cutouts import cutouts_of
 from ...views.parallax import visible_parallax
 from ..engines.eevee import renderer_of
 from ..engines.renderer import BlenderRenderer
 from ..engines.time_limit import has_time_limit
-from ..output.delivery import deliver_composited, deliver_side_by_side
+from ..output.cutout_sheet import by_view_transform, write_cutouts
+from ..output.delivery import deliver_composited, deliver_side_by_side, pixels_of
 from ..output.output_paths import check_file_outputs
 from ..output.pictures import write_difference, write_estimate, write_grid, write_holes
 from ..output.stamp import with_render_time
@@ -51,6 +53,7 @@ from .compare import compare_with_multiview
 from .known_costs import known_costs, learn_costs
 
 STEREO_PICTURE = "stereo.png"
+HOLES_PICTURE = "holes.png"
 
 
 def render_files(
@@ -66,9 +69,10 @@ def render_files(
     and the files' names.
 
     work is a private folder that also takes what passes between the stages. files are some of `pair_files`; None stands
-    for all. With stereo.png, the scene's compositor runs, and its File Output nodes write where they point.
-    load_seconds, those of loading the .blend, go into the report. An onlooker is told the stages as they begin, and
-    shown the eyes as they are made. Raises BadInputError and StereoReprojectError.
+    for all. A panorama has the picture of its cut-outs besides, where that of the holes is among them. With stereo.png,
+    the scene's compositor runs, and its File Output nodes write where they point. load_seconds, those of loading the
+    .blend, go into the report. An onlooker is told the stages as they begin, and shown the eyes as they are made.
+    Raises BadInputError and StereoReprojectError.
     """
     out = work / "out"
     out.mkdir(exist_ok=True)
@@ -78,7 +82,11 @@ def render_files(
     pair, report = render_pair(scene, settings, work, onlooker=onlooker)
     onlooker.on_stage(Stage.WRITE)
     start = time.perf_counter()
-    _write_pictures(scene, settings, pair, out, report, files)
+    # Where the picture of the holes explains a panorama, so do its cut-outs.
+    has_cutouts = HOLES_PICTURE in files and bool(cutouts_of(pair.main_frame.camera))
+    files = with_cutouts(files, cutouts=has_cutouts)
+    with pixels_of(scene, settings.scene.panorama):
+        _write_pictures(scene, settings, pair, out, report, files)
     own = {Stage.LOAD.value: load_seconds, Stage.WRITE.value: time.perf_counter() - start}
     report = replace(report, seconds={**report.seconds, **own})
     if settings.compare:
@@ -237,10 +245,11 @@ def _write_pictures(
             if is_composited(scene)
             else deliver_side_by_side(scene, pictures, path, frame=number, metadata=with_render_time({}, seconds))
         ),
-        "holes.png": lambda path: write_holes(path, target, frame.reasons),
+        HOLES_PICTURE: lambda path: write_holes(path, target, frame.reasons),
         "estimate.png": lambda path: write_estimate(path, target, estimates, why_none=why_none),
         "estimate.exr": lambda path: write_eye(path, {pair.main: _estimate_passes(estimates)}, view=settings.target),
         "grid.png": lambda path: write_grid(path, pictures[settings.source], frame.grid),
+        CUTOUTS: lambda path: write_cutouts(path, frame, settings.target, shown=by_view_transform(scene, path, number)),
     }
     for name, write in writers.items():
         if name in files:

@@ -16,6 +16,7 @@ from ...images.exr import VIEWS, write_eye
 from ...images.tuning import TUNING
 from ...jobs.memory import give_back_freed
 from ...jobs.supervisor import FRAME, HANDED_OVER
+from ...jobs.work_folder import CUTOUTS
 from ...pipeline.onlooker import NOBODY, Onlooker
 from ...pipeline.shared_findings import SharedFindings
 from ...pipeline.stages import RENDERING, Stage
@@ -32,6 +33,8 @@ from ...settings.animation import AnimationSettings
 from ...settings.frame import StereoSettings
 from ...trace.costs import AGREED, ASSUMED, TraceCosts, costs_of
 from ...trace.fill import SourceCost
+from ...views.cutouts import cutouts_of
+from ..output.cutout_sheet import write_cutouts
 from ..output.pictures import write_hole_mask
 from ..output.stamp import with_render_time
 from ..scene.rendered import camera_at
@@ -247,6 +250,8 @@ class BlenderFrameMaker:
             if self._options.holes:
                 target = colour(pair.eyes[self._settings.target][pair.main])
                 write_hole_mask(folder / "holes.png", target, pair.main_frame.reasons)
+                if cutouts_of(pair.main_frame.camera):
+                    write_cutouts(folder / CUTOUTS, pair.main_frame, self._settings.target, with_legend=False)
         except (OSError, StereoReprojectError) as error:
             raise failed_output(self._context.journal.frames_folder, error) from error
         return folder

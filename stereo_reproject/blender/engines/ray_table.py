@@ -114,7 +114,7 @@ def _texels(pixels: PackedPixels, rendered: Camera, shader_from_camera: NDArray[
     x, y = pixels.places[:, 1] + 0.5, pixels.places[:, 0] + 0.5
 
     def told(right: float, down: float) -> NDArray:
-        looking = _stacked(camera.looking_from_px(x + right, y + down), x)
+        looking = _stacked(camera.looking_in_camera(x + right, y + down), x)
         if camera.around_world:
             looking = looking * camera.near_clips(x + right, y + down)
         within = camera.within_lens(x + right, y + down)

@@ -21,6 +21,7 @@ from ...sequence.journal import Journal
 from ...sequence.listing import Listing
 from ...sequence.report import report_path
 from ...settings.animation import AnimationSettings
+from ...settings.frame import SceneOverrides
 from ...words import Words
 from ..scene.rendered import scene_frames
 from .image_settings import format_values, writes_half_floats
@@ -28,6 +29,8 @@ from .layouts import PNG16, as_ordered, layout_of
 from .movie import check_movie
 from .movie_panorama import movie_panorama
 from .output_paths import check_file_outputs, output_files, output_stem
+
+AS_IT_IS = SceneOverrides()
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,11 @@ class Output:
         return [path for of_frame in self.files.values() for path in of_frame]
 
 
-def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[AnimationSettings, Output]:
-    """Return the options completed by what the scene says, and the output of their frames.
+def output_of(
+    scene: bpy.types.Scene, options: AnimationSettings, overrides: SceneOverrides = AS_IT_IS
+) -> tuple[AnimationSettings, Output]:
+    """Return the options completed by what the scene says, and the output of their frames. overrides are those of the
+    render, which may make a panorama of the scene.
 
     A scene whose own format is a movie first has its frames in pictures, in a folder beside the movie. Raises
     BadInputError when files cannot be written.
@@ -75,7 +81,7 @@ def output_of(scene: bpy.types.Scene, options: AnimationSettings) -> tuple[Anima
         folder = files[frames[0]][0].parent
         shown = _of_movie(layout, own_movies)
         half = writes_half_floats(scene)
-        panorama = None if shown is None else movie_panorama(scene, frames)
+        panorama = None if shown is None else movie_panorama(scene, frames, overrides.panorama)
         stem, file_format = output_stem(scene), settings.file_format
         output = Output(folder, stem, files, layout, file_format, shown, values, half, panorama)
     if options.movie is not None:

@@ -61,6 +61,16 @@ def deliver_side_by_side(
 
 
 @contextmanager
+def pixels_of(scene: bpy.types.Scene, panorama: str | None) -> Iterator[None]:
+    """Have the scene's pixels square, as those of a panorama for headsets are, for the time of a `with` block; None
+    leaves them as they are. Movies would tell players of another shape, which then squeeze the panorama.
+    """
+    square = {} if panorama is None else {"pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0}
+    with changed(scene.render, **square):
+        yield
+
+
+@contextmanager
 def _empty_scene_like(scene: bpy.types.Scene, frame: int) -> Iterator[bpy.types.Scene]:
     """Have a scene without objects, with the render and colour settings that `scene` has at a frame, for the time of a
     `with` block. It is removed afterwards, and what is animated is back at the scene's own frame.

@@ -24,7 +24,7 @@ from ...sequence.output_errors import blamed_on_output, failed_output, is_full
 from ...sequence.writer_process import WriterJob, WrittenFrame
 from ...words import Words
 from ..scene.compositor import compositor_tree
-from .delivery import deliver_frames
+from .delivery import deliver_frames, pixels_of
 from .layouts import as_ordered, deliver_anaglyph, is_our_own
 from .opening import open_session
 from .pictures import check_png
@@ -33,9 +33,14 @@ HOLES = "holes"
 """The folder, in the frames' own, for pictures of what was traced, and what such a picture is called before."""
 
 
-def holes_name(journal: Journal, frame: int) -> str:
-    """Return the path, in the frames' folder, of the picture of a frame's traced pixels."""
-    return f"{HOLES}/{journal.name}{frame:04d}.png"
+CUTOUTS = "cutouts"
+"""Folder and name of the pictures of a panorama's cut-outs, as `HOLES` has them."""
+
+
+def picture_name(journal: Journal, frame: int, kind: str = HOLES) -> str:
+    """Return the path, in the frames' folder, of the picture of a frame's traced pixels; with `CUTOUTS` as kind of its
+    cut-outs."""
+    return f"{kind}/{journal.name}{frame:04d}.png"
 
 
 FULL_DRIVE_BYTES = 1 << 16
@@ -53,6 +58,7 @@ class FrameWriter:
         strip(scene)
         self._scene = scene
         self._changes = ExitStack()
+        self._changes.enter_context(pixels_of(scene, self._job.panorama))
         self._changes.enter_context(as_ordered(scene, self._job.output, self._job.layout, self._job.file_format))
         self._journal = Journal(Path(self._job.folder), self._job.name)
 
@@ -88,9 +94,10 @@ class FrameWriter:
         except StereoReprojectError as error:
             raise blamed_on_output(self._journal.frames_folder, error) from error
         self._check_whole(made.values(), number)
-        holes = folder / f"{HOLES}.png"
-        if holes.exists():
-            made[holes_name(self._journal, number)] = holes
+        for kind in (HOLES, CUTOUTS):
+            picture = folder / f"{kind}.png"
+            if picture.exists():
+                made[picture_name(self._journal, number, kind)] = picture
         return made
 
     def _check_whole(self, files: Collection[Path], number: int) -> None:

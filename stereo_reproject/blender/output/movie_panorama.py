@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import bpy
@@ -12,23 +13,29 @@ from ...views.panorama import PanoramicCamera
 from ...views.projections import Equirectangular
 from ..scene.rendered import camera_at
 from ..scene.rig import stereo_cameras
+from ..scene.vr_cameras import HALF_WIDTHS
 
 
-def movie_panorama(scene: bpy.types.Scene, frames: Iterable[int]) -> MoviePanorama | None:
+def movie_panorama(scene: bpy.types.Scene, frames: Iterable[int], asked: str | None = None) -> MoviePanorama | None:
     """Return the part of the sphere that a movie of these frames shows, by the cameras as they are now; None for other
-    cameras than equirectangular ones, and where not all frames show the same part.
+    cameras than equirectangular ones, and where not all frames show the same part. asked is the panorama that cameras
+    are made for the render, as `SceneOverrides` has it.
     """
     cameras = {camera.name_full: camera for camera in (camera_at(scene, frame) for frame in frames) if camera}
-    shown = {_panorama(camera, scene.render) for camera in cameras.values()}
+    shown = {_panorama(camera, scene.render, asked) for camera in cameras.values()}
     return shown.pop() if len(shown) == 1 else None
 
 
-def _panorama(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> MoviePanorama | None:
+def _panorama(camera: bpy.types.Object, render: bpy.types.RenderSettings, asked: str | None) -> MoviePanorama | None:
     """Return the part of the sphere that a camera shows, after shift and render border; None for other cameras than
-    equirectangular ones.
+    equirectangular ones. asked is as for `movie_panorama`.
     """
     data = camera.data
-    if camera.type != "CAMERA" or data.type != "PANO" or data.panorama_type != "EQUIRECTANGULAR":
+    if camera.type != "CAMERA":
+        return None
+    if asked is not None and data.type == "PERSP":
+        return panorama_of(*_angles(asked))
+    if data.type != "PANO" or data.panorama_type != "EQUIRECTANGULAR":
         return None
     try:
         eye = stereo_cameras(camera, render)["left"]
@@ -37,7 +44,15 @@ def _panorama(camera: bpy.types.Object, render: bpy.types.RenderSettings) -> Mov
         return None
     if not isinstance(eye, PanoramicCamera) or not isinstance(eye.projection, Equirectangular):
         return None
-    (west, east), (south, north), window = eye.projection.longitudes, eye.projection.latitudes, eye.window
+    own = eye.projection.longitudes, eye.projection.latitudes
+    (west, east), (south, north) = own if asked is None else _angles(asked)
+    window = eye.window
     longitudes = west + window.left * (east - west), west + window.right * (east - west)
     latitudes = south + window.bottom * (north - south), south + window.top * (north - south)
     return panorama_of(longitudes, latitudes)
+
+
+def _angles(asked: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the longitudes and latitudes of a panorama by its name in `SceneOverrides`."""
+    half = HALF_WIDTHS[asked]
+    return (-half, half), (-0.5 * math.pi, 0.5 * math.pi)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import blf
@@ -49,6 +50,9 @@ DIFFERENCE_GAIN = 4
 
 PNG_END = b"IEND\xaeB`\x82"
 
+Legend = Sequence[tuple[str, tuple[int, int, int] | None]]
+"""Texts of a legend, each with the colour of the square before it, or None."""
+
 GRID_COLOUR = (60, 230, 120)
 GRID_WIDTH_PIXELS = 2880
 """Pixels up to which the picture of the grid is enlarged."""
@@ -75,18 +79,23 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
     """Write a PNG of the target eye, dimmed, in which every traced pixel has the colour of its reason, with a legend
     below. target (H, W, 4) is scene-linear; reasons (H, W) are `Reason` flags.
     """
-    picture, shares = _holes(target, reasons)
-    _write_with_legend(
-        path, picture, [(f"{reason.words} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
-    )
+    picture, shares = holes_by_reason(target, reasons)
+    _write_with_legend(path, picture, legend_of_holes(shares))
+
+
+def legend_of_holes(shares: Mapping[Reason, float]) -> Legend:
+    """Return the legend of a picture of traced pixels, by the share of all pixels that has each reason."""
+    return [(f"{reason.words} {100.0 * share:.1f} %", COLOURS[reason]) for reason, share in shares.items()]
 
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
     """Write the picture of `write_holes` without its legend: as a frame of an animation it has the target's size."""
-    write_png(path, _holes(target, reasons)[0])
+    write_png(path, holes_by_reason(target, reasons)[0])
 
 
-def _holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
+def holes_by_reason(
+    target: NDArray[np.float32], reasons: NDArray[np.uint16]
+) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
     """Return the picture (H, W, 3) of traced pixels, as bytes, and the share of all pixels that have each reason."""
     picture = _backdrop(target)
     shown = np.zeros(reasons.shape, bool)
@@ -179,15 +188,13 @@ def _lines(shape: tuple[int, int], scale: int, step: int, *, diagonals: bool) ->
     return lines
 
 
-def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: list[tuple[str, tuple[int, int, int]]]) -> None:
-    """Write a PNG of the picture (H, W, 3), in bytes, with a legend below: texts, each after a square in its colour.
-    Raises BadInputError.
-    """
-    write_png(path, np.concatenate([picture, _drawn(path, legend, picture.shape[1])]))
+def _write_with_legend(path: Path, picture: NDArray[np.uint8], legend: Legend) -> None:
+    """Write a PNG of the picture (H, W, 3), in bytes, with a legend below. Raises BadInputError."""
+    write_png(path, np.concatenate([picture, drawn(path, legend, picture.shape[1])]))
 
 
-def _drawn(path: Path, legend: list[tuple[str, tuple[int, int, int]]], width: int) -> NDArray[np.uint8]:
-    """Return a legend as a picture (h, width, 3) in bytes: texts, each after a square in its colour.
+def drawn(path: Path, legend: Legend, width: int) -> NDArray[np.uint8]:
+    """Return a legend as a picture (h, width, 3) in bytes: texts, each after a square in its colour where it has one.
 
     path is that of the PNG that it is for, and takes the legend meanwhile: Blender draws into files alone. Raises
     BadInputError.
@@ -195,14 +202,14 @@ def _drawn(path: Path, legend: list[tuple[str, tuple[int, int, int]]], width: in
     size = 16.0
     blf.size(FONT, size)
     line, margin, square = 26, 10, 14
-    places = []
+    places: list[tuple[str, tuple[int, int, int] | None, int, int]] = []
     x, y = margin, 0
     for text, colour in legend:
         for part, words in enumerate(_wrapped(text, width - square - 8 - 2 * margin)):
             needed = square + 8 + int(_length(words)) + 2 * margin
             if part or (x + needed > width and x > margin):
                 x, y = margin, y + line
-            places.append((words, None if part else colour, x, y))
+            places.append((words, None if part else colour, x if colour is not None else x - square - 8, y))
             x += needed
     canvas = np.full((y + line + 6, width, 3), 24, np.uint8)
     for _, colour, x, y in places:

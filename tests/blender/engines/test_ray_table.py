@@ -61,7 +61,7 @@ def test_directions_within_a_pixel_are_the_cameras(projection):
         for aside, below in ((0.0, 0.0), (-0.5, 0.5), (0.5, 0.5)):
             found = looking + aside * right + below * down
             found /= np.linalg.norm(found, axis=0)
-            expected = np.stack(np.broadcast_arrays(*pixels.camera.looking_from_px(x + aside, y + below)))
+            expected = np.stack(np.broadcast_arrays(*pixels.camera.looking_in_camera(x + aside, y + below)))
             off = np.linalg.norm(found - expected, axis=0)[inside] * HEIGHT / np.pi
             assert off.max() < (INTERPOLATED if aside else 1e-5)
 

@@ -1,0 +1,68 @@
+"""Pairs for headsets: the scene rendered as VR180 or 360°, from the place of its camera, which stays as it is."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..stereo_reproject.blender.scene.vr_cameras import check_vr
+from ..stereo_reproject.errors import BadInputError
+from ..stereo_reproject.settings.frame import PANORAMAS, SceneOverrides
+
+FLAT = "camera"
+"""The choice of what the scene's camera itself sees."""
+
+CHOICES = [
+    (FLAT, "Camera", "As the scene's camera sees it, for a screen"),
+    (
+        "vr180",
+        "VR180",
+        (
+            "The half of the sphere that is in front of the camera, for headsets. It stands upright: how far the camera"
+            " looks up or down, and its roll, are left out. Depth of field is off"
+        ),
+    ),
+    (
+        "vr360",
+        "360°",
+        (
+            "The whole sphere around the camera, for headsets. It stands upright: how far the camera looks up or down,"
+            " and its roll, are left out. Depth of field is off"
+        ),
+    ),
+]
+"""Items of the setting that says what is rendered."""
+
+LEAST_HEIGHT_PX = 4
+HEIGHT_PX = 4096
+
+
+def is_panorama(scene: bpy.types.Scene) -> bool:
+    """Return whether the scene's camera is a panorama by itself, of whatever kind."""
+    camera = scene.camera
+    return camera is not None and camera.type == "CAMERA" and camera.data.type == "PANO"
+
+
+def asked_panorama(scene: bpy.types.Scene) -> str | None:
+    """Return the panorama that the panel asks for, by its name in `SceneOverrides`; None for the camera's own view."""
+    chosen = scene.stereo_reproject.headset
+    return None if chosen == FLAT or is_panorama(scene) else chosen
+
+
+def panorama_size(scene: bpy.types.Scene, panorama: str) -> tuple[int, int]:
+    """Return the width and height in pixels of one eye of a panorama, by the height that is set in the panel."""
+    width, height = PANORAMAS[panorama]
+    wanted = scene.stereo_reproject.headset_height
+    return wanted * width // height, wanted
+
+
+def panorama_obstacle(scene: bpy.types.Scene, engine: str) -> BadInputError | None:
+    """Return why the panorama that the panel asks for cannot be rendered of the scene by this engine, a name of
+    Blender's; None where it can, or none is asked for."""
+    panorama, camera = asked_panorama(scene), scene.camera
+    if panorama is None or camera is None or camera.type != "CAMERA":
+        return None
+    try:
+        check_vr(camera, scene.render, engine, SceneOverrides(panorama=panorama))
+    except BadInputError as error:
+        return error
+    return None

@@ -1,0 +1,75 @@
+"""Pixels of cut-outs: pictures of a panorama seen in perspective, by its nearest pixels or interpolated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..views.camera import Array
+from ..views.cutouts import Cutout, px_in_cutout
+from ..views.panorama import PanoramicCamera
+
+
+@dataclass(frozen=True)
+class CutoutPixels:
+    """The places that the pixels of a cut-out have in a panorama of width x height pixels: x and y (S, S), NaN where it
+    shows nothing. wraps: True where the panorama's last column is followed by its first."""
+
+    x: Array
+    y: Array
+    width: int
+    height: int
+    wraps: bool
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """Pixels (S, S) at which the panorama shows something."""
+        return np.isfinite(self.x)
+
+    def nearest(self, image: NDArray) -> NDArray:
+        """Return the values (S, S, ...) of the panorama's pixels (H, W, ...) in which the cut-out's lie; 0 where it
+        shows nothing. Each is a pixel's own, so noise stays as independent between pixels as it is."""
+        result = image[self._row(np.floor(self._known(self.y))), self._column(np.floor(self._known(self.x)))]
+        result[~self.shown] = 0
+        return result
+
+    def linear(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the values (S, S, C) of an image (H, W, C), interpolated between the four pixels around each place; 0
+        where it shows nothing."""
+        left, top = self._known(self.x) - 0.5, self._known(self.y) - 0.5
+        column, row = np.floor(left), np.floor(top)
+        across, down = (left - column)[..., None].astype(np.float32), (top - row)[..., None].astype(np.float32)
+        result = np.zeros((*self.x.shape, image.shape[-1]), np.float32)
+        for below, share_down in ((0, 1.0 - down), (1, down)):
+            for beside, share_across in ((0, 1.0 - across), (1, across)):
+                pixel = image[self._row(row + below), self._column(column + beside)]
+                result += pixel * (share_down * share_across)
+        result[~self.shown] = 0.0
+        return result
+
+    def _known(self, place: Array) -> Array:
+        """Return places (S, S) with 0 for those that are not known."""
+        return np.where(self.shown, place, 0.0)
+
+    def _row(self, row: Array) -> NDArray[np.intp]:
+        """Return whole numbers as rows of the panorama, whose first and last are repeated beyond it."""
+        return np.clip(row.astype(np.intp), 0, self.height - 1)
+
+    def _column(self, column: Array) -> NDArray[np.intp]:
+        """Return whole numbers as columns of the panorama."""
+        whole = column.astype(np.intp)
+        return whole % self.width if self.wraps else np.clip(whole, 0, self.width - 1)
+
+
+def cutout_pixels(camera: PanoramicCamera, cutout: Cutout, size: int) -> CutoutPixels:
+    """Return the places in a panorama of the pixels of a cut-out of size x size pixels."""
+    x, y = px_in_cutout(camera, cutout, size)
+    return CutoutPixels(x, y, camera.width, camera.height, wraps=abs(camera.period_px - camera.width) < 0.5)
+
+
+def block_mean(image: NDArray, times: int) -> NDArray[np.float32]:
+    """Return a picture (times h, times w, C) made smaller: the mean (h, w, C) of each times x times pixels."""
+    height, width = image.shape[0] // times, image.shape[1] // times
+    return image.reshape(height, times, width, times, -1).mean(axis=(1, 3), dtype=np.float32)
