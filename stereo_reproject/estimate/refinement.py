@@ -23,6 +23,18 @@ from .expected_excess import (
 from .tuning import TUNING
 
 
+def tiles_to_trace(
+    evidence: TileEvidence, promise: float, worst: float, *, unseen: float = 0.0
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the tiles (N,) to be traced, by all rules, and those of them (N,) that their own probe helped to choose.
+    The other parameters are those of `choose_tiles`."""
+    chosen = choose_tiles(evidence, promise, worst=worst, unseen=unseen)
+    by_own = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
+    # That those around it are chosen is partly its own probe's doing.
+    by_own |= enclosed_tiles(evidence, chosen | by_own)
+    return chosen | by_own, by_own
+
+
 def choose_tiles(
     evidence: TileEvidence,
     promise: float,

@@ -26,7 +26,7 @@ from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, w
 from .expected_excess import local_noise
 from .noise_ratio import Estimate, as_rendered, estimate
 from .probes import Probes, place_random_probes
-from .refinement import choose_tiles, enclosed_tiles, outlier_tiles
+from .refinement import choose_tiles, tiles_to_trace
 from .target import Provenance, Target
 from .tuning import TUNING
 
@@ -206,7 +206,8 @@ class ProbedTracing:
         evidence = self._evidence
         if evidence is None:
             return self._unrefined()
-        chosen, outliers = self._tiles_to_trace(evidence)
+        accuracy = self._accuracy
+        chosen, by_own = tiles_to_trace(evidence, self._promise, accuracy.tile_limit, unseen=accuracy.unseen)
         pixels = evidence.probes.pixels_of(chosen) & ~self.target.traced
         if not pixels.any():
             return Refinement(pixels, estimate=estimate(evidence), evidence=evidence)
@@ -219,7 +220,7 @@ class ProbedTracing:
         noise, warped = local_noise(evidence), self.target.colour[pixels]
         self._trace(fill.method, pixels)
         self._flag_refined(evidence.probes.pixels_of(chosen))
-        done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], outliers, self._variance_share)
+        done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], by_own, self._variance_share)
         evidence = with_refined(evidence, done, noise)
         return Refinement(pixels, fill, estimate(evidence), evidence)
 
@@ -232,15 +233,6 @@ class ProbedTracing:
         return Refinement(
             nothing, estimate=told, whole=whole, no_estimate=NOTHING_DIFFERS if promises else PROMISES_NOTHING
         )
-
-    def _tiles_to_trace(self, evidence: TileEvidence) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the tiles (N,) to be traced, and those of them (N,) that were chosen by what their own probe told."""
-        worst, unseen = self._accuracy.tile_limit, self._accuracy.unseen
-        chosen = choose_tiles(evidence, self._promise, worst=worst, unseen=unseen)
-        outliers = outlier_tiles(evidence, worst, unseen=unseen) & ~chosen
-        # That those around it are chosen is partly its own probe's doing.
-        outliers |= enclosed_tiles(evidence, chosen | outliers)
-        return chosen | outliers, outliers
 
     def _flag_refined(self, pixels: NDArray[np.bool_]) -> None:
         """Flag these pixels (H, W) of the target as refined, but for holes."""

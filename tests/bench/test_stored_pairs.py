@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+from stereo_reproject.estimate import tracing
 from stereo_reproject.estimate.tracing import ProbedTracing
 from stereo_reproject.images.metrics import honest_ratio
 from stereo_reproject.settings.accuracy import SETTINGS
@@ -58,9 +59,7 @@ def test_pixels_that_were_refined_count_as_traced(monkeypatch):
     refine = ProbedTracing.refine
     refined = []
     monkeypatch.setattr(
-        ProbedTracing,
-        "_tiles_to_trace",
-        lambda _, evidence: (~evidence.refined, np.zeros(evidence.refined.shape, bool)),
+        tracing, "tiles_to_trace", lambda evidence, *_, **__: (~evidence.refined, np.zeros_like(evidence.refined))
     )
     monkeypatch.setattr(ProbedTracing, "refine", lambda self: refined.append(refine(self)) or refined[-1])
     found, target = pair_of(room_of_noise(), SETTINGS["balanced"], 1)
