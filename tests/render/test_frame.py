@@ -14,7 +14,7 @@ from stereo_reproject.images.exr import write_table
 from stereo_reproject.images.masks import dilate
 from stereo_reproject.images.passes import COLOUR_PASS, DEPTH_PASS
 from stereo_reproject.images.reasons import Reason
-from stereo_reproject.jobs.work_folder import pair_files
+from stereo_reproject.jobs.work_folder import CUTOUTS, pair_files, with_cutouts
 from stereo_reproject.settings.frame import ACCURACIES, SceneOverrides, StereoSettings
 from tests.blender.toolbox import (
     Material,
@@ -87,7 +87,8 @@ def render_pair(scene, folder, /, **settings):
     work = folder / "work"
     work.mkdir()
     report, files = render_files(scene, StereoSettings(**settings), work)
-    expected = set(pair_files(compare=settings.get("compare", False)))
+    names = pair_files(compare=settings.get("compare", False))
+    expected = set(with_cutouts(names, cutouts=scene.camera.data.type == "PANO" and CUTOUTS in files))
     assert set(files) == expected
     assert {path.name for path in (work / "out").iterdir()} == expected
     return report, {view: channels_of(work / "out" / f"{view}.exr") for view in ("left", "right")}
