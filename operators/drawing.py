@@ -105,7 +105,8 @@ def draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     _draw_kept(layout, context)
     result = result_of(context.scene)
     if result.ended:
-        paragraph(layout, context, Words("{sentence}.", sentence=result.ended.removesuffix(".")), icon="INFO")
+        text = Words("{sentence}.", sentence=result.ended.removesuffix("."))
+        paragraph(layout, context, text, icon="ERROR" if result.failed else "INFO")
     if result.delivery is None:
         return
     delivery = result.delivery

@@ -189,7 +189,8 @@ class JobOperator:
         """
         self.report(kind, words)
         if scene is not None:
-            result_of(scene).ended = words
+            result = result_of(scene)
+            result.ended, result.failed = words, kind == {"ERROR"}
 
     def _finish(self) -> set[str]:
         """Hand over the result of the run that is over, and return what Blender expects: {"FINISHED"} or {"CANCELLED"}.

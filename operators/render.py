@@ -281,7 +281,8 @@ def _deliver(
         raise _deleted(run)
     before = result_of(scene).delivery
     leave_multiview(None if before is None else before.content)
-    hand_over_multiview(scene, run, frame=frame)
+    with pixels_of(scene, run.settings.scene.panorama):
+        hand_over_multiview(scene, run, frame=frame)
     eyes = {view: read_eye(run.folder / f"{view}.exr") for view in VIEWS}
     metadata = with_render_time(read_metadata(run.folder / f"{VIEWS[0]}.exr"), _render_seconds(run, frame))
     with unused_slot() as slot, pixels_of(scene, run.settings.scene.panorama):

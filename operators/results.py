@@ -110,6 +110,8 @@ class Result:
     """Job that still holds the pictures."""
     ended: str = ""
     """Reason in a line for which the last job ended without a result; "" where it has one, or none has ended."""
+    failed: bool = False
+    """True where that job failed, and was not cancelled."""
 
     def picture(self, which: str) -> Path | None:
         """Return the path of one of the last pair's pictures, by its key in `PICTURES`; None if there is none."""

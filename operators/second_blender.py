@@ -56,6 +56,9 @@ class SecondBlender:
 _waiting: list[SecondBlender] = []
 """The one that waits, if any."""
 
+_failed: list[tuple[Path, Sequence[str] | None]] = []
+"""Folder of temporary files and command of the last one that could not be started, if it was the last."""
+
 
 def worker_command() -> Sequence[str] | None:
     """Return the command that starts a worker in this very Blender, see `module_in_blender`."""
@@ -68,12 +71,17 @@ def keep_ready() -> None:
     """
     if _waiting or bpy.app.background or bpy.app.timers.is_registered(_start_soon) or not preferred("keep_ready"):
         return
-    bpy.app.timers.register(_start_soon, first_interval=START_SECONDS)
+    if (temporary_folder(), worker_command()) not in _failed:
+        bpy.app.timers.register(_start_soon, first_interval=START_SECONDS)
 
 
 def _start_soon() -> float | None:
-    """Start the second Blender from a timer; while Blender renders, return the seconds until the next try."""
-    if bpy.app.is_job_running("RENDER"):
+    """Start the second Blender from a timer; while Blender renders or a job runs, return the seconds until the next
+    try.
+    """
+    from .jobs import running
+
+    if bpy.app.is_job_running("RENDER") or running() is not None:
         return BUSY_SECONDS
     if not _waiting and preferred("keep_ready"):
         start()
@@ -85,6 +93,7 @@ def start() -> None:
     it cannot.
     """
     temporary, command = temporary_folder(), worker_command()
+    _failed[:] = [(temporary, command)]
     place = work_folder(temporary, ())
     try:
         folder = place.__enter__()
@@ -95,6 +104,7 @@ def start() -> None:
     except StereoReprojectError:
         place.__exit__(None, None, None)
         return
+    _failed.clear()
     _waiting.append(SecondBlender(place, folder, worker, temporary, command))
 
 
@@ -112,6 +122,8 @@ def take() -> SecondBlender | None:
 
 
 def end_waiting() -> None:
-    """End the second Blender that waits, if any."""
+    """End the second Blender that waits or is to be started, if any."""
+    if bpy.app.timers.is_registered(_start_soon):
+        bpy.app.timers.unregister(_start_soon)
     while _waiting:
         _waiting.pop().end()

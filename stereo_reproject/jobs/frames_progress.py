@@ -19,16 +19,16 @@ class FramesProgress:
 
     def __init__(self, now: float, total: int, of_frame: Callable[[float], Progress]) -> None:
         self._total, self._of_frame = max(total, 1), of_frame
-        self._frame, self._started, self._detail = of_frame(now), now, ""
-        self._begun = self._finished = self._existing = 0
-        self._each: float | None = None
+        self._frame, self._started = of_frame(now), now
+        self._begun: list[str] = []
+        self._done, self._each = 0, 0.0
         self._shown = 0.0
 
     def begin(self, stage: str, now: float, detail: str = "") -> None:
         """Report that a stage has begun; a `detail` that names another frame than before begins that."""
-        if detail.startswith(FRAME) and detail != self._detail:
-            self._frame, self._started, self._detail = self._of_frame(now), now, detail
-            self._begun += 1
+        if detail.startswith(FRAME) and detail not in self._begun[-1:]:
+            self._frame, self._started = self._of_frame(now), now
+            self._begun.append(detail)
         self._frame.begin(stage, now)
 
     def advance(self, fraction: float | None, now: float) -> None:
@@ -36,27 +36,39 @@ class FramesProgress:
         self._frame.advance(fraction, now)
 
     def finish(self, event: Mapping[str, Any]) -> None:
-        """Report a finished frame by its "frame" event, see `jobs/supervisor`. It may be later than the start of the
-        next frame, which is rendered while the one before is written.
+        """Report a finished frame by its "frame" event, see `jobs/supervisor`.
+
+        It may be later than the start of the next frame, which is rendered while the one before is written; and the
+        frame may be another run's.
         """
-        self._finished += 1
-        self._existing, self._total = max(event["done"] - self._finished, 0), max(event["total"], 1)
-        self._each = event["each"] or None
+        frame = f"{FRAME}{event['frame']}"
+        if frame in self._begun:
+            # Those before it have failed, or are counted by the event too.
+            del self._begun[: self._begun.index(frame) + 1]
+        self._done, self._total, self._each = event["done"], max(event["total"], 1), event["each"]
 
     @property
     def _before(self) -> int:
         """Number of frames that are rendered, before the one that is under way."""
-        return self._existing + max(self._begun - 1, 0)
+        return self._done + max(len(self._begun) - 1, 0)
+
+    @property
+    def _is_between(self) -> bool:
+        """True where the last frame is finished and the next has not begun."""
+        return self._done > 0 and not self._begun
 
     def fraction(self, now: float) -> float:
         """Return the fraction of all frames that is done, from 0 to 1, and never less than before."""
-        self._shown = max(self._shown, min((self._before + self._frame.fraction(now)) / self._total, 1.0))
+        own = 0.0 if self._is_between else self._frame.fraction(now)
+        self._shown = max(self._shown, min((self._before + own) / self._total, 1.0))
         return self._shown
 
     def remaining(self, now: float) -> float | None:
         """Return the seconds that the animation still takes by estimate; None as long as they cannot be estimated."""
+        if self._is_between:
+            return max(self._total - self._done, 0) * self._each
         taken, left = now - self._started, self._frame.remaining(now)
         later = max(self._total - self._before - 1, 0)
-        if self._each is None:
+        if not self._each:
             return None if left is None else left + later * (taken + left)
         return max(self._each - taken if left is None else left, 0.0) + later * self._each

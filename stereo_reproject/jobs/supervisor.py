@@ -132,7 +132,7 @@ def run_worker(
     interrupts = interrupts or Interrupts()
     with _work_folder(job) as work, plain_blend(job.blend) as blend, interrupts.until_cleaning():
         interrupts.check()
-        with waiting or start_worker(command, work) as worker, _told_when_gone(job, worker):
+        with waiting or start_worker(command, work) as worker, _told_when_gone(job, work):
             worker.send(_message(job, work, blend))
             done = _listen(worker, on_event, on_tick, interrupts, job=job, names=_known_names(work, blend))
         report = done.get("report")
@@ -163,7 +163,7 @@ def _work_folder(job: Job) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
+def _told_when_gone(job: Job, work: Path) -> Iterator[None]:
     """Replace errors raised in a `with` block by one that says that the run's folder was removed, if it was. Signals
     and the errors of an animation, which says so itself, are left as they are."""
     try:
@@ -171,8 +171,8 @@ def _told_when_gone(job: Job, worker: Worker) -> Iterator[None]:
     except RunInterruptedError:
         raise
     except StereoReprojectError as error:
-        # Blender makes folders that are missing, but no log.
-        if job.command == "animate" or not is_missing(worker.log):
+        # Blender makes folders that are missing, but not this file.
+        if job.command == "animate" or not is_missing(work / "pid"):
             raise
         folder = tempfile.gettempdir() if job.output is None else job.output
         raise BadInputError(

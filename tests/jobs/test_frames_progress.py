@@ -19,8 +19,8 @@ def rendered(progress, frame, start, *, seconds=40.0):
     progress.begin("fill", start + 0.75 * seconds, f"frame {frame}")
 
 
-def finished(done, total, each):
-    return {"done": done, "total": total, "each": each}
+def finished(frame, total, each, *, done=None):
+    return {"frame": frame, "done": frame if done is None else done, "total": total, "each": each}
 
 
 def test_in_the_first_frame_the_others_are_taken_to_last_as_long():
@@ -81,3 +81,33 @@ def test_before_anything_tells_no_time_is_left():
     progress.begin("load", 0.0)
     assert progress.remaining(1.0) is None
     assert progress.fraction(1.0) == 0.0
+
+
+def test_between_two_frames_what_is_finished_counts_once():
+    progress = progress_of(4)
+    rendered(progress, 1, 0.0)
+    progress.finish(finished(1, 4, 40.0))
+    assert progress.fraction(41.0) == pytest.approx(0.25)
+    assert progress.remaining(41.0) == pytest.approx(120.0)
+
+
+def test_a_frame_that_failed_counts_once():
+    progress = progress_of(4)
+    rendered(progress, 1, 0.0)
+    rendered(progress, 2, 40.0)
+    progress.finish(finished(2, 4, 40.0))
+    progress.begin("source", 80.0, "frame 3")
+    assert progress.fraction(80.0) == pytest.approx(0.5)
+    assert progress.remaining(80.0) == pytest.approx(80.0)
+
+
+def test_a_frame_of_another_run_counts_too():
+    progress = progress_of(4)
+    rendered(progress, 1, 0.0)
+    progress.finish(finished(1, 4, 40.0))
+    progress.finish(finished(2, 4, 40.0))
+    progress.begin("source", 40.0, "frame 3")
+    progress.finish(finished(4, 4, 40.0, done=3))
+    progress.begin("fill", 70.0, "frame 3")
+    assert progress.fraction(70.0) == pytest.approx(0.9375)
+    assert progress.remaining(70.0) == pytest.approx(10.0)

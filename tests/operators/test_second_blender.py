@@ -151,6 +151,52 @@ def test_where_it_cannot_be_started_nothing_is_left_and_nothing_said(second, pla
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.fixture
+def in_a_window(second, monkeypatch):
+    """Blender as it says that it has a window, and the extension's preferences."""
+
+    class App:
+        background = False
+        timers = bpy.app.timers
+        is_job_running = bpy.app.is_job_running
+
+    class Bpy:
+        app = App
+        types = bpy.types
+
+    monkeypatch.setattr(second, "bpy", Bpy)
+    monkeypatch.setattr(second, "preferred", lambda _: True)
+    yield
+    second.end_waiting()
+
+
+def test_one_that_could_not_be_started_is_not_tried_again_at_each_redraw(second, place, monkeypatch, in_a_window):
+    monkeypatch.setattr(second, "worker_command", lambda: [str(place / "no such program")])
+    second.keep_ready()
+    assert bpy.app.timers.is_registered(second._start_soon)
+    assert second._start_soon() is None
+    bpy.app.timers.unregister(second._start_soon)
+    second.keep_ready()
+    assert not bpy.app.timers.is_registered(second._start_soon)
+
+
+def test_none_is_started_while_a_job_runs(second, place, monkeypatch, in_a_window):
+    from stereo_reproject_extension.operators import jobs
+
+    monkeypatch.setattr(jobs, "running", lambda: "a job")
+    assert second._start_soon() == second.BUSY_SECONDS
+    assert second._waiting == []
+
+
+def test_one_that_is_to_be_started_is_not_once_the_extension_is_off(package, place, monkeypatch):
+    package.register()
+    from stereo_reproject_extension.operators import second_blender
+
+    bpy.app.timers.register(second_blender._start_soon, first_interval=60.0)
+    package.unregister()
+    assert not bpy.app.timers.is_registered(second_blender._start_soon)
+
+
 def test_without_a_window_none_is_started(second):
     second.keep_ready()
     assert not bpy.app.timers.is_registered(second._start_soon)
