@@ -58,6 +58,17 @@ def with_materials(evidence: TileEvidence, nearby: Uncertain) -> Uncertain:
     return expected / evidence.pixels, np.hypot(error, more / evidence.pixels)
 
 
+def of_one_pixel(evidence: TileEvidence, expected: Uncertain) -> Uncertain:
+    """Return the excess (N,) of a pixel of each tile, with its standard error (N,), as if each pixel counted alike.
+
+    expected is counted by the pixels' weight, as in the rest of this module: right for a share of the frame, but a
+    single tile is seen to be wrong whatever its weight is.
+    """
+    excess, error = expected
+    of_one = evidence.pixels / evidence.area
+    return of_one * excess, of_one * error
+
+
 def remaining_excess(evidence: TileEvidence, order: NDArray[np.intp]) -> Uncertain:
     """Return the excess of the whole frame, as a share of its noise, after tracing more and more tiles, and its
     standard error.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..images.metrics import TILE_PX, WRONG_TILE_RATIO, bias_sigmas, tile_means, weighted_mean, weighted_percentile
 from ..settings.accuracy import DISPLAY_STEP
 from .evidence import TileEvidence
-from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, remaining_excess
+from .expected_excess import CONFIDENCE_95_SIGMAS, expected_excess, local_noise, of_one_pixel, remaining_excess
 from .tuning import TUNING
 
 
@@ -132,9 +132,7 @@ def wrong_tiles(evidence: TileEvidence) -> float:
 
 def _expected(evidence: TileEvidence) -> tuple[NDArray, NDArray]:
     """Return the expected excess (N,) of a pixel of each tile, and its standard error (N,), whatever its weight is."""
-    expected, error = expected_excess(evidence, TUNING.tile_reach_tiles)
-    of_one = evidence.pixels / evidence.area
-    return of_one * expected, of_one * error
+    return of_one_pixel(evidence, expected_excess(evidence, TUNING.tile_reach_tiles))
 
 
 def _block_weights(evidence: TileEvidence) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from .expected_excess import (
     expected_excess,
     local_noise,
     neighbours_excess,
+    of_one_pixel,
     remaining_excess,
     with_materials,
 )
@@ -52,7 +53,7 @@ def choose_tiles(
     free = ~evidence.refined
     if not evidence.frame_noise:
         # Without noise there is no ratio to it: whatever is off so that it can be seen is traced.
-        return free & (evidence.excess > HOLE_TUNING.unseen_difference**2 * evidence.pixels)
+        return free & (evidence.excess > HOLE_TUNING.unseen_difference**2 * evidence.area)
     margin = TUNING.promise_margin_sigmas if margin_sigmas is None else margin_sigmas
     expected = expected_excess(evidence, TUNING.frame_reach_tiles)[0]
     # Where no gain is expected, there is none: what a lone probe says of its own tile is for the estimate.
@@ -75,7 +76,7 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
     unseen is as for `choose_tiles`.
     """
     noise = np.maximum(local_noise(evidence), max(float(np.median(evidence.noise)), unseen**2))
-    limit = 2.0 * (worst**2 - 1.0) * noise * evidence.pixels
+    limit = 2.0 * (worst**2 - 1.0) * noise * evidence.area
     told = noise if evidence.told_noise is None else evidence.told_noise
     doubt = TUNING.tile_outlier_sigmas * told * evidence.probes.weight
     return ~evidence.refined & (evidence.excess > np.maximum(limit, doubt))
@@ -83,7 +84,8 @@ def outlier_tiles(evidence: TileEvidence, worst: float, *, unseen: float = 0.0) 
 
 def enclosed_tiles(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the tiles (N,) that would stay warped among traced ones, where an error is seen as a square: those of
-    whose 8 neighbours at least `enclosing_tiles` are traced.
+    whose 8 neighbours at least `enclosing_tiles` are traced, and at the picture's border as large a share of those that
+    there are.
 
     Traced are those `chosen` (N,), those that were, and tiles without a warped pixel. There are none where nothing is
     chosen.
@@ -92,7 +94,8 @@ def enclosed_tiles(evidence: TileEvidence, chosen: NDArray[np.bool_]) -> NDArray
         return np.zeros_like(chosen)
     traced = chosen | evidence.refined
     around = evidence.probes.neighbour_sum(traced.astype(np.float64), 1, elsewhere=1.0)
-    return ~traced & (around >= TUNING.enclosing_tiles)
+    present = evidence.probes.neighbour_sum(np.ones(traced.size), 1, elsewhere=1.0)
+    return ~traced & (8.0 * around >= TUNING.enclosing_tiles * present)
 
 
 def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray[np.bool_]:
@@ -104,6 +107,7 @@ def _above_limit(evidence: TileEvidence, worst: float, unseen: float) -> NDArray
     """
     noise = local_noise(evidence)
     allowed = (worst**2 - 1.0) * 2.0 * np.maximum(noise, max(float(np.median(noise)), unseen**2))
-    nearby, doubt = neighbours_excess(evidence, TUNING.tile_reach_tiles)
-    expected, error = with_materials(evidence, (nearby, doubt))
+    around = neighbours_excess(evidence, TUNING.tile_reach_tiles)
+    nearby, doubt = of_one_pixel(evidence, around)
+    expected, error = of_one_pixel(evidence, with_materials(evidence, around))
     return ((expected > allowed) & (expected > error)) | ((nearby > allowed) & (nearby > CONFIDENCE_95_SIGMAS * doubt))

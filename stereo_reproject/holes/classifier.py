@@ -131,14 +131,17 @@ class HoleClassifier:
             return warped
         x, y = warped.warp.x, warped.warp.y
         # The cubic kernel reaches one pixel further, and takes colours of beyond the edge where no weight is theirs.
-        reached = dilate(edges.unusable | edges.contrasting, 1) if self.cubic else edges.unusable
-        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight) & ~_within_fur(warped)
-        pixels[pixels] = ~touches(edges.unusable, x[None, pixels], y[None, pixels], share=edges.max_weight)[0]
+        reached, wraps = edges.unusable, self.source.wraps
+        if self.cubic:
+            reached = dilate(edges.unusable | edges.contrasting, 1, wraps=wraps)
+        pixels = touches(reached, x, y, share=TUNING.max_flagged_weight, wraps=wraps) & ~_within_fur(warped)
+        at = x[None, pixels], y[None, pixels]
+        pixels[pixels] = ~touches(edges.unusable, *at, share=edges.max_weight, wraps=wraps)[0]
         if not pixels.any():
             return warped
         for name in filter(filtered, warped.passes):
             image = warped.passes[name]
-            image[pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable)
+            image[pixels] = lookup_without(self.source.passes[name], x[pixels], y[pixels], edges.unusable, wraps=wraps)
         return warped
 
     def reasons(self, warped: WarpedView, accuracy: Accuracy, edges: SourceEdges) -> NDArray[np.uint16]:
@@ -147,11 +150,11 @@ class HoleClassifier:
         They include the view's own flags of empty pixels, which get no others. accuracy has the thresholds, and edges
         are the source's by the same accuracy.
         """
-        warp, reasons = warped.warp, warped.empty.copy()
+        warp, reasons, wraps = warped.warp, warped.empty.copy(), self.source.wraps
         answered = reasons == 0
         target = _TargetEdges(self, warped, accuracy)
         silhouettes = target.silhouettes(reasons, edges) | touches(
-            edges.unusable, warp.x, warp.y, share=edges.max_weight
+            edges.unusable, warp.x, warp.y, share=edges.max_weight, wraps=wraps
         )
         silhouettes |= self._sub_pixel_features(warp, edges.unusable, accuracy)
         if accuracy.promise is not None and accuracy.colour_tolerance > 0.0:
@@ -164,14 +167,13 @@ class HoleClassifier:
                 reasons[answered & pixels] |= reason.bit
         if MASKED_PASS in self.source.passes:
             masked = self.source.passes[MASKED_PASS][..., 0] > 0.0
-            reasons[answered & touches(masked, warp.x, warp.y, share=TUNING.max_flagged_weight)] |= (
-                Reason.VIEW_DEPENDENT.bit
-            )
+            touched = touches(masked, warp.x, warp.y, share=TUNING.max_flagged_weight, wraps=wraps)
+            reasons[answered & touched] |= Reason.VIEW_DEPENDENT.bit
         invalid = self.source.invalid
         if invalid is not None and invalid.any():
             # The cubic kernel reaches one pixel further, and no share of what is no number may be had.
-            reached = dilate(invalid, 1) if self.cubic else invalid
-            reasons[answered & touches(reached, warp.x, warp.y, share=0.0)] |= Reason.INVALID.bit
+            reached = dilate(invalid, 1, wraps=wraps) if self.cubic else invalid
+            reasons[answered & touches(reached, warp.x, warp.y, share=0.0, wraps=wraps)] |= Reason.INVALID.bit
         return reasons
 
     def _sub_pixel_features(self, warp: Warp, unusable: NDArray[np.bool_], accuracy: Accuracy) -> NDArray[np.bool_]:
@@ -239,7 +241,7 @@ class _TargetEdges:
 
     def __init__(self, classifier: HoleClassifier, warped: WarpedView, accuracy: Accuracy) -> None:
         self._accuracy = accuracy
-        self._passes, self._warp = warped.passes, warped.warp
+        self._passes, self._warp, self._wraps = warped.passes, warped.warp, classifier.source.wraps
         source, target = classifier.source.camera, classifier.target.camera
         self._lens, self._is_perspective = classifier.optics.lens, isinstance(target, PerspectiveCamera)
         self._disparity = disparity_of_nearness(warped.warp.nearness, target, source)
@@ -273,7 +275,7 @@ class _TargetEdges:
         x, y = self._warp.x[place][None], self._warp.y[place][None]
         in_source, contrasting = np.zeros_like(band), np.zeros_like(band)
         for found, pixels in ((in_source, edges.band), (contrasting, edges.contrasting)):
-            found[place] = touches(pixels, x, y, share=TUNING.min_band_weight)[0]
+            found[place] = touches(pixels, x, y, share=TUNING.min_band_weight, wraps=self._wraps)[0]
         unknown = ~self._warp.covered | _strands(self._passes)
         colour, tolerance = self._passes[COLOUR_PASS], accuracy.colour_tolerance
         new_edges = differing(band & ~in_source, self._disparity, colour, tolerance=tolerance, unknown=unknown)

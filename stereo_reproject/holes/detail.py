@@ -47,7 +47,7 @@ def _sharpness_of_alpha(source: RenderedView, warped: WarpedView, kept: NDArray[
     """Return the sharpness of the source's alpha alone, as it was looked up at the kept (H, W) target pixels."""
     x, y = (np.where(kept, at, np.float32(np.nan)) for at in (warped.warp.x, warped.warp.y))
     alpha = judged_channel(source.passes[COLOUR_PASS], COLOUR_CHANNELS)[..., None]
-    linear, cubic = (lookup(alpha, x, y, interpolation=kernel) for kernel in ("linear", "cubic"))
+    linear, cubic = (lookup(alpha, x, y, interpolation=kernel, wraps=source.wraps) for kernel in ("linear", "cubic"))
     return sharpness_of(_as_light(alpha), _as_light(linear), _as_light(cubic), x, y)
 
 

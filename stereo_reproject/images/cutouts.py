@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..views.camera import Array
+from ..views.camera import Array, goes_round
 from ..views.cutouts import Cutout, px_in_cutout
 from ..views.panorama import PanoramicCamera
 
@@ -66,7 +66,7 @@ class CutoutPixels:
 def cutout_pixels(camera: PanoramicCamera, cutout: Cutout, size: int) -> CutoutPixels:
     """Return the places in a panorama of the pixels of a cut-out of size x size pixels."""
     x, y = px_in_cutout(camera, cutout, size)
-    return CutoutPixels(x, y, camera.width, camera.height, wraps=abs(camera.period_px - camera.width) < 0.5)
+    return CutoutPixels(x, y, camera.width, camera.height, wraps=goes_round(camera))
 
 
 def block_mean(image: NDArray, times: int) -> NDArray[np.float32]:

@@ -11,16 +11,18 @@ from .bands import by_bands
 from .masks import dilate
 
 
-def lookup(image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation: str = "linear") -> NDArray[np.float32]:
+def lookup(
+    image: NDArray[np.float32], x: NDArray, y: NDArray, *, interpolation: str = "linear", wraps: bool = False
+) -> NDArray[np.float32]:
     """Return the values (h, w, C) of an image (H, W, C) at positions x, y (h, w) in pixels; a NaN position gives 0.
 
     interpolation is linear (bilinear), cubic or nearest. cubic is the Catmull-Rom spline, which keeps more of the
     sharpness and more of the noise; it overshoots, and is held within the range of the 4 x 4 pixels that it reads.
-    Outside the picture its border is repeated.
+    Outside the picture its border is repeated; one that wraps goes on at its left beyond its right side.
     """
     sample: Callable[[_Texels, NDArray, NDArray], NDArray[np.float32]]
     sample = {"linear": _linear, "cubic": _cubic, "nearest": _nearest}[interpolation]
-    texels = _Texels(image)
+    texels = _Texels(image, wraps=wraps)
 
     def values_at(x: NDArray, y: NDArray) -> NDArray[np.float32]:
         result = sample(texels, x.ravel(), y.ravel()).astype(np.float32, copy=False)
@@ -68,15 +70,15 @@ def weight_product(x: NDArray, y: NDArray, one: str, other: str) -> NDArray[np.f
 
 
 def lookup_without(
-    image: NDArray[np.float32], x: NDArray, y: NDArray, excluded: NDArray[np.bool_]
+    image: NDArray[np.float32], x: NDArray, y: NDArray, excluded: NDArray[np.bool_], *, wraps: bool = False
 ) -> NDArray[np.float32]:
     """Return the values (N, C) of an image (H, W, C) at positions x, y (N,), in pixels, interpolated between those of
     the four pixels around each that are not set in `excluded` (H, W).
 
     The weights are bilinear, divided by the sum of those that are left; the values are held within the range of the
-    pixels that they come from. They are 0 where no pixel is left.
+    pixels that they come from. They are 0 where no pixel is left. wraps is as for `lookup`.
     """
-    texels, out = _Texels(image), _Texels(excluded[..., None])
+    texels, out = _Texels(image, wraps=wraps), _Texels(excluded[..., None], wraps=wraps)
     row, down = _split(y)
     column, across = _split(x)
     corners = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
@@ -91,17 +93,17 @@ def lookup_without(
     return np.where(used.any(axis=0), np.clip(mean, low, high), np.float32(0.0))
 
 
-def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) -> NDArray[np.bool_]:
+def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float, wraps: bool = False) -> NDArray[np.bool_]:
     """Return (h, w) the positions at which a bilinear lookup would take more than `share` of its weight from set
     pixels.
 
     x, y (h, w) are the positions, in pixels of `mask` (H, W), whose set pixels are meant. A NaN position touches
-    nothing.
+    nothing. wraps is as for `lookup`.
     """
     if not mask.any():
         return np.zeros(x.shape, bool)
     # A lookup reaches no further than the pixels around the one that it lies in.
-    around, texels = _Texels(dilate(mask, 1)[..., None]), _Texels(mask[..., None])
+    around, texels = (_Texels(pixels[..., None], wraps=wraps) for pixels in (dilate(mask, 1, wraps=wraps), mask))
 
     def touching_at(x: NDArray, y: NDArray) -> NDArray[np.bool_]:
         at_x, at_y = x.ravel(), y.ravel()
@@ -115,16 +117,19 @@ def touches(mask: NDArray[np.bool_], x: NDArray, y: NDArray, *, share: float) ->
 
 
 class _Texels:
-    """Pixels of an image (H, W, C), to be read by row and column; outside the image its border is repeated."""
+    """Pixels of an image (H, W, C), to be read by row and column. Outside the image its border is repeated; right and
+    left of one that wraps it goes on at its other side."""
 
-    def __init__(self, image: NDArray) -> None:
+    def __init__(self, image: NDArray, *, wraps: bool) -> None:
+        self._wraps = wraps
         self.height, self.width, self.channels = image.shape
         self._pixels = np.ascontiguousarray(image).reshape(self.height * self.width, self.channels)
 
     def take(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> NDArray:
         """Return the values (N, C) of the pixels at these rows and columns (N,)."""
         start = np.clip(row, 0, self.height - 1).astype(np.int64) * self.width
-        return self._pixels.take(start + np.clip(column, 0, self.width - 1), axis=0)
+        within = column % self.width if self._wraps else np.clip(column, 0, self.width - 1)
+        return self._pixels.take(start + within, axis=0)
 
     def spread(self, weight: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return a weight (N,) repeated for each channel of the image, (N, C).

@@ -24,11 +24,17 @@ def opened(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     return dilate(~outside, reach)[reach:-reach, reach:-reach]
 
 
-def dilate(mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1)) -> NDArray[np.bool_]:
+def dilate(
+    mask: NDArray[np.bool_], radius: int, *, axes: tuple[int, ...] = (0, 1), wraps: bool = False
+) -> NDArray[np.bool_]:
     """Return the mask (H, W) widened by `radius` pixels each way along the given axes (0 is down, 1 across).
 
-    Along both it grows by a square, which is the shape that a pixel filter reaches.
+    Along both it grows by a square, which is the shape that a pixel filter reaches. One that wraps grows beyond its
+    right side at its left, and the other way round.
     """
+    if wraps:
+        around = np.pad(mask, ((0, 0), (radius, radius)), mode="wrap")
+        return dilate(around, radius, axes=axes)[:, radius : radius + mask.shape[1]]
     result = mask
     for axis in axes:
         grown = result.copy()

@@ -61,7 +61,9 @@ def composited(task: FrameTask, done: Completed) -> FinishedPasses:
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(task.settings.interpolation, denoised=False)
-    for name, pixels in spoilt([source.lost], reprojection.warp, interpolation=interpolation).items():
+    for name, pixels in spoilt(
+        [source.lost], reprojection.warp, interpolation=interpolation, wraps=source.seen.wraps
+    ).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
             finished[name] = np.where(warped[..., None], np.float32(0.0), finished[name])

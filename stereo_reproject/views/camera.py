@@ -23,6 +23,9 @@ Vector = tuple[Array, Array, Array]
 PANORAMA_LATTICE = 5
 """Places across and down by which the parallax of a panorama is judged: the middle and some on all sides of it."""
 
+SAME_PERIOD_PIXELS = 1e-3
+"""Pixels by which a whole turn may differ from one or two widths of the picture and is still that: angles in Blender
+are of single precision."""
 
 ROWS_AT_ONCE = 64
 """Rows of a picture whose rays are worked out at once, so that temporaries stay small."""
@@ -325,6 +328,11 @@ def _judged_places(camera: Camera) -> tuple[Array, Array]:
     share = (np.arange(count) + 0.5) / count
     x, y = np.meshgrid(share * camera.width, share * camera.height)
     return x.ravel(), y.ravel()
+
+
+def goes_round(camera: Camera) -> bool:
+    """Return whether a camera's picture closes a whole turn: whether its right side goes on at its left."""
+    return abs(camera.period_px - camera.width) < SAME_PERIOD_PIXELS
 
 
 def _largest_finite(values: Array) -> float:

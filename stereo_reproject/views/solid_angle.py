@@ -24,7 +24,8 @@ def pixel_weights(camera: Camera) -> PixelWeight:
     """Return the weight of a camera's pixels: their solid angle, as a share of that of the picture's largest one.
 
     It is 1.0 for all pixels of a camera whose picture is looked at on a flat screen. A pixel beyond the edge of a lens
-    has LEAST_WEIGHT. Where all columns are alike the result is one of them, seen as a picture, and cannot be written.
+    has LEAST_WEIGHT; all are 1.0 where a lens is so small that no pixel's centre lies within it. Where all columns are
+    alike the result is one of them, seen as a picture, and cannot be written.
     """
     if camera.is_flat or not isinstance(camera, PanoramicCamera):
         return 1.0
@@ -34,7 +35,10 @@ def pixel_weights(camera: Camera) -> PixelWeight:
     for top in range(0, camera.height, step):
         rows = slice(top, min(top + step, camera.height))
         result[rows] = _solid_angles(camera, rows, columns)
-    result /= result.max()
+    largest = result.max()
+    if largest <= 0.0:
+        return 1.0
+    result /= largest
     np.maximum(result, np.float32(LEAST_WEIGHT), out=result)
     return np.broadcast_to(result, (camera.height, camera.width))
 

@@ -22,7 +22,7 @@ from ..images.passes import (
     known_depth,
 )
 from ..images.sharpness import Sharpness, sharpness_of
-from ..views.camera import Camera, is_planar, target_from_source, target_px_from_source_px
+from ..views.camera import Camera, goes_round, is_planar, target_from_source, target_px_from_source_px
 from ..views.view import View
 from .forward import Warp
 from .motion import warp_motion
@@ -54,7 +54,7 @@ def warp_passes(source: RenderedView, target: View, warp: Warp, options: WarpOpt
     seen = _target_depth(source.passes[DEPTH_PASS], warp, source.camera, target.camera)
 
     def look_up(image: NDArray[np.float32], how: str) -> NDArray[np.float32]:
-        return lookup(image, warp.x, warp.y, interpolation=how)
+        return lookup(image, warp.x, warp.y, interpolation=how, wraps=source.wraps)
 
     return passes_seen(source, target, warp, seen, look_up, options)
 
@@ -143,7 +143,7 @@ def _target_depth(depth: NDArray, warp: Warp, source: Camera, target: Camera) ->
     """
     with np.errstate(over="ignore"):
         nearness = np.nan_to_num(source.nearness_from_depth(depth))
-    seen = lookup(nearness, warp.x, warp.y)[..., 0]
+    seen = lookup(nearness, warp.x, warp.y, wraps=goes_round(source))[..., 0]
     same_depth = np.allclose(target_from_source(source, target)[2], (0.0, 0.0, 1.0, 0.0), rtol=0.0, atol=1e-12)
     moves = not (same_depth and is_planar(source)) and row_law_of(source, target) is None
     for rows in bands(seen.shape):
@@ -206,13 +206,13 @@ def replace_non_finite(passes: Passes) -> tuple[Passes, NDArray[np.bool_]]:
 
 
 def spoilt(
-    lost: Sequence[Mapping[str, NDArray[np.bool_]]], warp: Warp, *, interpolation: str
+    lost: Sequence[Mapping[str, NDArray[np.bool_]]], warp: Warp, *, interpolation: str, wraps: bool = False
 ) -> dict[str, NDArray[np.bool_]]:
     """Return masks (h, w), by pass, of target pixels whose lookup takes any share of NaN or infinity in their source.
 
     lost has, for each source, the masks (H, W) that `not_numbers` returned. interpolation is the one of passes that may
-    be mixed. Left out are essential passes, because such pixels are traced, and the position, which is computed from
-    the depth.
+    be mixed; wraps is as for `lookup`. Left out are essential passes, because such pixels are traced, and the position,
+    which is computed from the depth.
     """
     found: dict[str, NDArray[np.bool_]] = {}
     for number, masks in enumerate(lost):
@@ -220,7 +220,7 @@ def spoilt(
             if name == POSITION_PASS or is_essential(name):
                 continue
             how = interpolation if filtered(name) else "nearest"
-            share = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how)[..., 0]
+            share = lookup(pixels[..., None].astype(np.float32), warp.x, warp.y, interpolation=how, wraps=wraps)[..., 0]
             in_target = (share != 0.0) & (warp.source == number)
             found[name] = found[name] | in_target if name in found else in_target
     return found

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..images.passes import DEPTH_PASS, Passes
 from ..trace.fill import SourceCost
-from ..views.camera import Camera
+from ..views.camera import Camera, goes_round
 from ..views.view import View
 
 
@@ -33,6 +33,11 @@ class RenderedView:
     def camera(self) -> Camera:
         """The view's camera."""
         return self.view.camera
+
+    @property
+    def wraps(self) -> bool:
+        """True where the picture's right side goes on at its left, so that a lookup does."""
+        return goes_round(self.camera)
 
     @property
     def depth(self) -> NDArray[np.float32]:

@@ -17,16 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..views.camera import Camera
+from ..views.camera import SAME_PERIOD_PIXELS, Camera, goes_round
 from ..views.panorama import PanoramicCamera
 from ..views.projections import Equirectangular
 
 SAME_PLACE = 1e-12
 """Difference between two poses up to which they are the same: rounding of double precision."""
-
-SAME_PERIOD_PIXELS = 1e-3
-"""Pixels by which a whole turn may differ from one or two widths of the picture and is still that: angles in Blender
-are of single precision."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,7 @@ def spherical_rows_of(source: Camera, target: Camera) -> SphericalRowDisparity |
     same_size = (source.width, source.height) == (target.width, target.height)
     if not same_pose or not same_size or target.lens != opposite.lens:
         return None
-    wraps = abs(source.period_px - source.width) < SAME_PERIOD_PIXELS
+    wraps = goes_round(source)
     if not wraps and source.period_px < 2.0 * source.width - SAME_PERIOD_PIXELS:
         return None
     (west, east), window = projection.longitudes, source.window

@@ -55,8 +55,8 @@ def _with_untraced(view: WarpedView, source: RenderedView, options: WarpOptions)
     if source.traced is None or source.traced.all():
         return view
     untraced = ~source.traced
-    reached = dilate(untraced, 1) if options.cubic else untraced
-    touched = touches(reached, view.warp.x, view.warp.y, share=0.0) & (view.empty == 0)
+    reached = dilate(untraced, 1, wraps=source.wraps) if options.cubic else untraced
+    touched = touches(reached, view.warp.x, view.warp.y, share=0.0, wraps=source.wraps) & (view.empty == 0)
     return replace(view, empty=view.empty | touched * Reason.DISOCCLUDED.bit)
 
 

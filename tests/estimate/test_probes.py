@@ -320,18 +320,33 @@ def test_a_tile_among_traced_ones_is_traced_too(missing, enclosed):
     assert found.sum() == enclosed
 
 
-def test_holes_count_as_traced_and_what_is_beyond_the_frame_does_not():
+def test_holes_count_as_traced():
     frame = Frame(0.0)
     frame.holes[:48] = True
     measured = frame.measured()
     rows, columns = measured.probes.tiles
     chosen = (rows == 6) & ((columns == 9) | (columns == 11))
-    # At the frame's edge, three neighbours above are holes, and one beside is chosen: four of five.
+    # At the frame's edge, two neighbours above are holes, and one beside is chosen: three of five are too few.
     chosen |= (rows == 6) & (columns == 1)
     found = enclosed_tiles(measured, chosen)
     # Farther to the right, the frame's own holes enclose two more.
     found &= columns < 30
     assert list(zip(rows[found], columns[found], strict=True)) == [(6, 10)]
+
+
+@pytest.mark.parametrize(
+    ("place", "traced", "enclosed"),
+    [((0, 0), 3, True), ((0, 0), 2, True), ((0, 0), 1, False), ((39, 20), 4, True), ((39, 20), 3, False)],
+)
+def test_at_the_border_the_share_of_the_tiles_that_there_are_decides(place, traced, enclosed):
+    measured = Frame(0.0).measured()
+    rows, columns = measured.probes.tiles
+    ring = np.flatnonzero(np.maximum(abs(rows - place[0]), abs(columns - place[1])) == 1)
+    chosen = np.zeros(rows.size, bool)
+    chosen[ring[:traced]] = True
+    found = enclosed_tiles(measured, chosen)
+    assert found[(rows == place[0]) & (columns == place[1])] == enclosed
+    assert found.sum() == enclosed
 
 
 def test_where_nothing_is_chosen_nothing_is_enclosed():

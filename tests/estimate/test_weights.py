@@ -6,7 +6,8 @@ import pytest
 from stereo_reproject.estimate.evidence import ProbeTraces, measure_tiles
 from stereo_reproject.estimate.noise_ratio import estimate, wrong_tiles
 from stereo_reproject.estimate.probes import place_random_probes
-from stereo_reproject.estimate.refinement import choose_tiles
+from stereo_reproject.estimate.refinement import choose_tiles, outlier_tiles
+from stereo_reproject.holes.tuning import TUNING
 from stereo_reproject.images import metrics
 from stereo_reproject.images.contrast import contrast_of
 from tests.estimate.test_honest import SIZE, WITHIN, Frame
@@ -58,6 +59,48 @@ def test_what_is_seen_more_of_is_traced_first():
     pole, middle = share_at_pole(by_weight)
     assert pole < 0.05
     assert middle > 0.9
+
+
+def share_chosen(evidence, chosen):
+    """Shares of the tiles that are chosen, beside the pole and in the middle."""
+    parts = ((evidence.probes.rows >= first) & (evidence.probes.rows < first + 40) for first in (0, 140))
+    return [float(np.mean(chosen[part])) for part in parts]
+
+
+def off_at_both(sigmas):
+    frame = Frame(sigmas, part=POLE)
+    frame.warped[MIDDLE] = Frame(sigmas, part=MIDDLE).warped[MIDDLE]
+    return frame
+
+
+def test_a_tile_is_held_to_its_limit_whatever_its_pixels_weigh():
+    """Four deviations, squared and halved: an honest ratio of 3. The frame's own promise asks for nothing here."""
+    evidence = measured(off_at_both(4.0), WEIGHT)
+    assert share_chosen(evidence, choose_tiles(evidence, 10.0)) == [0.0, 0.0]
+    pole, middle = share_chosen(evidence, choose_tiles(evidence, 10.0, worst=1.5))
+    assert min(pole, middle) > 0.95
+
+
+def test_a_probe_that_stands_out_does_so_whatever_its_pixels_weigh():
+    """At 8 deviations the error is 64 times the noise, and a ratio of 4 allows 30 times. Right beside the pole a probe
+    may stand for less than half of its tile, and then does not stand out."""
+    evidence = measured(off_at_both(8.0), WEIGHT)
+    pole, middle = share_chosen(evidence, outlier_tiles(evidence, 4.0))
+    assert pole > 0.85
+    assert middle > 0.95
+
+
+def test_without_noise_what_can_be_seen_is_traced_whatever_its_pixels_weigh():
+    difference = 1.5 * TUNING.unseen_difference
+    frame = Frame()
+    frame.noise = lambda: np.zeros((*SIZE, 3))
+    frame.warped = frame.traced()
+    for part in (POLE, MIDDLE):
+        frame.warped[part] = metrics.untone(np.full((40, SIZE[1], 3), 0.5 + difference))
+    evidence = measured(frame, WEIGHT)
+    assert evidence.frame_noise == 0.0
+    pole, middle = share_chosen(evidence, choose_tiles(evidence, 10.0))
+    assert min(pole, middle) > 0.75
 
 
 def test_wrong_tiles_count_by_weight():

@@ -263,3 +263,52 @@ def test_a_constant_stays_constant_whatever_is_left_out():
     values = lookup_without(np.full((6, 6, 1), largest), x, y, excluded)
     assert set(np.unique(values)) <= {np.float32(0.0), largest}
     assert (values > 0.0).mean() > 0.8
+
+
+def around_the_seam():
+    """A picture, the same with eight columns of its other end on either side, and places on both sides of its seam."""
+    image = np.random.default_rng(0).normal(size=(*SIZE[::-1], 2)).astype(np.float32)
+    rng = np.random.default_rng(2)
+    x = rng.uniform(-4.0, 4.0, (60, 40)) + np.where(rng.random((60, 40)) < 0.5, 0.0, SIZE[0])
+    y = rng.uniform(1.0, SIZE[1] - 1.0, (60, 40))
+    # Places that float32 holds, whatever is added to them.
+    x, y = (np.round(at * 4096).astype(np.float32) / np.float32(4096) for at in (x, y))
+    return image, np.pad(image, ((0, 0), (8, 8), (0, 0)), mode="wrap"), x, y
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_a_picture_that_wraps_goes_on_at_its_other_side(interpolation):
+    image, padded, x, y = around_the_seam()
+    got = lookup(image, x, y, interpolation=interpolation, wraps=True)
+    expected = lookup(padded, x + 8, y, interpolation=interpolation)
+    np.testing.assert_allclose(got, expected, atol=FLOAT32_TOLERANCE)
+    assert np.abs(got - lookup(image, x, y, interpolation=interpolation)).max() > 1.0
+
+
+def test_what_is_left_out_is_so_across_the_seam():
+    image, padded, x, y = (values.reshape(-1) if values.ndim == 2 else values for values in around_the_seam())
+    excluded = image[..., 0] > 0.0
+    around = np.pad(excluded, ((0, 0), (8, 8)), mode="wrap")
+    expected = lookup_without(padded, x + 8, y, around)
+    np.testing.assert_allclose(lookup_without(image, x, y, excluded, wraps=True), expected, atol=FLOAT32_TOLERANCE)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5])
+def test_touches_across_the_seam_by_brute_force(share):
+    image, padded, x, y = around_the_seam()
+    mask, around = image[..., 0] > 1.0, padded[..., 0] > 1.0
+    expected = lookup(around[..., None].astype(np.float32), x + 8, y)[..., 0] > share
+    np.testing.assert_array_equal(touches(mask, x, y, share=share, wraps=True), expected)
+    assert (touches(mask, x, y, share=share) != expected).mean() > 0.02
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_a_lookup_across_the_seam_keeps_the_variance_that_is_told(interpolation):
+    noise = np.random.default_rng(4).normal(size=(4000, 8, 2)).astype(np.float32)
+    y = np.arange(0.5, 4000.0)[:, None]
+    x = np.full_like(y, 7.75)
+    told = lookup(noise, x, y, interpolation=interpolation, wraps=True).var()
+    assert told == pytest.approx(variance_share(x, y, interpolation=interpolation)[0, 0], abs=0.05)
+    if interpolation == "linear":
+        # What was repeated at the border kept all of it.
+        assert lookup(noise, x, y).var() == pytest.approx(1.0, abs=0.05)

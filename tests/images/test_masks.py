@@ -1,8 +1,8 @@
-"""Masks of pixels, opened."""
+"""Masks of pixels, opened and widened."""
 
 import numpy as np
 
-from stereo_reproject.images.masks import box_around, opened
+from stereo_reproject.images.masks import box_around, dilate, opened
 
 
 def test_an_opened_mask_keeps_the_squares_that_fit_in_it():
@@ -26,3 +26,11 @@ def test_the_box_around_a_mask_ends_at_the_picture_s_border():
     mask[4, 3] = mask[6, 17] = True
     assert box_around(mask, 2) == (slice(2, 9), slice(1, 20))
     assert not mask[box_around(np.zeros_like(mask), 2)].size
+
+
+def test_a_mask_that_wraps_is_widened_across_its_sides():
+    mask = np.zeros((5, 7), bool)
+    mask[2, 0] = True
+    expected = np.zeros_like(mask)
+    expected[1:4, [6, 0, 1]] = True
+    np.testing.assert_array_equal(dilate(mask, 1, wraps=True), expected)

@@ -54,6 +54,11 @@ def test_a_corner_of_a_cube_face_shows_less_than_its_middle():
     assert weights[0, 0] == pytest.approx(4.0 / 3.0**1.5, rel=0.02)
 
 
+def test_a_lens_that_shows_no_pixels_centre_has_even_weights():
+    tiny = PanoramicCamera(64, 64, np.eye(4), PICTURE, FisheyeEquisolid(0.1, np.pi, (36.0, 36.0)))
+    np.testing.assert_array_equal(pixel_weights(tiny), 1.0)
+
+
 def test_a_picture_on_a_flat_screen_counts_evenly():
     window = ViewPlane(-1.2, 1.1, -0.7, 0.9)
     turning = PanoramicCamera(

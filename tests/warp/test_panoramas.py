@@ -4,6 +4,10 @@ the poles."""
 import numpy as np
 import pytest
 
+from stereo_reproject.holes.reprojection import reproject
+from stereo_reproject.images.lookup import lookup
+from stereo_reproject.images.reasons import Reason
+from stereo_reproject.settings.accuracy import SETTINGS
 from stereo_reproject.views.camera import ViewPlane, target_px_from_source_px
 from stereo_reproject.views.panorama import PanoramicCamera
 from stereo_reproject.views.projections import (
@@ -13,12 +17,16 @@ from stereo_reproject.views.projections import (
     FisheyeEquidistant,
 )
 from stereo_reproject.views.spherical import PoleMerge, SphericalStereo
+from stereo_reproject.views.view import View
 from stereo_reproject.warp.discontinuities import disparity_of, disparity_steps
 from stereo_reproject.warp.empty import empty_reasons
 from stereo_reproject.warp.forward import forward_warp
 from stereo_reproject.warp.grid import build_grid
+from stereo_reproject.warp.options import WarpOptions
 from stereo_reproject.warp.quads import _beside_first, _Quads
+from stereo_reproject.warp.rendered_view import RenderedView
 from stereo_reproject.warp.tuning import TUNING
+from stereo_reproject.warp.warper import warp_view
 
 PX = 0.02
 """Pixels: between corners a pixel apart a map bends by so much, where the ceiling is near."""
@@ -70,6 +78,53 @@ def test_a_room_arrives_whole(name, merge):
     off = np.hypot(off_x, warp.y - there[1])
     inner = answered & shown & (y > 3.0) & (y < target.height - 3.0)
     assert np.percentile(off[inner], 99) < PX
+
+
+TURN = {
+    "equirectangular": Equirectangular(WHOLE, HALF),
+    "cylinder": CentralCylindrical(WHOLE, (-1.5, 1.5)),
+}
+"""Projections that close a whole turn: one is warped along its rows, the other quad by quad."""
+
+
+def turned_source(projection):
+    """A room all around whose colours are noise, and the view of the other eye."""
+    source, target = (eye(projection, offset, None) for offset in (-0.0325, 0.0325))
+    colour = np.random.default_rng(1).random((source.height, source.width, 4), np.float32)
+    passes = {"Combined": colour, "Depth": room(source)[..., None], "An AOV": colour}
+    return RenderedView(View("source", source), passes), View("target", target)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("projection", TURN.values(), ids=TURN.keys())
+def test_colours_are_looked_up_across_the_seam_of_a_whole_turn(projection, interpolation):
+    source, target = turned_source(projection)
+    options = WarpOptions(interpolation=interpolation, colour_interpolation=interpolation)
+    result = warp_view(source, target, options)
+    x, y = result.warp.x, result.warp.y
+    seam = (result.empty == 0) & ((x < 0.5) | (x > source.camera.width - 0.5))
+    assert seam.sum() > 20
+    around = {name: np.pad(image, ((0, 0), (8, 8), (0, 0)), mode="wrap") for name, image in source.passes.items()}
+    for name in ("Combined", "An AOV"):
+        expected = lookup(around[name], x + 8, y, interpolation=interpolation)
+        np.testing.assert_allclose(result.passes[name][seam], expected[seam], atol=1e-4)
+    nearness = lookup(1.0 / around["Depth"], x + 8, y)[..., 0]
+    if isinstance(projection, Equirectangular):
+        np.testing.assert_allclose(1.0 / result.passes["Depth"][..., 0][seam], nearness[seam], rtol=1e-4)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_what_is_no_number_is_traced_on_both_sides_of_the_seam(interpolation):
+    source, target = turned_source(PROJECTIONS["360"])
+    invalid = np.zeros(source.depth.shape, bool)
+    invalid[:, 0] = True
+    source = RenderedView(source.view, source.passes, invalid=invalid)
+    options = WarpOptions(interpolation=interpolation, colour_interpolation=interpolation)
+    found = reproject([source], target, SETTINGS["balanced"], options=options)
+    reach = 1.5 if interpolation == "cubic" else 0.5
+    seam = found.warp.x > source.camera.width - reach
+    assert seam.sum() > 20
+    assert ((found.reasons[seam] & (Reason.INVALID.bit | Reason.OUTSIDE.bit | Reason.DISOCCLUDED.bit)) > 0).all()
 
 
 @pytest.mark.parametrize("unseen", [0, 4])
