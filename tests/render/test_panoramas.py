@@ -417,7 +417,8 @@ def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, bloc
 
 def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_path):
     reason = "the lens has an edge, at which passes of surfaces would show the portal"
-    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object"):
+    surroundings = "use_pass_mist", "use_pass_ambient_occlusion"
+    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object", *surroundings):
         set_up(scene, LENSES["equidistant"], SPHERICAL)
         assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
         setattr(scene.view_layers[0], switch, True)
