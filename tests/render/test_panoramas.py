@@ -415,9 +415,41 @@ def test_eyes_in_a_volume_in_which_the_camera_is_not(scene, tmp_path, size, bloc
     assert blockers(scene, tmp_path)["packed"] == expected
 
 
+@pytest.mark.parametrize("lens", ["equidistant", "equisolid"])
+def test_guides_at_the_edge_of_the_lens_through_a_portal(scene, tmp_path, lens):
+    """The sheet's part of what guides the denoiser is taken out where rays go through it: on the edge as far as chance
+    has it, since of those that lie within the lens the share alone is known. 4.5 tells nothing of gloss."""
+    set_up(scene, LENSES[lens], SPHERICAL)
+    material = Material("gloss")
+    glossy = material.node("BsdfAnisotropic")
+    glossy.inputs["Color"].default_value, glossy.inputs["Roughness"].default_value = (0.6, 0.6, 0.6, 1.0), 0.0
+    material.surface(glossy)
+    for item in scene.objects[1:]:
+        if item.type == "MESH":
+            item.data.materials[0] = material.block
+    scene.cycles.samples = 64
+    scene.view_layers[0].cycles.denoising_store_passes = True
+    plain = render_plain(scene, tmp_path, views=("right",))["right"]
+    with working_scene(scene, SceneOverrides()) as working:
+        renderer = BlenderRenderer(working, tmp_path, packed_by="portal")
+        (traced,) = renderer.trace("packed", [TraceRequest("right", np.ones((SIZE[1], SIZE[0]), bool))])
+        y, x = np.indices((SIZE[1], SIZE[0])) + 0.5
+        around = [renderer.cameras["right"].within_lens(x + a, y + b) for a in (-1.5, 1.5) for b in (-1.5, 1.5)]
+    inside, beyond = np.min(around, axis=0) > 0.0, np.max(around, axis=0) < 0.0
+    for guide in {"Denoising Specular Albedo", "Denoising Albedo", "Denoising Depth"} & plain.keys():
+        ours = traced[guide].reshape(plain[guide].shape)
+        off = (ours - plain[guide]) / plain[guide].max()
+        assert ours.min() > -1e-6
+        assert np.abs(off[beyond]).max() < 1e-6
+        for part, noise in ((inside, 0.01), (~inside & ~beyond, 0.03)):
+            assert rms(off[part]) < noise
+            assert abs(off[part].mean()) < 0.3 * noise
+
+
 def test_an_edge_of_the_lens_shows_the_portal_in_passes_of_surfaces(scene, tmp_path):
     reason = "the lens has an edge, at which passes of surfaces would show the portal"
-    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object"):
+    surroundings = "use_pass_mist", "use_pass_ambient_occlusion"
+    for switch in ("use_pass_normal", "use_pass_vector", "use_pass_cryptomatte_object", *surroundings):
         set_up(scene, LENSES["equidistant"], SPHERICAL)
         assert blockers(scene, tmp_path, packed_by="portal")["packed"] is None
         setattr(scene.view_layers[0], switch, True)

@@ -49,7 +49,8 @@ class PackedTask:
 
     view is the view of the scene that Blender renders, `rendered` its camera, clip_start that camera's near clip in
     scene units, and region the pixels of its frame that it renders. packing has the places of each view's pixels, in
-    the order of `views`.
+    the order of `views`. pixel_filter is the kind and the width of the scene's pixel filter, as `sample_offsets` takes
+    them.
     """
 
     view: str
@@ -58,6 +59,7 @@ class PackedTask:
     views: Sequence[PackedPixels]
     packing: Packing
     region: FrameRegion
+    pixel_filter: tuple[str, float]
 
     @property
     def others(self) -> list[Camera]:

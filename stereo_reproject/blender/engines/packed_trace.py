@@ -140,7 +140,8 @@ def trace_packed(
     """
     packing = pack([pixels.places for pixels in views])
     clip_start = evaluated(scene.camera, scene).data.clip_start
-    task = PackedTask(view, rendered, clip_start, views, packing, frame_region(scene.render))
+    pixel_filter = scene.cycles.pixel_filter_type, scene.cycles.filter_width
+    task = PackedTask(view, rendered, clip_start, views, packing, frame_region(scene.render), pixel_filter)
     if task.others:
         switch_on_positions(scene)
     with tempfile.TemporaryDirectory(dir=folder) as tables, by.in_place(scene, task, Path(tables)):

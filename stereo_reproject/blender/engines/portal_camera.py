@@ -155,8 +155,9 @@ def _shows_surfaces(scene: bpy.types.Scene) -> bool:
     """Return whether the user has asked for a pass of surfaces that is a mean of a pixel's samples."""
     layer = rendered_layer(scene)
     normals = layer.use_pass_normal and f"{ADDED_PREFIX}use_pass_normal" not in layer
-    objects = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset
-    return normals or layer.use_pass_uv or vector_pass_asked_for(scene) or objects or cryptomatte_asked_for(scene)
+    objects = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset or cryptomatte_asked_for(scene)
+    surroundings = layer.use_pass_mist or layer.use_pass_ambient_occlusion
+    return normals or layer.use_pass_uv or vector_pass_asked_for(scene) or objects or surroundings
 
 
 def _beyond_clip_end(scene: bpy.types.Scene, eyes: Sequence[Camera], clip_end: float) -> str | None:

@@ -13,7 +13,7 @@ from ...warp.panorama_motion import motion_from_angles
 from .packed_camera import PackedTask
 from .packed_views import POSITION, PackedPixels, seen_from_view
 from .portal_geometry import kind_of, on_plane, packed_step, place_of
-from .ray_table import normals_from_camera, panoramic, seen_by_eye
+from .ray_table import normals_from_camera, panoramic, seen_by_eye, shares_within_lens
 from .tuning import TUNING
 
 MEAN_LENGTH, SPECULAR_ALBEDO = "Denoising Depth", "Denoising Specular Albedo"
@@ -63,7 +63,9 @@ def _without_sheet(flat: Passes, task: PackedTask, index: int, sky: NDArray[np.b
     if MEAN_LENGTH in flat:
         passes[MEAN_LENGTH] = (flat[MEAN_LENGTH] - _lengths_to_sheet(task, index)[:, None]).astype(np.float32)
     if SPECULAR_ALBEDO in flat:
-        passes[SPECULAR_ALBEDO] = flat[SPECULAR_ALBEDO] - np.float32(1.0)
+        # Rays beyond the lens end at the sheet, which reflects nothing there.
+        sent_on = shares_within_lens(task, index) if kind_of(task.rendered) == "PANO" else np.float32(1.0)
+        passes[SPECULAR_ALBEDO] = np.maximum(flat[SPECULAR_ALBEDO] - sent_on, np.float32(0.0))
     return passes
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...images.passes import DEPTH_PASS, Passes
+from ...trace.pixel_filter import sample_offsets
 from ...views.camera import Camera, Vector
 from ...views.panorama import PANORAMA_FROM_CAMERA, PanoramicCamera
 from ..scene.visible import aperture_radius, volume_boxes
@@ -32,6 +33,9 @@ pixel's centre lies within the lens's edge; the change of that to the right, and
 
 PIXELS_AT_ONCE = 1 << 16
 """Pixels whose rays are worked out at once: temporaries take some hundred bytes for each."""
+
+TABLE_STEP = 64
+"""Every so many entries of the pixel filter's table one is taken, to find how much of a pixel lies within the lens."""
 
 SAME_TURN = 1e-6
 """Difference of the axes of cameras up to which they count as turned alike: single precision."""
@@ -103,6 +107,27 @@ def ray_texels(
             part = PackedPixels(pixels.camera, pixels.places[some])
             texels[:, first + at[some]] = _texels(part, task.rendered, shader_from_camera)
     return texels
+
+
+def shares_within_lens(task: PackedTask, index: int) -> NDArray[np.float32]:
+    """Return the shares (N, 1) of the rays of one view's pixels that are to lie within the lens's edge, by the pixel
+    filter: how many of a few samples do differs from them by chance."""
+    pixels = task.views[index]
+    shares = np.ones((len(pixels.places), 1), np.float32)
+    if not panoramic(pixels.camera).has_lens_edge:
+        return shares
+    # Of as many samples each stands for one; the middle ones of as many equal parts.
+    offsets = sample_offsets(*task.pixel_filter)[TABLE_STEP // 2 :: TABLE_STEP] - np.float32(0.5)
+    right, down = offsets[None, :, None], offsets[None, None, :]
+    for start in range(0, len(shares), PIXELS_AT_ONCE):
+        some = slice(start, start + PIXELS_AT_ONCE)
+        within = _texels(PackedPixels(pixels.camera, pixels.places[some]), task.rendered, np.eye(3))[3, :, 1:]
+        reach = np.abs(within[:, 1:]).sum(axis=1) * np.abs(offsets).max()
+        shares[some, 0] = within[:, 0] > 0.0
+        beside = np.abs(within[:, 0]) <= reach
+        middle, to_right, to_down = within[beside, :, None, None].transpose(1, 0, 2, 3)
+        shares[start + np.flatnonzero(beside), 0] = (middle + to_right * right + to_down * down > 0.0).mean(axis=(1, 2))
+    return shares
 
 
 def _texels(pixels: PackedPixels, rendered: Camera, shader_from_camera: NDArray[np.float64]) -> NDArray[np.float32]:

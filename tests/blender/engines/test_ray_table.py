@@ -6,9 +6,10 @@ import pytest
 from stereo_reproject.blender.engines import ray_table
 from stereo_reproject.blender.engines.packed_camera import PackedTask
 from stereo_reproject.blender.engines.packed_views import PackedPixels
-from stereo_reproject.blender.engines.ray_table import TEXELS, ray_texels
+from stereo_reproject.blender.engines.ray_table import TEXELS, ray_texels, shares_within_lens
 from stereo_reproject.blender.scene.rig import FrameRegion
 from stereo_reproject.trace.packing import pack
+from stereo_reproject.trace.pixel_filter import sample_offsets
 from stereo_reproject.views.camera import ViewPlane
 from stereo_reproject.views.panorama import PanoramicCamera
 from stereo_reproject.views.projections import Equirectangular, FisheyeEquidistant
@@ -31,7 +32,8 @@ def task_of(projection):
     rng = np.random.default_rng(0)
     views = [PackedPixels(eye, np.argwhere(rng.random((HEIGHT, WIDTH)) < 0.3)) for eye in eyes]
     packing = pack([pixels.places for pixels in views])
-    return PackedTask("right", eyes[1], 0.1, views, packing, FrameRegion(WIDTH, HEIGHT, 0, 0, WIDTH, HEIGHT))
+    region = FrameRegion(WIDTH, HEIGHT, 0, 0, WIDTH, HEIGHT)
+    return PackedTask("right", eyes[1], 0.1, views, packing, region, ("BLACKMAN_HARRIS", 1.5))
 
 
 def test_some_pixels_at_a_time_are_all_at_once(monkeypatch):
@@ -73,3 +75,17 @@ def test_beyond_the_lens_there_is_no_pixel_or_it_is_told():
         y, x = pixels.places.T + 0.5
         np.testing.assert_allclose(texels[3, at, 1], pixels.camera.within_lens(x, y), atol=1e-6)
         assert (texels[3, at, 1] < 0.0).mean() > 0.1
+
+
+def test_shares_within_the_lens_are_those_of_the_filters_samples(monkeypatch):
+    monkeypatch.setattr(ray_table, "PIXELS_AT_ONCE", 1000)
+    task = task_of(FisheyeEquidistant(np.pi))
+    table = sample_offsets(*task.pixel_filter) - 0.5
+    right, down = np.random.default_rng(1).choice(table, (2, 4000))
+    for index, pixels in enumerate(task.views):
+        shares = shares_within_lens(task, index)
+        y, x = pixels.places.T[..., None] + 0.5
+        expected = (pixels.camera.within_lens(x + right, y + down) > 0.0).mean(axis=1, keepdims=True)
+        np.testing.assert_allclose(shares, expected, atol=0.04)
+        assert ((shares > 0.1) & (shares < 0.9)).sum() > 50
+    assert np.all(shares_within_lens(task_of(VR180), 0) == 1.0)
