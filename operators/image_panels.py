@@ -37,11 +37,14 @@ class IMAGE_PT_stereo_reproject(bpy.types.Panel):
         image = context.space_data.image
         is_pair = image is not None and image.type == "RENDER_RESULT"
         column.operator(name, text="Render Result", icon="CAMERA_STEREO", depress=is_pair).which = "PAIR"
-        beside = all(fits(context, text, 0.5) for _, text, _ in PICTURES.values())
+        pictures = {
+            which: text
+            for which, (_, text, _) in PICTURES.items()
+            if which != OF_PANORAMAS or result.picture(which) is not None
+        }
+        beside = all(fits(context, text, 0.5) for text in pictures.values())
         grid = column.grid_flow(columns=2 if beside else 1, even_columns=True, align=True)
-        for which, (_, text, _) in PICTURES.items():
-            if which == OF_PANORAMAS and result.picture(which) is None:
-                continue
+        for which, text in pictures.items():
             is_shown = image is not None and image.name == NAME.format(text)
             row = grid.row(align=True)
             row.enabled = result.picture(which) is not None

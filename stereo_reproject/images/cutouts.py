@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..views.camera import Array, goes_round
-from ..views.cutouts import Cutout, px_in_cutout
+from ..views.cutouts import ALL_ROWS, Cutout, px_in_cutout
 from ..views.panorama import PanoramicCamera
 
 
 @dataclass(frozen=True)
 class CutoutPixels:
-    """The places that the pixels of a cut-out have in a panorama of width x height pixels: x and y (S, S), NaN where it
-    shows nothing. wraps: True where the panorama's last column is followed by its first."""
+    """The places that the pixels of a cut-out, or of some of its rows, have in a panorama of width x height pixels: x
+    and y (h, S), NaN where it shows nothing. wraps: True where the panorama's last column is followed by its first."""
 
     x: Array
     y: Array
@@ -25,18 +25,18 @@ class CutoutPixels:
 
     @property
     def shown(self) -> NDArray[np.bool_]:
-        """Pixels (S, S) at which the panorama shows something."""
+        """Pixels (h, S) at which the panorama shows something."""
         return np.isfinite(self.x)
 
     def nearest(self, image: NDArray) -> NDArray:
-        """Return the values (S, S, ...) of the panorama's pixels (H, W, ...) in which the cut-out's lie; 0 where it
+        """Return the values (h, S, ...) of the panorama's pixels (H, W, ...) in which the cut-out's lie; 0 where it
         shows nothing. Each is a pixel's own, so noise stays as independent between pixels as it is."""
         result = image[self._row(np.floor(self._known(self.y))), self._column(np.floor(self._known(self.x)))]
         result[~self.shown] = 0
         return result
 
     def linear(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the values (S, S, C) of an image (H, W, C), interpolated between the four pixels around each place; 0
+        """Return the values (h, S, C) of an image (H, W, C), interpolated between the four pixels around each place; 0
         where it shows nothing."""
         left, top = self._known(self.x) - 0.5, self._known(self.y) - 0.5
         column, row = np.floor(left), np.floor(top)
@@ -50,7 +50,7 @@ class CutoutPixels:
         return result
 
     def _known(self, place: Array) -> Array:
-        """Return places (S, S) with 0 for those that are not known."""
+        """Return places (h, S) with 0 for those that are not known."""
         return np.where(self.shown, place, 0.0)
 
     def _row(self, row: Array) -> NDArray[np.intp]:
@@ -63,13 +63,26 @@ class CutoutPixels:
         return whole % self.width if self.wraps else np.clip(whole, 0, self.width - 1)
 
 
-def cutout_pixels(camera: PanoramicCamera, cutout: Cutout, size: int) -> CutoutPixels:
-    """Return the places in a panorama of the pixels of a cut-out of size x size pixels."""
-    x, y = px_in_cutout(camera, cutout, size)
-    return CutoutPixels(x, y, camera.width, camera.height, wraps=goes_round(camera))
+def cutout_pixels(
+    camera: PanoramicCamera, cutout: Cutout, size: int, rows: slice = ALL_ROWS, *, coarser: int = 1
+) -> CutoutPixels:
+    """Return the places in a panorama of the pixels of these rows of a cut-out of size x size pixels. The places are
+    those in the panorama's picture after a `block_mean` of coarser times."""
+    x, y = px_in_cutout(camera, cutout, size, rows)
+    width, height = -(-camera.width // coarser), -(-camera.height // coarser)
+    return CutoutPixels(x / coarser, y / coarser, width, height, wraps=goes_round(camera))
 
 
 def block_mean(image: NDArray, times: int) -> NDArray[np.float32]:
-    """Return a picture (times h, times w, C) made smaller: the mean (h, w, C) of each times x times pixels."""
-    height, width = image.shape[0] // times, image.shape[1] // times
-    return image.reshape(height, times, width, times, -1).mean(axis=(1, 3), dtype=np.float32)
+    """Return a picture (H, W, C) made smaller: the mean of each times x times pixels, fewer at the right and lower edge
+    where times does not divide the size."""
+    height, width, channels = image.shape
+    total = np.zeros((-(-height // times), -(-width // times), channels), np.float32)
+    for first_row in range(times):
+        for first_column in range(times):
+            part = image[first_row::times, first_column::times]
+            total[: part.shape[0], : part.shape[1]] += part
+    rows, columns = (np.full(-(-pixels // times), times, np.float32) for pixels in (height, width))
+    rows[-1], columns[-1] = height - times * (rows.size - 1), width - times * (columns.size - 1)
+    total /= (rows[:, None] * columns)[..., None]
+    return total

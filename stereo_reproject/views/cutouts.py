@@ -8,6 +8,7 @@ import numpy as np
 
 from .camera import Array, Camera, Vector
 from .panorama import PanoramicCamera
+from .solid_angle import largest_solid_angle
 
 HALF_VIEW = 1.0
 """Half the side of a cut-out's view plane at unit distance: the tangent of half of its 90°."""
@@ -20,6 +21,8 @@ LATTICE = 32
 
 ROUNDING_PX = 1e-6
 """Pixels by which a place may lie outside of the picture by rounding alone."""
+
+ALL_ROWS = slice(None)
 
 
 @dataclass(frozen=True)
@@ -67,25 +70,22 @@ def cutouts_of(camera: Camera | None) -> tuple[Cutout, ...]:
     return tuple(chosen)
 
 
-def px_in_cutout(camera: PanoramicCamera, cutout: Cutout, size: int) -> tuple[Array, Array]:
-    """Return the pixel positions x, y (size, size) in a panorama that a cut-out of size x size pixels shows; NaN where
-    the panorama shows nothing.
+def px_in_cutout(camera: PanoramicCamera, cutout: Cutout, size: int, rows: slice = ALL_ROWS) -> tuple[Array, Array]:
+    """Return the pixel positions x, y (h, size) in a panorama that a cut-out of size x size pixels shows in these of
+    its rows, all by default; NaN where the panorama shows nothing.
 
     It is the directions in which the picture is seen that count, as in a headset: where the rays of spherical stereo
     begin does not.
     """
     across = HALF_VIEW * ((np.arange(size) + 0.5) * (2.0 / size) - 1.0)
-    return _px_from_plane(camera, cutout, across[None, :], -across[:, None])
+    return _px_from_plane(camera, cutout, across[None, :], -across[rows, None])
 
 
-def natural_size(camera: PanoramicCamera, cutout: Cutout) -> int:
-    """Return the width in pixels at which a cut-out's middle has pixels as large as the panorama's there."""
-    step = 1e-3
-    (x, y), (right_x, right_y), (up_x, up_y) = (
-        _px_from_plane(camera, cutout, np.array(across), np.array(up)) for across, up in ((0, 0), (step, 0), (0, step))
-    )
-    area = abs((right_x - x) * (up_y - y) - (right_y - y) * (up_x - x)) / step**2
-    return max(round(2.0 * HALF_VIEW * float(np.sqrt(area))), 1) if np.isfinite(area) else 1
+def natural_size(camera: PanoramicCamera) -> int:
+    """Return the width in pixels at which the pixels in the middle of a cut-out are as large as the panorama's largest:
+    those at a pole, many of which show nearly the same, do not count."""
+    largest = largest_solid_angle(camera)
+    return max(round(2.0 * HALF_VIEW / np.sqrt(largest)), 1) if largest > 0.0 else 1
 
 
 def _px_from_plane(camera: PanoramicCamera, cutout: Cutout, across: Array, up: Array) -> tuple[Array, Array]:

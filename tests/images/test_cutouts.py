@@ -18,6 +18,9 @@ a seam with the first or last column repeated it would be some 4e-3."""
 NEAREST = 1.5e-2
 """The change over half a pixel's diagonal, 0.5 * 0.7 / 57, and near a pole some more."""
 
+SMALLER = 5e-3
+"""Half a pixel at the seam, where the last block is half as wide: 0.5 * 0.5 / 57."""
+
 CHANCE = 0.01
 """Five times the standard deviation, 0.0018, that the honest ratio of a cut-out of 229 x 229 pixels has over 12 seeds;
 interpolated it is 1.034 on average."""
@@ -71,7 +74,7 @@ def test_noise_cancels_in_the_honest_ratio_of_a_cutout():
     source, reference, again = light
     ours = 0.5 * (source + np.roll(source, 1, axis=1))
     share = np.full((360, 720), 0.5, np.float32)
-    pixels = cutout_pixels(eye, cutouts_of(eye)[0], natural_size(eye, cutouts_of(eye)[0]))
+    pixels = cutout_pixels(eye, cutouts_of(eye)[0], natural_size(eye))
     near = honest_ratio(*(pixels.nearest(part) for part in (ours, reference, again)), pixels.nearest(share))
     assert near == pytest.approx(1.0, abs=CHANCE)
     smooth = honest_ratio(*(pixels.linear(part) for part in (ours, reference, again)), pixels.nearest(share))
@@ -95,3 +98,22 @@ def test_a_bias_is_found_in_the_cutout_that_shows_it():
 def test_block_mean():
     picture = np.arange(24, dtype=np.float32).reshape(4, 6, 1)
     assert block_mean(picture, 2)[..., 0].tolist() == [[3.5, 5.5, 7.5], [15.5, 17.5, 19.5]]
+
+
+def test_block_mean_at_the_edges():
+    """Where blocks do not fit, those at the edges are the mean of what there is of them."""
+    picture = np.random.default_rng(4).random((7, 11, 2)).astype(np.float32)
+    expected = [[picture[y : y + 3, x : x + 3].mean(axis=(0, 1)) for x in range(0, 11, 3)] for y in range(0, 7, 3)]
+    assert block_mean(picture, 3) == pytest.approx(np.array(expected), abs=1e-6)
+
+
+@pytest.mark.parametrize("width", [720, 721])
+def test_places_in_a_panorama_that_was_made_smaller(width):
+    """Colours are the directions themselves: those of blocks are the middle one, near enough."""
+    eye = panorama(width, 360)
+    picture = 0.5 + 0.5 * directions(eye, *pixel_centres(eye))
+    smaller = block_mean(picture, 2)
+    for cutout in cutouts_of(eye):
+        fine, coarse = cutout_pixels(eye, cutout, 50), cutout_pixels(eye, cutout, 50, coarser=2)
+        inner = np.abs(coarse.y - 90.0) < 89.0
+        assert np.abs(coarse.linear(smaller) - fine.linear(picture))[inner].max() < SMALLER

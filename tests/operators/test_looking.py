@@ -224,6 +224,32 @@ def test_the_button_of_the_picture_that_is_shown_is_pressed(pair):
         assert len(drawn.buttons) == 5
 
 
+def test_a_button_that_is_not_drawn_takes_no_room(pair, monkeypatch):
+    """Of panoramas alone there is one more, whose name may be longer than all others."""
+    from stereo_reproject_extension.operators.image_panels import IMAGE_PT_stereo_reproject
+    from stereo_reproject_extension.operators.results import OF_PANORAMAS, PICTURES, result_of
+
+    class Columns(Drawn):
+        def grid_flow(self, *, columns, **_):
+            self.columns = columns
+            return self
+
+    def columns():
+        drawn, space = Columns(), SimpleNamespace(image=None)
+        # Without a window Blender's own scale is 0.
+        styles = bpy.context.preferences.ui_styles
+        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), ui_styles=styles)
+        context = SimpleNamespace(space_data=space, region=SimpleNamespace(width=500), preferences=preferences)
+        IMAGE_PT_stereo_reproject._draw_pictures(SimpleNamespace(layout=drawn), context, result_of(pair))
+        return drawn.columns
+
+    assert columns() == 2
+    monkeypatch.setitem(PICTURES, OF_PANORAMAS, ("cutouts.png", "In a Headset " * 9, ""))
+    assert columns() == 2
+    monkeypatch.setitem(PICTURES, "GRID", ("grid.png", "Grid " * 20, ""))
+    assert columns() == 1
+
+
 def test_without_a_pair_nothing_can_be_exported(extension, scene):
     assert not bpy.ops.stereo_reproject.export_wiggle.poll()
 

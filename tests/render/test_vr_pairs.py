@@ -180,6 +180,35 @@ def test_pictures_of_the_cutouts_come_with_those_of_the_holes(wide_box, tmp_path
     first, second = (read_png(path) for path in sheets)
     assert first.shape == second.shape
     assert first.shape[1] == 5 * LEAST + 4 * GAP_PX
+    again = animate(wide_box, folder, "--vr180=64", "--holes", "--resume")
+    assert (again.returncode, again.stderr) == (0, "")
+    assert "2 of 2 frames are there already" in again.stdout
+
+
+def test_a_picture_in_the_place_of_a_cutout_is_not_replaced_unasked(wide_box, tmp_path):
+    own = tmp_path / "out" / "cutouts" / "0001.png"
+    own.parent.mkdir(parents=True)
+    own.write_bytes(b"somebody's own")
+    run = animate(wide_box, own.parents[1], "--vr180=64", "--holes")
+    assert run.returncode == 2
+    assert "1 of 2 frames are there already (1)" in run.stderr
+    assert own.read_bytes() == b"somebody's own"
+
+
+def test_a_panorama_without_cutouts_is_not_rendered_again(tmp_path):
+    """Too little of the sphere is seen for one."""
+    scene = open_blend(DEMO)
+    scene.frame_end = 2
+    data = scene.camera.data
+    data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
+    data.longitude_min, data.longitude_max, data.latitude_min, data.latitude_max = -0.3, 0.3, -0.3, 0.3
+    blend, folder = save(scene, tmp_path / "narrow.blend"), tmp_path / "out"
+    options = ("--size", "64x64", "--holes")
+    assert animate(blend, folder, *options).returncode == 0
+    assert not (folder / "cutouts").exists()
+    again = animate(blend, folder, *options, "--resume")
+    assert (again.returncode, again.stderr) == (0, "")
+    assert "2 of 2 frames are there already" in again.stdout
 
 
 # Cut-outs

@@ -14,6 +14,7 @@ VR360, VR180 = Equirectangular(WHOLE, HALF), Equirectangular(HALF, HALF)
 CUBE = {"front": (0, 0), "left": (90, 0), "right": (-90, 0), "up": (0, 90), "down": (0, -90), "back": (180, 0)}
 BEFORE = {"front": (0, 0), "left": (45, 0), "right": (-45, 0), "up": (0, 45), "down": (0, -45)}
 
+DOME = Equirectangular(WHOLE, (0.0, 0.5 * np.pi))
 NARROW = Equirectangular((-0.5, 0.5), (-0.4, 0.4))
 
 
@@ -77,8 +78,23 @@ def test_the_middle_of_the_picture_is_in_front():
     assert (x.item(), y.item()) == pytest.approx((0.5 * eye.width, 0.5 * eye.height))
 
 
-@pytest.mark.parametrize(("size", "projection"), [((400, 200), VR360), ((200, 200), VR180)])
-def test_pixels_in_the_middle_are_as_large_as_the_panorama_s(size, projection):
+@pytest.mark.parametrize(
+    ("size", "projection"),
+    [((400, 200), VR360), ((200, 200), VR180), ((200, 200), FisheyeEquidistant(np.pi)), ((400, 100), DOME)],
+    ids=["360", "VR180", "fisheye", "dome"],
+)
+def test_pixels_in_the_middle_are_as_large_as_the_panorama_s_largest(size, projection):
+    """At a pole, at which the first cut-out of a dome looks, pixels have hardly any size."""
     eye = PanoramicCamera(*size, np.eye(4), PICTURE, projection)
-    (front, *_) = cutouts_of(eye)
-    assert natural_size(eye, front) == round(400 / np.pi)
+    assert natural_size(eye) == round(400 / np.pi)
+
+
+def test_the_first_cutout_of_a_dome_looks_at_its_pole():
+    assert cutouts_of(PanoramicCamera(400, 100, np.eye(4), PICTURE, DOME))[0].title == "up 90°"
+
+
+def test_rows_are_those_of_the_whole_cutout():
+    eye = camera(VR360)
+    for cutout in cutouts_of(eye):
+        whole, part = px_in_cutout(eye, cutout, 16), px_in_cutout(eye, cutout, 16, slice(3, 9))
+        assert all(np.array_equal(some, of_all[3:9]) for some, of_all in zip(part, whole, strict=True))

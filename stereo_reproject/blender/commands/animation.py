@@ -37,7 +37,14 @@ from ..output.animation_output import Output, output_of
 from ..output.delivery import pixels_of
 from ..scene.warnings import scene_warnings
 from .animation_movie import check_movies, make_movie, movies_of, remove_waiting_frames, try_encoder
-from .animation_plan import announce_plan, announce_planning, planned_frames, scene_prints, settings_digest
+from .animation_plan import (
+    announce_plan,
+    announce_planning,
+    frames_of_panoramas,
+    planned_frames,
+    scene_prints,
+    settings_digest,
+)
 from .frame_maker import BlenderFrameMaker, FrameContext
 
 ANIMATION_FILES = ("left.exr", "right.exr")
@@ -141,7 +148,13 @@ def _announced_plan(run: _Run) -> FramePlan:
     context = run.context
     there = all(path.exists() for path in movies_of(run.scene, context.options, run.output))
     plan = planned_frames(
-        context.journal, run.output, context.wanted, context.options, run.listener, movies_are_there=there
+        context.journal,
+        run.output,
+        context.wanted,
+        context.options,
+        run.listener,
+        panoramas=frames_of_panoramas(run.scene, run.output.files, context.settings.scene.panorama),
+        movies_are_there=there,
     )
     for doubt in context.journal.records.new_doubts():
         run.listener.warn(doubt)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 
 import bpy
@@ -37,7 +36,7 @@ from ..output.pictures import read_png
 from ..scene.rendered import CYCLES
 from ..scene.rig import stereo_cameras
 from ..scene.working import evaluated, rendered_layer, working_scene
-from .compare_cutouts import SeenPictures, compare_cutouts
+from .compare_cutouts import SeenPictures, compare_cutouts, has_flip
 
 REFERENCE_SEED_OFFSET = 3_000_017
 """Added to the scene's seed for multiview: noise that ours has must not be measured as agreement."""
@@ -199,11 +198,11 @@ def flips(
     folder: Path,
 ) -> tuple[float | None, float | None]:
     """Return the mean FLIP error of `ours` (H, W, 4) and of multiview's repeated render, each against the reference and
-    with each pixel's weight; (None, None) where FLIP is not installed. The pictures are compared as `seen_pictures` has
+    with each pixel's weight; (None, None) where FLIP cannot be had. The pictures are compared as `seen_pictures` has
     them.
     """
     seen = seen_pictures(scene, settings, ours, multiview, folder)
-    return (None, None) if seen is None else seen.flips(weight=multiview.pixel_weight)
+    return (None, None) if seen is None else seen.flips()
 
 
 def seen_pictures(
@@ -214,9 +213,9 @@ def seen_pictures(
     folder: Path,
 ) -> SeenPictures | None:
     """Return `ours` (H, W, 4) and multiview's renders as the scene's view transform shows them, over a middle grey
-    where the film is transparent; None where FLIP, which they are for, is not installed. folder is private.
+    where the film is transparent; None where FLIP, which they are for, cannot be had. folder is private.
     """
-    if find_spec("flip_evaluator") is None:
+    if not has_flip():
         return None
 
     def seen(left: NDArray[np.float32], right: NDArray[np.float32]) -> list[NDArray[np.float32]]:
@@ -228,4 +227,4 @@ def seen_pictures(
         return [np.ascontiguousarray(half) for half in np.split(read_png(pair), 2, axis=1)]
 
     reference, again = seen(multiview.reference, multiview.again)
-    return SeenPictures(seen(multiview.reference, ours)[1], reference, again)
+    return SeenPictures(seen(multiview.reference, ours)[1], reference, again, multiview.pixel_weight)

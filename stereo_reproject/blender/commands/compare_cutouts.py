@@ -27,20 +27,31 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class SeenPictures:
-    """The target eye as people see it, (H, W, 3) from 0 to 1: ours, multiview's, and multiview's with another seed."""
+    """The target eye as people see it, (H, W, 3) from 0 to 1: ours, multiview's, and multiview's with another seed.
+    weight is that of its pixels (`views/solid_angle`)."""
 
     ours: Picture
     reference: Picture
     again: Picture
+    weight: PixelWeight
 
-    def flips(self, pixels: CutoutPixels | None = None, *, weight: PixelWeight = 1.0) -> tuple[float, float]:
-        """Return the mean FLIP error of ours and of the repeated render, each against the reference; with pixels that
-        of their cut-out, over what the panorama shows there. weight is that of the pixels (`views/solid_angle`). Raises
-        ImportError where FLIP is not installed."""
+    def flips(self, pixels: CutoutPixels | None = None) -> tuple[float, float]:
+        """Return the mean FLIP error of ours and of the repeated render, each against the reference: of the whole
+        picture, each pixel by its weight; with pixels that of their cut-out, over what the panorama shows there, where
+        all count alike. Raises ImportError unless `has_flip`."""
         reference = _cut(self.reference, pixels)
-        shown = slice(None) if pixels is None else pixels.shown
+        shown, weight = (slice(None), self.weight) if pixels is None else (pixels.shown, 1.0)
         ours, again = (_flip(reference, _cut(picture, pixels))[shown] for picture in (self.ours, self.again))
         return weighted_mean(ours, weight), weighted_mean(again, weight)
+
+
+def has_flip() -> bool:
+    """Return whether FLIP can be had: it is installed, and its own parts are there too."""
+    try:
+        import flip_evaluator  # noqa: F401
+    except ImportError:
+        return False
+    return True
 
 
 def _cut(picture: Picture, pixels: CutoutPixels | None) -> Picture:
@@ -67,13 +78,13 @@ def compare_cutouts(
     """Return how a panorama's cut-outs compare with multiview's: none for a camera that is no panorama.
 
     camera is that of the pictures (H, W, 4): ours, multiview's, and multiview's with another seed, scene-linear and
-    with their light as it is seen. variance_share (H, W) is that of the frame; seen is None where FLIP is not
-    installed. has_noise is False where multiview has none to hold errors against.
+    with their light as it is seen. variance_share (H, W) is that of the frame; seen is None where FLIP cannot
+    be had. has_noise is False where multiview has none to hold errors against.
     """
     cutouts = cutouts_of(camera)
     if not isinstance(camera, PanoramicCamera) or not cutouts:
         return ()
-    size = natural_size(camera, cutouts[0])
+    size = natural_size(camera)
     return tuple(
         _compared(cutout, cutout_pixels(camera, cutout, size), pictures, variance_share, seen, has_noise=has_noise)
         for cutout in cutouts

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...images.bands import over_bands
 from ...images.cutouts import CutoutPixels, block_mean, cutout_pixels
 from ...images.exr import VIEWS
 from ...images.png import write_png
@@ -19,14 +20,15 @@ from ...pipeline.stereo_frame import StereoFrame, colour
 from ...views.cutouts import Cutout, cutouts_of, natural_size
 from ...views.panorama import PanoramicCamera
 from .delivery import deliver_side_by_side
-from .pictures import display, drawn, holes_by_reason, legend_of_holes, read_png
+from .pictures import coloured_holes, display, drawn, legend_of_holes, read_png, shares_by_reason
 
 SIZES_PX = (192, 640)
 """Least and greatest width of a cut-out in the sheet: of less its title has no room, and five of more are wider than
 a screen can be."""
 
-MAX_TIMES = 6
-"""Places in a row, at most, whose mean is a pixel of the sheet."""
+TIMES = 2
+"""Places across and down whose mean is a pixel of the sheet, where the panorama has pixels enough. A larger panorama is
+made smaller first, so that these places lie at most a pixel apart and miss none."""
 
 Eyes = Mapping[str, NDArray[np.float32]]
 """Scene-linear pictures (h, w, 4) of both eyes, by view."""
@@ -40,24 +42,51 @@ BACKGROUND = 24
 
 @dataclass(frozen=True)
 class SheetCutout:
-    """A cut-out of the sheet: its places in the panorama, times x times of them for each pixel of the sheet."""
+    """A cut-out of the sheet, of size x size pixels, each the mean of times x times places in the panorama, whose
+    pictures are made smaller before by a `block_mean` of coarser times.
 
+    Places are looked up a few rows at a time: those of a whole cut-out would take more memory than its picture.
+    """
+
+    camera: PanoramicCamera
     cutout: Cutout
-    pixels: CutoutPixels
+    size: int
     times: int
+    coarser: int
 
-    def seen(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the cut-out (S, S, C) of a panorama's picture (H, W, C)."""
-        return block_mean(self.pixels.linear(picture), self.times)
+    def seen(self, picture: NDArray[np.float32], *, interpolated: bool) -> NDArray[np.float32]:
+        """Return the cut-out (S, S, C) of a panorama's picture, which was made smaller: with places interpolated
+        between its pixels, or of the nearest ones."""
+        result = np.empty((self.size, self.size, picture.shape[-1]), np.float32)
 
-    def holes(
-        self, target: NDArray[np.float32], reasons: NDArray[np.uint16]
-    ) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
-        """Return the cut-out (S, S, 3) of the picture of traced pixels, as bytes, and the share of the cut-out that has
-        each reason. target (H, W, 4) and reasons (H, W) are the panorama's."""
-        picture, shares = holes_by_reason(self.pixels.nearest(target), self.pixels.nearest(reasons))
-        picture[~self.pixels.shown] = 0
-        return block_mean(picture, self.times).astype(np.uint8), shares
+        def work(rows: slice) -> None:
+            pixels = self._pixels(rows, self.coarser)
+            places = pixels.linear(picture) if interpolated else pixels.nearest(picture)
+            result[rows] = block_mean(places, self.times)
+
+        over_bands(self._places, work)
+        return result
+
+    def shares(self, reasons: NDArray[np.uint16]) -> dict[Reason, float]:
+        """Return the share of the cut-out that has each reason; reasons (H, W) are the panorama's."""
+        side = self.size * self.times
+        flags = np.empty((side, side), np.uint16)
+
+        def work(rows: slice) -> None:
+            flags[self.times * rows.start : self.times * rows.stop] = self._pixels(rows, 1).nearest(reasons)
+
+        over_bands(self._places, work)
+        return shares_by_reason(flags)
+
+    @property
+    def _places(self) -> tuple[int, int]:
+        """Rows of the cut-out, and places in each."""
+        return self.size, self.size * self.times**2
+
+    def _pixels(self, rows: slice, coarser: int) -> CutoutPixels:
+        """Return the places of these rows of the cut-out, in a picture that was made smaller so many times."""
+        places = slice(self.times * rows.start, self.times * rows.stop)
+        return cutout_pixels(self.camera, self.cutout, self.size * self.times, places, coarser=coarser)
 
 
 def sheet_cutouts(camera: PanoramicCamera) -> list[SheetCutout]:
@@ -65,10 +94,11 @@ def sheet_cutouts(camera: PanoramicCamera) -> list[SheetCutout]:
     cutouts = cutouts_of(camera)
     if not cutouts:
         return []
-    natural = natural_size(camera, cutouts[0])
+    natural = natural_size(camera)
     size = int(np.clip(natural, *SIZES_PX))
-    times = min(math.ceil(natural / size), MAX_TIMES)
-    return [SheetCutout(cutout, cutout_pixels(camera, cutout, size * times), times) for cutout in cutouts]
+    times = TIMES if natural > size else 1
+    coarser = math.ceil(natural / (size * times))
+    return [SheetCutout(camera, cutout, size, times, coarser) for cutout in cutouts]
 
 
 def in_plain_tones(pictures: Eyes) -> Shown:
@@ -105,17 +135,43 @@ def write_cutouts(
     camera = frame.camera
     assert isinstance(camera, PanoramicCamera)
     cutouts = sheet_cutouts(camera)
-    eyes = {view: [cutout.seen(colour(frame.eyes[view])) for cutout in cutouts] for view in VIEWS}
-    in_a_row = shown({view: np.concatenate(pictures, axis=1) for view, pictures in eyes.items()})
-    rendered = colour(frame.eyes[target])
-    traced = [cutout.holes(rendered, frame.reasons) for cutout in cutouts]
-    rows = {f"{view.capitalize()} eye": np.split(in_a_row[view], len(cutouts), axis=1) for view in VIEWS}
-    rows[f"Traced pixels of the {target} eye"] = [picture for picture, _ in traced]
+    coarser = cutouts[0].coarser
+    smaller = (block_mean(colour(frame.eyes[view]), coarser) for view in VIEWS)
+    eyes = shown({view: _row(cutouts, eye, interpolated=True) for view, eye in zip(VIEWS, smaller, strict=True)})
+    traced = _smaller_holes(colour(frame.eyes[target]), frame.reasons, coarser)
+    holes = _row(cutouts, traced, interpolated=False).astype(np.uint8)
+    pictures = {f"{view.capitalize()} eye": eyes[view] for view in VIEWS}
+    pictures[f"Traced pixels of the {target} eye"] = holes
+    rows = {name: np.split(picture, len(cutouts), axis=1) for name, picture in pictures.items()}
     sheet = _sheet(path, [cutout.cutout.title for cutout in cutouts], rows)
     if with_legend:
-        legend = legend_of_holes(_mean_shares([shares for _, shares in traced]))
+        legend = legend_of_holes(_mean_shares([cutout.shares(frame.reasons) for cutout in cutouts]))
         sheet = np.concatenate([sheet, drawn(path, legend, sheet.shape[1])])
     write_png(path, sheet)
+
+
+def _row(cutouts: Sequence[SheetCutout], picture: NDArray[np.float32], *, interpolated: bool) -> NDArray[np.float32]:
+    """Return the cut-outs (S, S, C) of a panorama's picture (h, w, C), which was made smaller, beside each other, as
+    `SheetCutout.seen` has them."""
+    size = cutouts[0].size
+    result = np.empty((size, size * len(cutouts), picture.shape[-1]), np.float32)
+    for k, cutout in enumerate(cutouts):
+        result[:, size * k : size * (k + 1)] = cutout.seen(picture, interpolated=interpolated)
+    return result
+
+
+def _smaller_holes(target: NDArray[np.float32], reasons: NDArray[np.uint16], times: int) -> NDArray[np.float32]:
+    """Return the picture (h, w, 3) of traced pixels in bytes' values, after a `block_mean` of so many times. target
+    (H, W, 4) and reasons (H, W) are the panorama's, and are not made smaller before: flags have no mean."""
+    height, width = (-(-pixels // times) for pixels in reasons.shape)
+    result = np.empty((height, width, 3), np.float32)
+
+    def work(rows: slice) -> None:
+        pixels = slice(times * rows.start, times * rows.stop)
+        result[rows] = block_mean(coloured_holes(target[pixels], reasons[pixels]), times)
+
+    over_bands((height, width * times**2), work)
+    return result
 
 
 def _sheet(path: Path, titles: Sequence[str], rows: Mapping[str, list[NDArray[np.uint8]]]) -> NDArray[np.uint8]:

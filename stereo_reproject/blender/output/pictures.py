@@ -79,8 +79,7 @@ def write_holes(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uin
     """Write a PNG of the target eye, dimmed, in which every traced pixel has the colour of its reason, with a legend
     below. target (H, W, 4) is scene-linear; reasons (H, W) are `Reason` flags.
     """
-    picture, shares = holes_by_reason(target, reasons)
-    _write_with_legend(path, picture, legend_of_holes(shares))
+    _write_with_legend(path, coloured_holes(target, reasons), legend_of_holes(shares_by_reason(reasons)))
 
 
 def legend_of_holes(shares: Mapping[Reason, float]) -> Legend:
@@ -90,24 +89,25 @@ def legend_of_holes(shares: Mapping[Reason, float]) -> Legend:
 
 def write_hole_mask(path: Path, target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> None:
     """Write the picture of `write_holes` without its legend: as a frame of an animation it has the target's size."""
-    write_png(path, holes_by_reason(target, reasons)[0])
+    write_png(path, coloured_holes(target, reasons))
 
 
-def holes_by_reason(
-    target: NDArray[np.float32], reasons: NDArray[np.uint16]
-) -> tuple[NDArray[np.uint8], dict[Reason, float]]:
-    """Return the picture (H, W, 3) of traced pixels, as bytes, and the share of all pixels that have each reason."""
+def coloured_holes(target: NDArray[np.float32], reasons: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Return the picture (H, W, 3) of traced pixels, as bytes; the parameters are those of `write_holes`."""
     picture = _backdrop(target)
     shown = np.zeros(reasons.shape, bool)
-    shares: dict[Reason, float] = {}
     for reason, colour in COLOURS.items():
         has_reason = (reasons & reason.bit) > 0
-        if not has_reason.any() and reason not in (Reason.DISOCCLUDED, Reason.OUTSIDE, Reason.SILHOUETTE):
-            continue
         picture[has_reason & ~shown] = colour
         shown |= has_reason
-        shares[reason] = float(np.mean(has_reason))
-    return picture, shares
+    return picture
+
+
+def shares_by_reason(reasons: NDArray[np.uint16]) -> dict[Reason, float]:
+    """Return the share of all pixels that have each reason; reasons that none has are left out, but for a few."""
+    shares = {reason: float(np.mean((reasons & reason.bit) > 0)) for reason in COLOURS}
+    always = (Reason.DISOCCLUDED, Reason.OUTSIDE, Reason.SILHOUETTE)
+    return {reason: share for reason, share in shares.items() if share > 0.0 or reason in always}
 
 
 def write_estimate(

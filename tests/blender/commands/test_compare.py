@@ -1,0 +1,47 @@
+"""FLIP in a comparison with multiview: by the weight of each pixel, and left out where it cannot be had."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from stereo_reproject.blender.commands.compare import MultiviewReference, flips, seen_pictures
+from stereo_reproject.settings.frame import StereoSettings
+from stereo_reproject.views.solid_angle import pixel_weights
+from tests.blender.toolbox import add_camera, empty_scene
+from tests.views.test_cutouts import VR360, camera
+
+
+@pytest.fixture
+def reference():
+    """Multiview's eye in a whole turn: grey, and with another seed lighter or darker by chance."""
+    eye, rng = camera(VR360), np.random.default_rng(1)
+    grey = np.full((eye.height, eye.width, 4), 0.2, np.float32)
+    grey[..., 3] = 1.0
+    again = grey.copy()
+    again[..., :3] *= rng.uniform(0.8, 1.2, again[..., :3].shape)
+    return MultiviewReference("CYCLES", 1.0, grey, again, 1.0, {}, pixel_weights(eye))
+
+
+def test_pixels_at_a_pole_count_for_little(reference, tmp_path):
+    ours = reference.reference.copy()
+    poles = np.asarray(reference.pixel_weight)[:, 0] < 0.3
+    ours[poles, :, :3] *= 4.0
+    scene = empty_scene()
+    add_camera(scene)
+    seen = seen_pictures(scene, StereoSettings(), ours, reference, tmp_path)
+    assert seen.flips() == flips(scene, StereoSettings(), ours, reference, tmp_path)
+    error, _ = seen.flips()
+    # FLIP looks at what is around a pixel too, but not far: the error is that of the pixels at the poles.
+    alike = MultiviewReference("CYCLES", 1.0, reference.reference, reference.again, 1.0)
+    unweighted, _ = flips(scene, StereoSettings(), ours, alike, tmp_path)
+    assert 0.0 < error < 0.6 * unweighted
+
+
+def test_a_broken_flip_is_none(reference, tmp_path, monkeypatch):
+    """One that is found and cannot be imported, as where a library that it needs is missing."""
+    (tmp_path / "flip_evaluator.py").write_text('raise ImportError("libGL.so.1: cannot open shared object file")')
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "flip_evaluator", raising=False)
+    assert flips(empty_scene(), StereoSettings(), reference.reference, reference, tmp_path) == (None, None)
+    assert seen_pictures(empty_scene(), StereoSettings(), reference.reference, reference, tmp_path) is None
