@@ -65,10 +65,17 @@ def made_images(scene: bpy.types.Scene, pair: bpy.types.Image, kinds: Sequence[s
 
 
 def _made(pair: bpy.types.Image, kind: str, views: Mapping[str, NDArray[np.float32]]) -> bpy.types.Image:
-    """Make an image of ours of the pair's views, (H, W, 4) scene-linear, in place of the earlier one of its kind."""
+    """Make an image of ours of the pair's views, (H, W, 4) scene-linear, in place of the earlier one of its kind: in
+    the same datablock if it is as large, so that an editor that shows it keeps its zoom.
+    """
     pixels = np.concatenate([views[view] for view in ARRANGEMENTS[kind]], axis=1)
     old = _found(pair.name, kind)
     height, width = pixels.shape[:2]
+    if old is not None and tuple(old.size) == (width, height):
+        old.pixels.foreach_set(np.ascontiguousarray(pixels[::-1]).ravel())
+        old.update()
+        old.pack()
+        return old
     image = bpy.data.images.new(NAME.format(NAMES[kind]), width, height, alpha=True, float_buffer=True)
     image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1]).ravel())
     image.use_view_as_render = pair.type == "RENDER_RESULT" or pair.use_view_as_render

@@ -14,7 +14,7 @@ from .jobs import running
 from .pictures import fit_editor, image_editors, is_ours, kind_of, redraw_with_both_eyes, render_result
 from .results import result_of
 from .text import reported, sentence, shown
-from .view_images import ARRANGEMENTS, has_two_views, made_images, pair_shown_in, remove_all, remove_unused
+from .view_images import ARRANGEMENTS, has_two_views, image_of, made_images, pair_shown_in, remove_all, remove_unused
 
 ANAGLYPH, WIGGLE = "ANAGLYPH", "WIGGLE"
 
@@ -168,11 +168,12 @@ def show(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
 def _show_made(context: bpy.types.Context, pair: bpy.types.Image, mode: str) -> None:
     """Show images of ours, made anew from the pair, in the Image Editor of the context; of a wiggle the left eye."""
     space = context.space_data
-    was_wide = _is_wide(space)
     kinds = wiggling.KINDS if mode == WIGGLE else (mode,)
+    is_shown = space.image is not None and space.image == image_of(pair, kinds[0])
     made = made_images(context.scene, pair, kinds)
     space.image = made[kinds[0]]
-    if _is_wide(space) != was_wide and not bpy.app.background:
+    # Blender 5 draws an image for the first time at 100 %, whatever the zoom was.
+    if not is_shown and not bpy.app.background:
         fit_editor(context.window, context.area)
     remove_unused(keep=(*kinds, *wiggling.kinds_in_use()))
     _last_modes[space.as_pointer()] = (mode, pair.name)

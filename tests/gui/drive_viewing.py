@@ -98,13 +98,17 @@ def render_and_compare():
 
 
 def look_in_every_mode():
-    """By its button; the mouse goes out of the way before the picture is taken."""
+    """By its button; the mouse goes out of the way before the picture is taken. The Render Result is fitted first, as
+    the others are by their buttons."""
+    pictures = importlib.import_module(f"{MODULE}.operators.pictures")
+    pictures.fit_editor(window(), area_of("IMAGE_EDITOR"))
     facts["modes"], facts["places"] = {}, {}
     for mode in MODES:
         yield from click("IMAGE_EDITOR", "UI", f"show_view(mode='{mode}')")
         over_the_picture()
         yield from redrawn()
         facts["modes"][mode] = [*shown(), space().zoom[0]]
+        facts["widths"] = {**facts.get("widths", {}), mode: space().zoom[0] * space().image.size[0]}
         view = region_of("IMAGE_EDITOR", "WINDOW").view2d
         corners = [view.view_to_region(corner, corner, clip=False) for corner in (0.0, 1.0)]
         facts["places"][mode.lower()] = [*corners[0], *corners[1]]

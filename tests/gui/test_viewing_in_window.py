@@ -73,6 +73,14 @@ def test_without_a_pair_the_buttons_are_grey(facts):
     assert facts["without_a_pair"] == [False, False, False]
 
 
+def test_each_picture_is_fitted_to_the_editor(facts):
+    """Blender 5 draws an image for the first time at 100 %, which is small here."""
+    widths = facts["widths"]
+    assert widths["LEFT"] == pytest.approx(widths["RIGHT"])
+    assert widths["SIDE_BY_SIDE"] == pytest.approx(widths["CROSS_EYED"])
+    assert facts["modes"]["LEFT"][2] > facts["modes"]["SIDE_BY_SIDE"][2] > 1.0
+
+
 def test_each_button_shows_its_image_and_is_pressed(facts):
     assert {mode: found[:2] for mode, found in facts["modes"].items()} == {
         mode: [name, mode] for mode, name in NAMES.items()
