@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..stereo_reproject.blender.scene.panoramas import is_panorama
 from ..stereo_reproject.blender.scene.vr_cameras import check_vr
 from ..stereo_reproject.errors import BadInputError
 from ..stereo_reproject.settings.frame import PANORAMAS, SceneOverrides
@@ -36,16 +37,10 @@ LEAST_HEIGHT_PX = 4
 HEIGHT_PX = 4096
 
 
-def is_panorama(scene: bpy.types.Scene) -> bool:
-    """Return whether the scene's camera is a panorama by itself, of whatever kind."""
-    camera = scene.camera
-    return camera is not None and camera.type == "CAMERA" and camera.data.type == "PANO"
-
-
 def asked_panorama(scene: bpy.types.Scene) -> str | None:
     """Return the panorama that the panel asks for, by its name in `SceneOverrides`; None for the camera's own view."""
     chosen = scene.stereo_reproject.headset
-    return None if chosen == FLAT or is_panorama(scene) else chosen
+    return None if chosen == FLAT or is_panorama(scene.camera) else chosen
 
 
 def panorama_size(scene: bpy.types.Scene, panorama: str) -> tuple[int, int]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import bpy
 
+from ..stereo_reproject.blender.scene.panoramas import is_panorama
 from ..stereo_reproject.words import Words
 from .drawing import paragraph
 from .fitting import draw_setting
-from .headset import FLAT, is_panorama, panorama_size
+from .headset import FLAT, panorama_size
 
 PANORAMA_ALREADY = "The camera is a panorama already: its own lens and the resolution in Output count."
 
@@ -21,7 +22,7 @@ class Headset:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what is rendered and its size; grey, with the reason, where the camera is a panorama by itself."""
         layout, scene = self.layout, context.scene
-        chosen, is_grey = scene.stereo_reproject, is_panorama(scene)
+        chosen, is_grey = scene.stereo_reproject, is_panorama(scene.camera)
         column = layout.column()
         column.enabled = not is_grey
         draw_setting(column, context, chosen, "headset")

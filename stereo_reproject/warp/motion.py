@@ -33,11 +33,11 @@ def warp_motion(
     vectors between the sample's place and the target pixel's, which is added. An eye of spherical stereo has the
     camera's own vectors (`panorama_motion`).
     """
-    if moves_as_camera(target.now):
-        return warp_camera_motion(vector, depth, warp, source, target, target_depth)
     vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
     z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
     z = np.where(z > 0.0, z, np.inf)
+    if moves_as_camera(target.now):
+        return warp_camera_motion(vectors, z, warp, source, target, target_depth)
     x, y = np.floor(warp.x) + 0.5, np.floor(warp.y) + 0.5
     now = target_px_from_source_px(source.now, target.now, x, y, z)
     result = np.zeros_like(vectors)

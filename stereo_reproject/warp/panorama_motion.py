@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.lookup import lookup
 from ..views.camera import Array, Camera, target_px_from_source_px
 from ..views.motion import Moving
 from ..views.panorama import PANORAMA_FROM_CAMERA, PanoramicCamera
@@ -24,8 +23,8 @@ def moves_as_camera(camera: Camera) -> bool:
 
 
 def warp_camera_motion(
-    vector: NDArray[np.float32],
-    depth: NDArray[np.float32],
+    vectors: NDArray[np.float64],
+    z: NDArray[np.float64],
     warp: Warp,
     source: Moving,
     target: Moving,
@@ -33,12 +32,10 @@ def warp_camera_motion(
 ) -> NDArray[np.float32]:
     """Return the motion vectors (H, W, 4) of an eye for which `moves_as_camera` holds, as `motion.warp_motion` says.
 
-    A point has the same vector in both eyes. Between the nearest sample's point and the target pixel's, it changes as
-    that of a point that stands still.
+    vectors (H, W, 4), which are changed in place, and z (H, W) are those of the nearest source samples; z, the depth,
+    is +inf for the sky. A point has the same vector in both eyes. Between the nearest sample's point and the target
+    pixel's, it changes as that of a point that stands still.
     """
-    vectors = lookup(vector, warp.x, warp.y, interpolation="nearest").astype(np.float64)
-    z = lookup(depth, warp.x, warp.y, interpolation="nearest")[..., 0].astype(np.float64)
-    z = np.where(z > 0.0, z, np.inf)
     if target.before is not target.now or target.after is not target.now:
         rows, columns = np.mgrid[0.5 : z.shape[0], 0.5 : z.shape[1]]
         here = _standing_still(target, columns, rows, target_depth)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -27,3 +28,10 @@ def extension(package):
     package.register()
     yield package
     package.unregister()
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Where temporary files go; nothing but what the test itself writes may be left there."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path

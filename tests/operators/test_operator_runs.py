@@ -40,13 +40,6 @@ def scene():
     return mirror_before_wall(96, 54, samples=4)
 
 
-@pytest.fixture
-def place(tmp_path, monkeypatch):
-    """Where temporary files go; nothing but what the test itself writes may be left there."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    return tmp_path
-
-
 @pytest.mark.parametrize("stage", STAGES)
 def test_cancelled(extension, scene, place, monkeypatch, stage):
     from stereo_reproject_extension.operators import jobs, run

@@ -16,13 +16,6 @@ def scene():
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
-    """Where temporary files go."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    return tmp_path
-
-
-@pytest.fixture
 def second(extension, place):
     """The module, as the extension has it."""
     from stereo_reproject_extension.operators import second_blender

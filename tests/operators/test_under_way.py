@@ -1,7 +1,6 @@
 """What a run leaves and says while it goes on."""
 
 import re
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,13 +20,6 @@ HALF_ROUNDING = 2.0**-11
 @pytest.fixture
 def scene():
     return mirror_before_wall(*SIZE, samples=4)
-
-
-@pytest.fixture
-def place(tmp_path, monkeypatch):
-    """Where temporary files go."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    return tmp_path
 
 
 @pytest.fixture

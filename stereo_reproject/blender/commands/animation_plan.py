@@ -24,6 +24,7 @@ from ...words import Words
 from ..output.animation_output import Output
 from ..output.frame_writer import CUTOUTS, picture_name
 from ..scene.fingerprint import scene_fingerprints
+from ..scene.panoramas import is_panorama
 from ..scene.rendered import camera_at, scene_frames
 from ..scene.working import changed
 
@@ -72,10 +73,7 @@ def frames_of_panoramas(scene: bpy.types.Scene, frames: Iterable[int], asked: st
     the panorama that cameras are made for the render, as `SceneOverrides` has it."""
     if asked is not None:
         return frozenset(frames)
-    cameras = ((frame, camera_at(scene, frame)) for frame in frames)
-    return frozenset(
-        frame for frame, camera in cameras if camera and camera.type == "CAMERA" and camera.data.type == "PANO"
-    )
+    return frozenset(frame for frame in frames if is_panorama(camera_at(scene, frame)))
 
 
 def planned_frames(

@@ -27,6 +27,11 @@ from ...words import Words
 Sensor = tuple[float, float]
 
 
+def is_panorama(camera: bpy.types.Object | None) -> bool:
+    """Return whether a scene's camera, an object of any type or None, is a panorama by itself, of whatever kind."""
+    return camera is not None and camera.type == "CAMERA" and camera.data.type == "PANO"
+
+
 def spherical_stereo(data: bpy.types.Camera, view: str) -> SphericalStereo | None:
     """Return the spherical stereo of one view of an evaluated camera, by the view's name; None where the camera uses
     none. Raises BadInputError where the limits of its pole merge cross."""
