@@ -19,7 +19,7 @@ from ..matching.matching import Correction
 from ..settings.accuracy import Accuracy
 from ..trace.fill import FillChoice
 from ..trace.planner import FillPlanner
-from ..trace.requests import Tracer, TraceRequest
+from ..trace.requests import TraceCall, Tracer, TraceRequest, TraceSteps, run_alone
 from ..views.solid_angle import PixelWeight
 from .estimator import Estimator, estimator_of
 from .evidence import ProbeTraces, RefinedTiles, ReflectedLight, TileEvidence, with_refined
@@ -133,7 +133,7 @@ class ProbedTracing:
         self.pilot_share: float | None = None
         self._tracer, self._planner = tracer, warped.planner
         self._accuracy, self._seed, self._light_scale = accuracy, warped.seed, warped.light_scale
-        self._warped = warped
+        self.warped = warped
         self._uncorrected: NDArray[np.float32] | None = None
         self._variance_share = warped.variance_share
         self.target = Target.of_warp(warped.view, reprojection.passes, reprojection.reasons)
@@ -145,7 +145,7 @@ class ProbedTracing:
     def _estimator(self) -> Estimator | None:
         """Estimator that reads the probes; None without any. It is made when first asked for, before anything is
         traced: when the warp's own arrays are let go."""
-        warped = self._warped
+        warped = self.warped
         return estimator_of(warped.reprojection, self._accuracy, warped.denoising, probed=warped.needs_probes)
 
     @property
@@ -171,9 +171,13 @@ class ProbedTracing:
 
         The probes become pixels of the target, as any probe does, and its slow errors are corrected.
         """
+        run_alone(self._pilot_steps(), self._tracer)
+
+    def _pilot_steps(self) -> TraceSteps[None]:
+        """Steps of `send_pilot`."""
         spacing = self._accuracy.probe_spacing * TUNING.pilot_spacing_ratio
         before = self.target.colour.copy()
-        self._pilot = self._trace_probed("packed", np.zeros_like(self._holes), spacing, self._seed)
+        self._pilot = yield from self._trace_probed("packed", np.zeros_like(self._holes), spacing, self._seed)
         self._uncorrected = before
         # A few probes are sure of little, and one outlier among them must not decide for a full render.
         chosen = choose_tiles(self._pilot, self._promise, unseen=self._accuracy.unseen, margin_sigmas=-1.0)
@@ -185,6 +189,10 @@ class ProbedTracing:
 
         For a full render all pixels of the target become holes, and there are no probes.
         """
+        return run_alone(self.fill_steps(), self._tracer)
+
+    def fill_steps(self) -> TraceSteps[FillChoice]:
+        """Steps of `fill`, for several targets whose pixels are traced together."""
         spacing = None if self._estimator is None else self._accuracy.probe_spacing
         share = float(np.mean(self._holes))
         choice = self._planner.plan(share, spacing=spacing, expected=self.pilot_share or 0.0)
@@ -192,10 +200,10 @@ class ProbedTracing:
             self.target = self.target.flagged(np.ones_like(self._holes), Provenance.HOLE)
         holes = self._holes
         if self._estimator is None or choice.method == "full" or holes.all():
-            self._trace(choice.method, holes)
+            yield from self._trace(choice.method, holes)
             return choice
         spacing = self._planner.spacing(choice.method, self._accuracy.probe_spacing)
-        self._evidence = self._trace_probed(choice.method, holes, spacing, self._seed + 1)
+        self._evidence = yield from self._trace_probed(choice.method, holes, spacing, self._seed + 1)
         return choice
 
     def refine(self) -> Refinement:
@@ -203,6 +211,10 @@ class ProbedTracing:
 
         Where a full render is not clearly dearer, it is taken, and all that is still warped is traced.
         """
+        return run_alone(self.refine_steps(), self._tracer)
+
+    def refine_steps(self) -> TraceSteps[Refinement]:
+        """Steps of `refine`, for several targets whose pixels are traced together."""
         evidence = self._evidence
         if evidence is None:
             return self._unrefined()
@@ -214,11 +226,11 @@ class ProbedTracing:
         fill = self._planner.plan(float(np.mean(pixels)))
         if fill.method == "full":
             pixels = ~self.target.traced
-            self._trace("full", pixels)
+            yield from self._trace("full", pixels)
             self._flag_refined(pixels | self.target.traced)
             return Refinement(pixels, fill, as_rendered(evidence), evidence, whole=True)
         noise, warped = local_noise(evidence), self.target.colour[pixels]
-        self._trace(fill.method, pixels)
+        yield from self._trace(fill.method, pixels)
         self._flag_refined(evidence.probes.pixels_of(chosen))
         done = RefinedTiles(chosen, pixels, warped, self.target.colour[pixels], by_own, self._variance_share)
         evidence = with_refined(evidence, done, noise)
@@ -238,18 +250,19 @@ class ProbedTracing:
         """Flag these pixels (H, W) of the target as refined, but for holes."""
         self.target = self.target.flagged(pixels & ~self._holes, Provenance.REFINED)
 
-    def _trace(self, method: str, pixels: NDArray[np.bool_]) -> None:
+    def _trace(self, method: str, pixels: NDArray[np.bool_]) -> TraceSteps[None]:
         """Trace pixels (H, W) once by this fill method, and put them into the target; to flag them is left to the
         caller."""
         if pixels.any():
-            self.target.put(pixels, self._traced(method, TraceRequest(self.target.view, pixels)))
+            traced = yield from self._traced(method, TraceRequest(self.target.view, pixels))
+            self.target.put(pixels, traced)
 
-    def _traced(self, method: str, request: TraceRequest) -> Passes:
+    def _traced(self, method: str, request: TraceRequest) -> TraceSteps[Passes]:
         """Return the passes (N, C) of a request, traced by this fill method, with light as bright as the target's."""
-        [traced] = self._tracer.trace(method, [request])
+        traced = yield TraceCall(method, request)
         return scaled_light(traced, self._light_scale)
 
-    def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> TileEvidence:
+    def _trace_probed(self, method: str, holes: NDArray[np.bool_], spacing: int, seed: int) -> TraceSteps[TileEvidence]:
         """Trace the holes (H, W) once and probes among the rest twice, in one render; return the probes' evidence.
 
         The target gets these pixels, its probes flagged, and is corrected by what they tell. A probe's pixel becomes
@@ -262,10 +275,10 @@ class ProbedTracing:
             spacing=spacing,
             seed=seed,
             contrast=estimator.contrast,
-            weight=self._warped.pixel_weight,
+            weight=self.warped.pixel_weight,
         )
         pixels = holes | probes.mask
-        traced = self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))
+        traced = yield from self._traced(method, TraceRequest(self.target.view, pixels, probes.mask))
         count = int(pixels.sum())
         first = {name: image[:count] for name, image in traced.items()}
         once = {name: image[probes.mask[pixels]] for name, image in first.items()}
@@ -273,7 +286,7 @@ class ProbedTracing:
         share = self._variance_share[probes.mask]
         uncorrected = None if self._uncorrected is None else self._uncorrected[probes.mask]
         warped = self.target.colour[probes.mask]
-        apart = self._reflected_light(probes, once, again)
+        apart = _reflected_light(self.warped.reprojection, self.target.passes, probes, once, again)
         traces = ProbeTraces(warped, once[COLOUR_PASS], again[COLOUR_PASS], share, uncorrected, apart)
         means = {name: _mean_of_finite(once[name], again[name]) for name in traced if filtered(name)}
         self.target.put(pixels, first)
@@ -282,28 +295,30 @@ class ProbedTracing:
         self.target, evidence = estimator.measure(target, probes, traces)
         return evidence
 
-    def _reflected_light(self, probes: Probes, once: Passes, again: Passes) -> ReflectedLight | None:
-        """Return the reflected light of the probes, whose traces' passes (N, C) are once and again; None where the
-        renders do not tell it. To be called before the traces are put into the target."""
-        passes = self.target.passes
-        if VIEW_DEPENDENT_PASS not in passes or VIEW_DEPENDENT_PASS not in once:
-            return None
-        place = probes.rows, probes.columns
-        x, y = self._warped.reprojection.places(place)
-        warped, *traced = (
-            np.nan_to_num(image.astype(np.float64), posinf=0.0, neginf=0.0)
-            for image in (passes[VIEW_DEPENDENT_PASS][place], once[VIEW_DEPENDENT_PASS], again[VIEW_DEPENDENT_PASS])
-        )
-        return ReflectedLight(
-            warped,
-            *traced,
-            # As `warp.composite` looks the pass up, if nobody asked for another lookup.
-            variance_share=variance_share(x[None], y[None])[0],
-            tells=differ_in_reflected_light(effects_of(passes)[place]),
-        )
-
 
 def _mean_of_finite(once: NDArray[np.float32], again: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the mean (N, C) of two traces; where one value is NaN or infinite, the other is taken."""
     once, again = np.where(np.isfinite(once), once, again), np.where(np.isfinite(again), again, once)
     return (0.5 * once + 0.5 * again).astype(np.float32)
+
+
+def _reflected_light(
+    reprojection: WarpedHoles, passes: Passes, probes: Probes, once: Passes, again: Passes
+) -> ReflectedLight | None:
+    """Return the reflected light of a target's probes, whose traces' passes (N, C) are once and again; None where
+    the renders do not tell it. passes (H, W, C) are the target's, before the traces are put into it."""
+    if VIEW_DEPENDENT_PASS not in passes or VIEW_DEPENDENT_PASS not in once:
+        return None
+    place = probes.rows, probes.columns
+    x, y = reprojection.places(place)
+    warped, *traced = (
+        np.nan_to_num(image.astype(np.float64), posinf=0.0, neginf=0.0)
+        for image in (passes[VIEW_DEPENDENT_PASS][place], once[VIEW_DEPENDENT_PASS], again[VIEW_DEPENDENT_PASS])
+    )
+    return ReflectedLight(
+        warped,
+        *traced,
+        # As `warp.composite` looks the pass up, if nobody asked for another lookup.
+        variance_share=variance_share(x[None], y[None])[0],
+        tells=differ_in_reflected_light(effects_of(passes)[place]),
+    )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate.target import Provenance, Target
-from ..estimate.tracing import Refinement
+from ..estimate.tracing import Refinement, WarpedTarget
 from ..images.denoising import Denoising, denoise_target
 from ..images.depth_pass import with_depth_pass
 from ..images.effects import Effect
@@ -29,17 +29,13 @@ from .warping import WarpedSource, interpolations_of
 
 @dataclass(frozen=True)
 class Completed:
-    """The target after it was warped and traced, with all that did it and their results."""
+    """The target after it was warped and traced, with the sources that it was made from and how it was traced."""
 
-    source: Source
-    warped: WarpedSource
+    sources: tuple[Source, ...]
+    warped: WarpedTarget
+    target: Target
     fill: FillChoice
     refinement: Refinement
-
-    @property
-    def target(self) -> Target:
-        """The target itself."""
-        return self.warped.tracing.target
 
 
 @dataclass(frozen=True)
@@ -57,12 +53,12 @@ def composited(task: FrameTask, done: Completed) -> FinishedPasses:
     Values also count as lost that were looked up where the source's own were no number. The passes of `done` are let
     go: a denoiser needs memory for a large picture several times over.
     """
-    target, source, reprojection = done.target, done.source, done.warped.target.reprojection
+    target, source, reprojection = done.target, done.sources[0], done.warped.reprojection
     finished, _ = replace_non_finite(target.passes)
     dark = not_numbers(target.passes)
     interpolation, _ = interpolations_of(task.settings.interpolation, denoised=False)
     for name, pixels in spoilt(
-        [source.lost], reprojection.warp, interpolation=interpolation, wraps=source.seen.wraps
+        [each.lost for each in done.sources], reprojection.warp, interpolation=interpolation, wraps=source.seen.wraps
     ).items():
         warped = pixels & ~target.traced
         if name in finished and warped.any():
@@ -82,24 +78,25 @@ def denoised(done: Completed, finished: FinishedPasses, denoising: Denoising) ->
     return replace(finished, passes=passes)
 
 
-def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -> StereoFrame:
-    """Return the finished frame, with the account of what each effect cost, which is not in the total seconds."""
-    source, warped, target = done.source, done.warped, done.target
-    reprojection, account = warped.target.reprojection, _account_of(task, done, finished.passes)
-    names = task.settings.source, task.settings.target
+def finished_frame(task: FrameTask, warped: WarpedSource, done: Completed, finished: FinishedPasses) -> StereoFrame:
+    """Return the finished frame, with the account of what each effect cost, which is not in the total seconds. warped
+    is the target as it came out of the warp."""
+    [source], target = done.sources, done.target
+    reprojection, account = done.warped.reprojection, _account_of(task, warped, done, finished.passes)
+    names = task.source.name, task.target.name
     task.watch.lap()
     return StereoFrame(
         eyes=dict(zip(names, _as_blender_has_them(task, source, finished), strict=True)),
         reasons=account.reasons,
         traced=target.traced,
-        variance_share=warped.target.variance_share_of(target),
+        variance_share=done.warped.variance_share_of(target),
         grid=reprojection.grid,
         fill=done.fill,
         refinement=done.refinement,
         pilot_share=warped.tracing.pilot_share,
         seconds={**task.watch.seconds, "total": account.total_seconds},
         source_cost=source.cost,
-        trace_costs=warped.target.planner.costs,
+        trace_costs=done.warped.planner.costs,
         effect_costs=account.effect_costs,
         next_accuracy=account.next_accuracy,
         invalid_pixels=dict(zip(names, (count_pixels(source.lost), finished.lost), strict=True)),
@@ -108,7 +105,7 @@ def finished_frame(task: FrameTask, done: Completed, finished: FinishedPasses) -
         warped_by=reprojection.warped_by,
         gpu=warped.gpu if reprojection.warped_by == "gpu" else None,
         light_scale=source.light_scale,
-        pixel_weight=warped.target.pixel_weight,
+        pixel_weight=done.warped.pixel_weight,
         camera=task.target.camera,
     )
 
@@ -130,17 +127,17 @@ class _Account:
     next_accuracy: NextAccuracy
 
 
-def _account_of(task: FrameTask, done: Completed, finished: Passes) -> _Account:
+def _account_of(task: FrameTask, warped: WarpedSource, done: Completed, finished: Passes) -> _Account:
     """Return the account of a frame whose target has these finished passes."""
-    warped, refinement, target = done.warped, done.refinement, done.target
+    refinement, target = done.refinement, done.target
     total = sum(seconds for stage, seconds in task.watch.seconds.items() if stage not in OUTSIDE_TOTAL)
     seconds = {**task.watch.seconds, "total": total}
-    reprojection, planner = warped.target.reprojection, warped.target.planner
+    reprojection, planner = done.warped.reprojection, done.warped.planner
     reasons = _all_reasons(reprojection.reasons, target)
     shown = np.where(reprojection.warp.covered, effects_of(finished), UNKNOWN_EFFECTS)
     evidence = None if refinement.whole else refinement.evidence
     spent = effect_costs(task.renderer.plan.called_for, shown, reasons, target.traced, seconds, evidence)
-    whole, probed = bool(target.traced.all()), warped.target.needs_probes
+    whole, probed = bool(target.traced.all()), done.warped.needs_probes
     completed = FinishedTarget(warped.better_holes, planner, done.fill, refinement, probed, is_whole=whole)
     return _Account(total, reasons, spent, cost_of(warped.better, completed, seconds))
 

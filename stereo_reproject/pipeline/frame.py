@@ -40,7 +40,7 @@ def render_stereo_frame(
     StereoReprojectError when a render fails.
     """
     watch = watch or Stopwatch()
-    task = FrameTask(renderer, settings, findings or SharedFindings(), known_costs, watch)
+    task = FrameTask.of_pair(renderer, settings, findings or SharedFindings(), known_costs, watch)
     check_fill(settings.fill, renderer.fill_blockers())
 
     source = render_source(task, accuracy or accuracy_of(settings))
@@ -63,11 +63,11 @@ def render_stereo_frame(
         show_target(task, source, warped)
 
     watch.lap(Stage.COMPOSITE)
-    done = Completed(source, warped, fill, refinement)
+    done = Completed((source,), warped.target, tracing.target, fill, refinement)
     finished = composited(task, done)
     if source.denoising is not None:
         watch.lap(Stage.DENOISE_TARGET)
         finished = denoised(done, finished, source.denoising)
 
     watch.lap(Stage.ACCOUNT)
-    return finished_frame(task, done, finished)
+    return finished_frame(task, warped, done, finished)

@@ -15,14 +15,14 @@ from ..images.passes import Passes
 from ..trace.costs import TraceCosts
 from ..trace.fill import SourceCost
 from ..trace.planner import FillPlanner
-from ..trace.requests import TraceRequest
+from ..trace.requests import Tracer, TraceRequest
 from ..views.camera import Camera
 from ..views.frustum import Lens
 from ..views.motion import Moving
 from ..warp.warper import Warper
 
 
-class Renderer(Protocol):
+class Renderer(Tracer, Protocol):
     """Protocol of an object that renders one scene for the pipeline.
 
     `stereo_reproject.blender.engines.renderer` has the one that ships; tests have others, without Blender.

@@ -53,11 +53,12 @@ class Source:
         return replace(self, seen=replace(self.seen, passes=without_internal_passes(self.seen.passes)))
 
 
-def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
+def render_source(task: FrameTask, accuracy: Accuracy, *, light_scale: float | None = None) -> Source:
     """Render the source eye, clean it of values that are no number, and denoise it where the scene does.
 
     accuracy is that of the frame, for a picture of `SettingsTuning.unscaled_picture_px`. Stages begin on the task's
-    watch. The light is scaled to be judged as it is seen; reflected light, by which probes are read, loses its sparks.
+    watch. The light is scaled to be judged as it is seen, by light_scale where one is given; reflected light, by which
+    probes are read, loses its sparks.
     """
     renderer, watch, target = task.renderer, task.watch, task.target.camera
     accuracy = for_size(accuracy, target.width * target.height)
@@ -74,9 +75,9 @@ def render_source(task: FrameTask, accuracy: Accuracy) -> Source:
         passes = denoise_source(passes, denoising)
         cost = replace(cost, denoise_seconds=watch.seconds_so_far)
         # No closure: it would keep the passes in memory.
-        watch.show(task.settings.source, partial(passes.__getitem__, COLOUR_PASS))
+        watch.show(task.source.name, partial(passes.__getitem__, COLOUR_PASS))
 
-    scale = display_scale(passes[COLOUR_PASS])
+    scale = display_scale(passes[COLOUR_PASS]) if light_scale is None else light_scale
     passes = scaled_light(passes, scale)
     if VIEW_DEPENDENT_PASS in passes:
         passes = {**passes, VIEW_DEPENDENT_PASS: without_sparks(passes[VIEW_DEPENDENT_PASS])}
@@ -91,7 +92,7 @@ def _rendered(task: FrameTask, *, probed: bool) -> tuple[Passes, SourceCost]:
     """Render the source eye; return its passes and its cost. An onlooker who wants one gets a first look before, whose
     sync counts as the source's. probed is as for `Renderer.render_source`.
     """
-    renderer, watch, view = task.renderer, task.watch, task.settings.source
+    renderer, watch, view = task.renderer, task.watch, task.source.name
     look = None
     if watch.onlooker.show is not None and watch.onlooker.first_look:
         watch.lap(Stage.LOOK)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -48,24 +49,39 @@ def warp_source(task: FrameTask, source: Source) -> WarpedSource:
     All that only tells the holes takes three times as much memory, and is let go here. So the holes of the next better
     accuracy are found now, though they belong to the account of the finished frame.
     """
-    reprojection, gpu = _reprojected(task, source)
-    planner = _planner_of(task, source, reprojection)
-    target = WarpedTarget(
-        task.settings.target,
-        reprojection.answered(),
-        planner,
-        source.accuracy,
-        source.denoising,
-        task.may_differ,
-        task.renderer.seed,
-        source.light_scale,
-        pixel_weights(task.target.camera),
-    )
+    reprojection, gpu = _reprojected(task, [source])
+    target = _target_of(task, source, reprojection, seed=task.renderer.seed)
     tracing = task.renderer.tracing_of(target)
     better = next_better(source.accuracy) if tracing.can_promise else WHOLE
     with task.watch.aside(Stage.ACCOUNT):
         better_holes = holes_of(better, reprojection, denoised=source.denoising is not None)
     return WarpedSource(target, tracing, gpu, better, better_holes)
+
+
+def warp_sources(task: FrameTask, sources: Sequence[Source], *, seed: int) -> WarpedTarget:
+    """Return several sources warped into the target, ready to be traced; seed is that of its probes' places.
+
+    The sources have one accuracy, denoiser and light scale.
+    """
+    reprojection, _ = _reprojected(task, sources)
+    return _target_of(task, sources[0], reprojection, seed=seed)
+
+
+def _target_of(task: FrameTask, source: Source, reprojection: Reprojection, *, seed: int) -> WarpedTarget:
+    """Return a reprojection as a target that is ready to be traced, by the accuracy and the denoiser of `source`. seed
+    is that of its probes' places."""
+    planner = _planner_of(task, source, reprojection)
+    return WarpedTarget(
+        task.target.name,
+        reprojection.answered(),
+        planner,
+        source.accuracy,
+        source.denoising,
+        task.may_differ,
+        seed,
+        source.light_scale,
+        pixel_weights(task.target.camera),
+    )
 
 
 def show_target(
@@ -76,15 +92,15 @@ def show_target(
     task.watch.show(target.view, lambda: shown_target(target.colour, source.light_scale, holes))
 
 
-def _reprojected(task: FrameTask, source: Source) -> tuple[Reprojection, str | None]:
-    """Return the source warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
+def _reprojected(task: FrameTask, sources: Sequence[Source]) -> tuple[Reprojection, str | None]:
+    """Return the sources warped into the target, and the name of the GPU that was chosen for it, None for NumPy."""
     renderer, settings, target = task.renderer, task.settings, task.target
-    interpolations = interpolations_of(settings.interpolation, denoised=source.denoising is not None)
+    interpolations = interpolations_of(settings.interpolation, denoised=sources[0].denoising is not None)
     warp = partial(
         reproject,
-        [source.seen],
+        [source.seen for source in sources],
         target,
-        source.accuracy,
+        sources[0].accuracy,
         optics=Optics(renderer.lens, renderer.volumes),
         options=WarpOptions(settings.grid_threshold, *interpolations),
     )
@@ -116,7 +132,7 @@ def _planner_of(task: FrameTask, source: Source, reprojection: Reprojection) -> 
         if not worth_measuring(planner, holes):
             return costs
         task.watch.lap(Stage.PILOT)
-        return calibrated_costs(renderer, replace(planner, cost=source.cost), settings.target, holes, renderer.seed)
+        return calibrated_costs(renderer, replace(planner, cost=source.cost), task.target.name, holes, renderer.seed)
 
     return replace(planner, costs=task.findings.trace_costs(costs, measure, packed_by=renderer.packed_by))
 

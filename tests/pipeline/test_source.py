@@ -23,7 +23,7 @@ def test_a_spark_in_reflected_light_is_gone_and_the_colour_stays():
         colours.append(passes[COLOUR_PASS].copy())
 
     renderer, asked = caster(spoil=spoil), settings()
-    task = FrameTask(renderer, asked, SharedFindings(), TraceCosts, Stopwatch())
+    task = FrameTask.of_pair(renderer, asked, SharedFindings(), TraceCosts, Stopwatch())
     source = render_source(task, accuracy_of(asked))
     rendered = source.rendered
     np.testing.assert_array_equal(rendered[COLOUR_PASS], colours[0])

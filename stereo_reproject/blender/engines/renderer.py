@@ -155,18 +155,30 @@ class BlenderRenderer:
         limit. From now on the renders have what only probes are read by, if they are `probed`.
         """
         self._rays.tell_light_apart(self.scene, probed=probed)
-        with self._noisy():
-            rendered = render_source_view(self.scene, view, self.cameras.values(), self.plan, self.folder, self.seed)
+        with self._noisy(), self._standing_at(view) as eye:
+            rendered = render_source_view(
+                self.scene, eye, self.cameras.values(), self.plan, self.folder, self._seed_of(view)
+            )
         give_back_freed()  # A fifth of all memory by now, of a large picture: reading the file has taken it.
         if has_time_limit(self.scene):
-            self.samples_rendered = samples_rendered(self.scene, rendered, view)
+            self.samples_rendered = samples_rendered(self.scene, rendered, eye)
             self.uncounted = why_uncounted(self.scene) if self.samples_rendered is None else None
         self.metadata.update(without_sheet(rendered.attributes))
-        self._between_eyes = _share_between_eyes(self.cameras[view], rendered.views[view])
-        found = with_depth(rendered.views[view], self.cameras[view])
+        self._between_eyes = _share_between_eyes(self.cameras[view], rendered.views[eye])
+        found = with_depth(rendered.views[eye], self.cameras[view])
         passes = without_counts(self.scene, self._guided(found)) | self._rays.of(found)
         own = effects_passes(self.scene, self.plan, passes, rendered.attributes)
         return _as_asked_for(self.scene, passes) | own, cost_of(rendered)
+
+    def _standing_at(self, view: str) -> AbstractContextManager[str]:
+        """Return a context in which Blender can render the view of this name whole; it gives Blender's name for it,
+        which here is the same."""
+        check_blenders(view)
+        return nullcontext(view)
+
+    def _seed_of(self, view: str) -> int:  # noqa: ARG002 - Blender renders both eyes with one seed
+        """Return the seed of the view's whole render."""
+        return self.seed
 
     @property
     def traced_scene(self) -> bpy.types.Scene:
@@ -237,12 +249,12 @@ class BlenderRenderer:
         """Return the passes (N, C) of a request, by the method "card" or "full". Each of its masks takes a render as
         large as the view.
         """
-        check_blenders(request.view)
         hide_sheet(self.scene, self.cameras.values())
         probes = np.zeros_like(request.pixels) if request.twice is None else request.twice
         apart = []
         for mask in request.masks:
-            rendered, passes = WHOLE_TRACES[method](self.scene, request.view, mask, self.folder, seed=self._next_seed())
+            with self._standing_at(request.view) as eye:
+                rendered, passes = WHOLE_TRACES[method](self.scene, eye, mask, self.folder, seed=self._next_seed())
             self._note(method, rendered, open_share(mask & ~probes, probes) if method == "card" else 1.0)
             apart.append(with_depth_at(passes, self.cameras[request.view], np.argwhere(mask)))
         return {name: np.concatenate([part[name] for part in apart]) for name in apart[0]}

@@ -1,0 +1,123 @@
+"""The renderer of views side by side: each is an eye of the scene's camera, at an interocular distance of its own.
+
+So Blender itself places the camera and shifts its lens, in whole renders as in traces, and moves it while a shutter is
+open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from ...errors import BadInputError
+from ...images.passes import Passes
+from ...trace.requests import TraceRequest
+from ...views.camera import PerspectiveCamera
+from ...views.cone import cone_of, view_names
+from ...words import Words
+from ..scene.rendered import CYCLES
+from ..scene.rig import MODES, convergence_of_screen, stereo_cameras
+from ..scene.working import changed, evaluated, rendered_layer
+from .render import Rendered
+from .renderer import BlenderRenderer, shifted_seed
+from .shared_render import trace_together, turns_in_shutter, why_apart
+
+VIEW_SEED_STEP = 15_485_863
+"""Added to the scene's seed from view to view, so that no noise is common to all views."""
+
+ONE_VIEW_AT_A_TIME = "it renders one view at a time"
+
+
+class ViewsRenderer(BlenderRenderer):
+    """Renderer of a working scene for many views side by side; all that is visible in all of them is rendered by
+    Cycles.
+
+    offsets are the places of the views beside the scene's camera, in scene units, from the leftmost on. All show the
+    plane at focus_distance alike; None is the camera's convergence distance. The other parameters are those of
+    `BlenderRenderer`. The working camera's stereo settings are changed for good. Raises BadInputError for an engine or
+    a camera that cannot do it.
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        folder: Path,
+        offsets: Sequence[float],
+        focus_distance: float,
+        *,
+        user_scene: bpy.types.Scene | None = None,
+        packed_by: str = "auto",
+    ) -> None:
+        middle = set_up_middle(scene, focus_distance)
+        self._offsets = dict(zip(view_names(len(offsets)), offsets, strict=True))
+        self._numbers = {name: number for number, name in enumerate(self._offsets)}
+        views = cone_of(middle, offsets, focus_distance)
+        super().__init__(scene, folder, user_scene=user_scene, views=views, packed_by=packed_by)
+        self.motion = None
+
+    def fill_blockers(self, deepest: float = 0.0) -> dict[str, str | None]:
+        """Return what `BlenderRenderer.fill_blockers` does; a card is no way for many views."""
+        return {**super().fill_blockers(deepest), "card": ONE_VIEW_AT_A_TIME}
+
+    @contextmanager
+    def _standing_at(self, view: str) -> Iterator[str]:
+        """Have the scene's camera stand as the view of this name for the time of a `with` block; gives the name of the
+        eye that shows it."""
+        if view not in self._offsets:
+            yield view
+            return
+        offset = self._offsets[view]
+        eye, pivot = ("right", "LEFT") if offset >= 0.0 else ("left", "RIGHT")
+        with changed(self.scene.camera.data.stereo, pivot=pivot, interocular_distance=abs(offset)):
+            yield eye
+
+    def _seed_of(self, view: str) -> int:
+        """Return a seed of the view's own, so that no noise is common to all views."""
+        return shifted_seed(self.seed, VIEW_SEED_STEP * self._numbers.get(view, 0))
+
+    def _traced_together(self, requests: Sequence[TraceRequest]) -> tuple[list[Rendered], list[Passes]]:
+        """Trace all requests packed, in one render where that is exact, else each view as Blender's own camera."""
+        rendered = self.cameras["left"]
+        others = [self.cameras[request.view] for request in requests]
+        reason = why_apart(self.traced_scene, rendered, others, self.volumes)
+        if reason is None and not turns_in_shutter(self.traced_scene):
+            return super()._traced_together(requests)
+        renders: list[Rendered] = []
+        answers: list[Passes] = []
+        for request in requests:
+            with self._standing_at(request.view) as eye:
+                of_eye = {**self.cameras, eye: self.cameras[request.view]}
+                asked = [replace(request, view=eye)]
+                done = trace_together(
+                    self.traced_scene, of_eye, self.volumes, asked, self.folder, self._next_seed, self.packed
+                )
+            renders += done[0]
+            answers += done[1]
+        return renders, answers
+
+
+def set_up_middle(scene: bpy.types.Scene, focus_distance: float) -> PerspectiveCamera:
+    """Have the camera of a working scene show the plane at this distance alike in both eyes (off-axis), both of which
+    stand where the camera does; return it. Raises BadInputError for an engine or a camera that cannot do it.
+    """
+    camera = scene.camera
+    if scene.render.engine != CYCLES:
+        raise BadInputError("many views are rendered by Cycles alone: set Cycles as engine")
+    data = camera.data
+    if data.type != "PERSP":
+        message = "camera {camera} is no perspective camera, which many views need: change its type"
+        raise BadInputError(Words(message, camera=repr(camera.name)))
+    stereo = data.stereo
+    stereo.use_spherical_stereo = False
+    stereo.convergence_mode = MODES["off-axis"]
+    stereo.convergence_distance = convergence_of_screen(data, focus_distance)
+    stereo.pivot, stereo.interocular_distance = "LEFT", 0.0
+    # Vector is of one camera's motion; between views of one moment there is none.
+    rendered_layer(scene).use_pass_vector = False
+    eye = stereo_cameras(evaluated(camera, scene), scene.render)["left"]
+    assert isinstance(eye, PerspectiveCamera)
+    return eye
