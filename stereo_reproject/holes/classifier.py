@@ -25,6 +25,7 @@ from ..warp.forward import Warp, sub_pixel_features
 from ..warp.options import WarpOptions
 from ..warp.rendered_view import RenderedView
 from ..warp.warped_view import WarpedView
+from .behind_tears import behind_tears
 from .defocus import blurred_edges, circle_of_confusion, in_focus, nearer_side
 from .detail import fine_detail
 from .silhouettes import differing, edge_band, mixed_and_contrasting
@@ -151,6 +152,8 @@ class HoleClassifier:
         are the source's by the same accuracy.
         """
         warp, reasons, wraps = warped.warp, warped.empty.copy(), self.source.wraps
+        hidden = behind_tears(self.source.depth, self.steps, self.source.camera, self.target.camera, warp)
+        reasons[(reasons == 0) & hidden] = Reason.DISOCCLUDED.bit
         answered = reasons == 0
         target = _TargetEdges(self, warped, accuracy)
         silhouettes = target.silhouettes(reasons, edges) | touches(

@@ -282,4 +282,5 @@ def test_a_scene_looks_the_same_at_any_size(mode, orthographic, accuracy, factor
 def test_any_scene_of_any_size(log_size, log_ipd, log_lens, mode):
     size, lens = 10.0**log_size, 10.0**log_lens
     rig = Rig(size=(90, 60), mode=mode, ipd=size * 10.0**log_ipd, convergence=3.0 * size, lens=lens)
-    keeps_it(room(size, min(50.0 / lens, 3.0)), rig)
+    # With long lenses and wide rigs much of the wall is seen only behind what the ball and the card hide.
+    keeps_it(room(size, min(50.0 / lens, 3.0)), rig, told=0.25)
