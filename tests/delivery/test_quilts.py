@@ -55,17 +55,16 @@ def test_bytes_stay_bytes():
 
 
 def test_bands_ask_for_their_own_views_alone():
-    class Asked(list):
-        asked = []
+    asked = []
 
+    class Asked(list):
         def __getitem__(self, k):
-            self.asked.append(k)
+            asked.append(k)
             return super().__getitem__(k)
 
-    views = Asked(numbered(6))
-    bands = quilt_bands(views, 3, 2)
+    bands = quilt_bands(Asked(numbered(6)), 3, 2)
     next(bands)
-    assert set(views.asked) == {0, 3, 4, 5}, "the first tells the size of a place"
+    assert set(asked) == {0, 3, 4, 5}, "the first tells the size of a place"
     np.testing.assert_array_equal(next(bands), assemble_quilt(numbered(6), 3, 2)[HEIGHT:])
 
 
