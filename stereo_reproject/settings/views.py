@@ -92,14 +92,19 @@ class ViewsSettings:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the views, from the leftmost camera to the rightmost: "view_00", "view_01" and so on."""
-        digits = max(2, len(str(self.count - 1)))
-        return tuple(f"view_{k:0{digits}d}" for k in range(self.count))
+        """The names of the views, as `view_names` has them."""
+        return view_names(self.count)
 
     @property
     def view_size(self) -> tuple[int, int] | None:
         """The width and height of a view in pixels that suit the display; None without a display."""
         return None if self.display is None else DISPLAYS[self.display].view_size(self.columns, self.rows)
+
+
+def view_names(count: int) -> tuple[str, ...]:
+    """Return the names of so many views, from the leftmost camera to the rightmost: "view_00", "view_01" and so on."""
+    digits = max(2, len(str(count - 1)))
+    return tuple(f"view_{k:0{digits}d}" for k in range(count))
 
 
 def views_settings(
