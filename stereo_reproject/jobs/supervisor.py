@@ -35,6 +35,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -67,6 +68,9 @@ Event = dict[str, Any]
 
 FRAME = "frame "
 """Beginning of the detail of an animation's stages; the frame's number follows."""
+
+VIEW = re.compile(r"view (\d+) of (\d+)")
+"""Detail of the stages of many views, while one of them is made: its number from 1 on, and how many there are."""
 
 HANDED_OVER = Stage.WRITE
 """The stage of an animation's frame that is another process's by now: whatever ends Blender then is not its doing."""

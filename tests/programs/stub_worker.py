@@ -149,6 +149,14 @@ match behaviour:
         views()
     case "views without a sweep":
         views(without=["sweep.mp4"])
+    case "views, slowly":
+        for number in (1, 2, 3):
+            for stage in ("warp", "fill"):
+                time.sleep(0.15)
+                say("stage", stage=stage, detail=f"view {number} of 4")
+        time.sleep(0.15)
+        say("stage", stage="write")
+        views()
     case "inspection":
         say("warning", message="the scene denoises")
         say("done", report=INSPECTION, files=[])

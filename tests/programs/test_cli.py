@@ -1208,6 +1208,19 @@ def test_a_terminal_shows_one_line_for_all_frames(place, monkeypatch, start):
 
 
 @posix
+def test_a_terminal_shows_one_line_for_all_views(place, monkeypatch, start):
+    monkeypatch.setenv("COLUMNS", "100")
+    shown, _, status = through_terminal(start, "views, slowly", "--views", "4", verb="views")
+    assert status == 0
+    lines = [line for line in shown.split("\n") if line.startswith("\rviews")]
+    assert len(lines) == 1, "stages of each view begin no line of their own"
+    assert "view 2 of 4: warp" in lines[0]
+    assert "view 3 of 4: fill" in lines[0]
+    assert "[############------------]  50 %" in lines[0]
+    assert "100 %" in lines[0].rstrip().rpartition("\r")[2]
+
+
+@posix
 def test_a_quiet_terminal_of_an_animation_stays_clean(place, start):
     options = ["--frames", "1-2", "--quiet"]
     assert through_terminal(start, "animation, slowly", *options, verb="animate") == ("", "", 0)
